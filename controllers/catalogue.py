@@ -1,0 +1,50 @@
+"""Controllers by name."""
+
+from collections.abc import Callable
+from difflib import get_close_matches
+from typing import Any
+
+from controllers.combined_comp import CombinedComp
+from controllers.ddfm_comp import DdfmComp
+from controllers.dfv import Dfv
+from controllers.gain_scheduler import GainScheduler
+from controllers.interface import Controller
+from controllers.pi_fv import PiFv
+from controllers.pid_fv import PidFv
+from controllers.pressure_feedback import PressureFeedback
+from controllers.smith import Smith
+from controllers.vdfm_comp import VdfmComp
+
+CATALOGUE: dict[str, Callable[..., Controller]] = {
+    "pi_fv": PiFv,
+    "pid_fv": PidFv,
+    "dfv": Dfv,
+    "pi_fv_vdfm": VdfmComp,
+    "pi_fv_ddfm": DdfmComp,
+    "pi_fv_combined": CombinedComp,
+    "pi_fv_scheduled": GainScheduler,
+    "pi_fv_smith": Smith,
+    "pi_fv_pressure": PressureFeedback,
+}
+ALIASES = {"pi_force_velocity": "pi_fv"}  # as campaign.toml writes it
+
+
+def controller_names() -> list[str]:
+    return list(CATALOGUE)
+
+
+def make_controller(name: str, **options: Any) -> Controller:
+    """Controller by catalogue name; options are those of its class (``gains="table_3_7"`` and so on).
+
+    Raises ValueError for an unknown name (naming the nearest), an unknown option and an option out of range.
+    """
+    name = ALIASES.get(name, name)
+    if name not in CATALOGUE:
+        near = get_close_matches(name, [*CATALOGUE, *ALIASES], n=1, cutoff=0.0)[0]
+        raise ValueError(f"unknown controller {name!r}; nearest is {near!r}, known are {', '.join(CATALOGUE)}")
+    try:
+        return CATALOGUE[name](**options)
+    except TypeError as error:
+        if "unexpected keyword" not in str(error):
+            raise
+        raise ValueError(f"controller {name!r}: {error}") from error

@@ -1,0 +1,352 @@
+package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a set contact force"
+  // Source of every number: M. Abu Mallouh, PhD thesis, Queen's University, 2008. "[A]" marks an assumption where the thesis is
+  // silent, "[D]" a value derived from its figures or tables. Parameters named "neutral" change nothing at their default.
+
+  package Types "Physical quantities, SI"
+    type Position = Real(final quantity = "Length", final unit = "m", nominal = 0.01);
+    type Velocity = Real(final quantity = "Velocity", final unit = "m/s", nominal = 0.1);
+    type Acceleration = Real(final quantity = "Acceleration", final unit = "m/s2");
+    type Force = Real(final quantity = "Force", final unit = "N", nominal = 10);
+    type Mass = Real(final quantity = "Mass", final unit = "kg");
+    type Voltage = Real(final quantity = "ElectricPotential", final unit = "V");
+    type Time = Real(final quantity = "Time", final unit = "s");
+    type Angle = Real(final quantity = "Angle", final unit = "rad");
+    type Ratio = Real(final unit = "1");
+    type FrictionLaw = enumeration(
+      none "no Coulomb friction",
+      vdfm "velocity dependent, stick band (Eq. 3-18, 3-19)",
+      ddfm "displacement dependent, Dahl (Eq. 4-8)",
+      lugre "bristle deflection with Stribeck curve",
+      stribeck "stick band, smooth decay from F_s to F_d");
+    type EdgeShape = enumeration(
+      straight "z_w = 0",
+      inclined "constant slope",
+      curved "rises to 50 deg, then dips to -10 deg (Fig. 3.33, 4.36)");
+  end Types;
+
+  import PneuGantry.Types.*;
+
+  block Valve "Proportional pressure valve with the lag of line and chamber (Eq. 4-5)"
+    parameter Real K(unit = "N/V", min = 0, max = 1e4) = 100 "Steady force per volt; [D] line through Tables 4.1-4.5";
+    parameter Voltage u_0(min = -5, max = 5) = 0.735 "Command at which force begins; [D] line through Tables 4.1-4.5";
+    parameter Force f_max(min = 0, max = 1e5) = 156 "Force at full supply pressure: 551 kPa on the bore";
+    parameter Integer direction(min = -1, max = 1) = 1 "Axis direction in which the valve pushes: +1 or -1 (section 4.3.1)";
+    parameter Boolean bidirectional = false "true: the valve also pulls (thesis variant of section 4.3.1)";
+    parameter Time tau(min = 1e-3, max = 100) = 0.15 "Lag time constant at mid-stroke (section 4.1.3)";
+    parameter Ratio lag_low(min = 0.01, max = 100) = 1 "tau at the lower end of the stroke / tau; neutral 1 (Tables 4.1-4.5)";
+    parameter Ratio lag_high(min = 0.01, max = 100) = 1 "tau at the upper end of the stroke / tau; neutral 1";
+    parameter Ratio lag_asymmetry(min = -0.95, max = 0.95) = 0 "tau grows by this share while |f_a| rises, shrinks while it falls; neutral 0";
+    parameter Time delay_time(min = 0, max = 0.2) = 0 "Transport delay of the command; neutral 0";
+    parameter Voltage play(min = 0, max = 5) = 0 "Half-width of the play (backlash) on the command; neutral 0";
+    parameter Time play_period(min = 1e-5, max = 1) = 1e-3 "Period at which the driver reads its command while play > 0";
+    parameter Ratio droop(min = 0, max = 1) = 0 "Steady loss of supply pressure at full force, as a share; neutral 0";
+    parameter Time droop_time(min = 1e-3, max = 1000) = 2 "Time constant with which the supply sags and recovers";
+    parameter Position s_low = 0 "Lower end of the stroke";
+    parameter Position s_high = 1 "Upper end of the stroke";
+    input Voltage u "Command, 0..5";
+    input Position s "Piston position";
+    input Force f_manual "Force set by hand through the valve's other port; 0 in automatic running";
+    output Force f_a(start = 0, fixed = true) "Actuator force along the axis";
+    Real supply(start = 1, fixed = true, unit = "1") "Supply pressure / nominal supply pressure";
+    Force f_target "Steady force of the present command";
+  protected
+    discrete Voltage u_play(start = 0, fixed = true) "Command behind the play";
+    Voltage u_late "Command behind the transport delay";
+    Voltage u_eff "Command behind delay and play";
+    Ratio xi "Position: -1 at the lower end, 0 in the middle, +1 at the upper end";
+    Time tau_eff;
+  equation
+    u_late = noEvent(if delay_time > 0 then delay(u, if delay_time > 0 then delay_time else 1e-3, 0.2) else u);
+    when sample(0, if play > 0 then play_period else 1e9) then
+      u_play = max(min(pre(u_play), u_late + play), u_late - play);
+    end when;
+    u_eff = noEvent(if play > 0 then u_play else u_late);
+    f_target = f_manual + direction*supply*min(max(K*(u_eff - u_0), if bidirectional then -f_max else 0), f_max);
+    xi = 2*(s - s_low)/(s_high - s_low) - 1;
+    tau_eff = tau*noEvent(1 + (if xi > 0 then (lag_high - 1)*xi else (1 - lag_low)*xi))
+      *noEvent(1 + (if (f_target - f_a)*f_a >= 0 then lag_asymmetry else -lag_asymmetry));
+    tau_eff*der(f_a) + f_a = f_target;
+    droop_time*der(supply) = 1 - droop*noEvent(abs(f_a))/f_max - supply;
+  end Valve;
+
+  block Friction "Friction of a cylinder without its viscous part"
+    parameter FrictionLaw law = FrictionLaw.vdfm "Friction law";
+    parameter Force F_s(min = 0, max = 1e4) = 20 "Static (break-away) level (Tables C.1, C.2)";
+    parameter Force F_d(min = 0, max = 1e4) = 15 "Dynamic level (Tables C.1, C.2)";
+    parameter Velocity v_th(min = 1e-6, max = 1) = 0.01 "Half-width of the stick band (Eq. 3-18)";
+    parameter Velocity v_s(min = 1e-5, max = 10) = 0.02 "Stribeck speed: decay from F_s to F_d (laws stribeck and lugre)";
+    parameter Force beta(min = 1e-3, max = 1e4) = 12 "Limit force of the DDFM; [A] read off Fig. 4.14, 4.17";
+    parameter Real sigma(unit = "N/m", min = 1, max = 1e9) = 1e5 "Presliding stiffness at F = 0 (ddfm, lugre); [A] read off Fig. 4.14, 4.17";
+    parameter Real sigma_1(unit = "N.s/m", min = 0, max = 1e5) = 20 "Bristle damping (lugre) [A]";
+    parameter Ratio level(min = 0, max = 100) = 1 "Scales F_s, F_d and beta together; neutral 1";
+    parameter Ratio position_slope(min = -1, max = 1) = 0 "Share by which the level rises from mid-stroke to the upper end; neutral 0";
+    parameter Ratio position_bow(min = -1, max = 10) = 0 "Share by which the level at both ends exceeds that at mid-stroke; neutral 0";
+    parameter Ratio asymmetry(min = -0.99, max = 0.99) = 0 "Share by which the level is higher for v > 0 and lower for v < 0; neutral 0";
+    parameter Ratio load(min = 0, max = 10) = 0 "Level gained per newton of contact force; neutral 0";
+    parameter Position s_low = 0 "Lower end of the stroke";
+    parameter Position s_high = 1 "Upper end of the stroke";
+    input Velocity v "Piston speed";
+    input Position s "Piston position";
+    input Force f_net "Force that would move the piston";
+    input Force f_load "Contact force, >= 0";
+    output Force F "Friction force, acts against v";
+    Force F_pre(start = 0, fixed = true) "Displacement-dependent force (ddfm, lugre)";
+    Boolean stick "Inside the stick band";
+  protected
+    Ratio xi, shape;
+    Force up, down, curve, F_pre_limit;
+    Ratio toward "Sign of v, frozen between reversals";
+    Boolean banded, bristled, sliding_up, sliding_down, beyond_up, beyond_down;
+    Real rate(unit = "N/s");
+  equation
+    banded = law == FrictionLaw.vdfm or law == FrictionLaw.stribeck;
+    bristled = law == FrictionLaw.ddfm or law == FrictionLaw.lugre;
+    xi = 2*(s - s_low)/(s_high - s_low) - 1;
+    shape = level*(1 + position_slope*xi + position_bow*xi^2);
+    // break-away levels in both directions
+    up = (F_s*shape + load*f_load)*(1 + asymmetry);
+    down = (F_s*shape + load*f_load)*(1 - asymmetry);
+    // A relation is watched only where its law and mode make it matter: elsewhere its operand is the constant -1.
+    sliding_up = (if banded then v - v_th else -1) > 0;
+    sliding_down = (if banded then -v - v_th else -1) > 0;
+    stick = banded and not sliding_up and not sliding_down;
+    beyond_up = (if stick then f_net - up else -1) > 0;
+    beyond_down = (if stick then -f_net - down else -1) > 0;
+    curve = noEvent(if law == FrictionLaw.stribeck then (F_s - F_d)*exp(-((abs(v) - v_th)/v_s)) elseif law == FrictionLaw.lugre then (F_s - F_d)*exp(-(v/v_s)^2) else 0);
+    toward = if (if bristled then v else 1) >= 0 then 1 else -1;
+    F_pre_limit = (if law == FrictionLaw.ddfm then beta*shape + load*f_load else (F_d + curve)*shape + load*f_load)*(1 + asymmetry*toward);
+    rate = noEvent(if law == FrictionLaw.ddfm then sigma*v*(1 - toward*min(max(F_pre/F_pre_limit, -1), 1))^2
+      elseif law == FrictionLaw.lugre then sigma*(v - abs(v)*F_pre/F_pre_limit) else 0);
+    der(F_pre) = rate;
+    F = if banded then
+          (if sliding_up then ((F_d + curve)*shape + load*f_load)*(1 + asymmetry)
+           elseif sliding_down then -((F_d + curve)*shape + load*f_load)*(1 - asymmetry)
+           elseif beyond_up then up elseif beyond_down then -down else f_net)
+        elseif law == FrictionLaw.ddfm then noEvent(min(max(F_pre, -F_pre_limit), F_pre_limit))
+        elseif law == FrictionLaw.lugre then F_pre + sigma_1*rate/sigma
+        else 0;
+  end Friction;
+
+  block Cylinder "Piston with load, friction, cable transducer and end stops (Eq. 4-1)"
+    parameter Mass m(min = 1e-3, max = 1e4) = 2.25 "Moving mass (section 4.1.1)";
+    parameter Real C(unit = "N.s/m", min = 0, max = 1e5) = 40 "Viscous friction (Table 3.13)";
+    parameter Force F_w(min = -1000, max = 1000) = 5 "Cable force of the position transducer, always towards -axis; [A] size of its spring";
+    parameter Position s_low(min = -10, max = 10) = 0 "Lower end stop";
+    parameter Position s_high(min = -10, max = 10) = 1 "Upper end stop";
+    parameter Position s_start(min = -10, max = 10) = 0 "Position at the start; the run starts at rest";
+    input Force f_a "Actuator force";
+    input Force f_c "Contact force of the robot on the workpiece, this axis";
+    input Force f_couple "Further force that drives the axis";
+    input Force f_load "Contact force that loads the guide, >= 0";
+    input Boolean clamp "true: the carriage is clamped";
+    output Position s(start = s_start, fixed = true) "Piston position";
+    output Velocity v(start = 0, fixed = true) "Piston speed";
+    output Acceleration a "Piston acceleration";
+    Friction friction(s_low = s_low, s_high = s_high);
+    Boolean at_high "On the upper stop";
+    Boolean at_low "On the lower stop";
+  protected
+    Acceleration a_free "Acceleration without stops and clamp";
+    Force f_net;
+    Boolean held "Pressed against a stop";
+  equation
+    f_net = f_a - f_c - F_w + f_couple;
+    friction.v = v;
+    friction.s = s;
+    friction.f_net = f_net;
+    friction.f_load = f_load;
+    m*a_free = f_net - friction.F - C*v;
+    at_high = s >= s_high;
+    at_low = s <= s_low;
+    held = (if at_high then a_free elseif at_low then -a_free else -1) > 0;
+    a = if clamp or held then 0 else a_free;
+    der(s) = v;
+    der(v) = a;
+    when s >= s_high then
+      reinit(s, s_high);
+      reinit(v, min(pre(v), 0));
+    elsewhen s <= s_low then
+      reinit(s, s_low);
+      reinit(v, max(pre(v), 0));
+    elsewhen clamp then
+      reinit(v, 0);
+    end when;
+    assert(s_high > s_low, "the upper end stop must lie above the lower one");
+  end Cylinder;
+
+  function bump "Rise of an edge whose angle is amplitude*sin(pi*s)^2, per unit length, from s = 0"
+    input Ratio s "Position within the bump, 0..1";
+    input Ratio mean "Mean slope";
+    input Real c[:] "Cosine coefficients of the slope, divided by 2 pi k";
+    output Ratio rise;
+  protected
+    Real b0, b1, b2, x;
+  algorithm
+    // Clenshaw's recurrence for sum c[k] sin(2 pi k s)
+    x := 2*cos(6.283185307179586*s);
+    b1 := 0;
+    b2 := 0;
+    for k in size(c, 1):-1:1 loop
+      b0 := c[k] + x*b1 - b2;
+      b2 := b1;
+      b1 := b0;
+    end for;
+    rise := mean*s + b1*sin(6.283185307179586*s);
+  end bump;
+
+  block Workpiece "Edge z_w(x) of the workpiece, relative to the stand-off"
+    parameter EdgeShape shape = EdgeShape.straight "Edge profile";
+    parameter Angle incline(min = -1.5, max = 1.5) = 0 "Slope angle of the inclined edge";
+    parameter Angle extra_angle(min = -1.5, max = 1.5) = 0 "Workpiece mounted at this extra angle; neutral 0";
+    parameter Position x_0 = 0.95 "Datum: z_w(x_0) = 0";
+    parameter Position A[3](each min = -0.1, each max = 0.1) = {0, 0, 0} "Surface finish, amplitudes; neutral 0; medium finish {0.2, 0.08, 0.03} mm [A]";
+    parameter Position lambda[3](each min = 1e-4, each max = 10) = {0.060, 0.027, 0.013} "Surface finish, wavelengths [A]";
+    parameter Angle phi[3](each min = -10, each max = 10) = {0.3, 1.1, 2.0} "Surface finish, phases [A]";
+    input Position x "Position along the x axis";
+    input Position profile_at "Own profile: position about which it is expanded";
+    input Position profile_height "Own profile: z_w at profile_at";
+    input Ratio profile_slope "Own profile: slope at profile_at";
+    input Real profile_curvature(unit = "1/m") "Own profile: second derivative at profile_at";
+    output Position height "z_w";
+    output Ratio slope "d z_w / dx";
+  protected
+    constant Real pi = 3.141592653589793;
+    constant Ratio rise_mean = 0.5281790468634897 "mean of tan(50 deg sin^2)";
+    constant Real rise_c[17] = {-9.2067333862646275e-02, 5.1457933093609805e-03, -8.8846531639971053e-04, 1.1571778609130270e-04, -1.9984557470923936e-05, 3.1944419080708004e-06, -5.6035756983612813e-07, 9.6832991927037695e-08, -1.7334778208216939e-08, 3.1083691031805854e-09, -5.6634680184172490e-10, 1.0371034914713043e-10, -1.9158700363434505e-11, 3.5568005875569990e-12, -6.6406377022582335e-13, 1.2449892726505681e-13, -2.3436304328503938e-14} "its cosine coefficients / (2 pi k)";
+    constant Ratio dip_mean = -0.08782564314072659 "mean of tan(-10 deg sin^2)";
+    constant Real dip_c[8] = {1.4022526617908586e-02, -2.6850468486211090e-05, 3.0404902901525346e-06, -1.7260308597737895e-08, 1.4391041359498592e-09, -1.2625943955454048e-11, 8.2946695360982402e-13, -9.5917034616943022e-15};
+    Ratio s_rise "Position within the 50 deg bump, 0..1";
+    Ratio s_dip "Position within the -10 deg bump, 0..1";
+    Position h_shape, d;
+    Ratio t_shape, t_finish;
+    Position h_finish;
+  equation
+    s_rise = noEvent(min(max((0.78 - x)/0.16, 0), 1));
+    s_dip = noEvent(min(max((0.52 - x)/0.10, 0), 1));
+    h_shape = noEvent(if shape == EdgeShape.curved then
+        -(if s_rise <= 0 then 0 elseif s_rise >= 1 then 0.16*rise_mean else 0.16*bump(s_rise, rise_mean, rise_c))
+        - (if s_dip <= 0 then 0 elseif s_dip >= 1 then 0.10*dip_mean else 0.10*bump(s_dip, dip_mean, dip_c))
+      elseif shape == EdgeShape.inclined then tan(incline)*(x - x_0) else 0);
+    t_shape = noEvent(if shape == EdgeShape.curved then
+        (if s_rise > 0 and s_rise < 1 then tan(50*pi/180*sin(pi*s_rise)^2)
+         elseif s_dip > 0 and s_dip < 1 then tan(-10*pi/180*sin(pi*s_dip)^2) else 0)
+      elseif shape == EdgeShape.inclined then tan(incline) else 0);
+    h_finish = noEvent(if A[1] == 0 and A[2] == 0 and A[3] == 0 then 0 else sum(A[i]*sin(2*pi*x/lambda[i] + phi[i]) for i in 1:3));
+    t_finish = noEvent(if A[1] == 0 and A[2] == 0 and A[3] == 0 then 0 else sum(A[i]*2*pi/lambda[i]*cos(2*pi*x/lambda[i] + phi[i]) for i in 1:3));
+    d = x - profile_at;
+    height = h_shape + h_finish + tan(extra_angle)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
+    slope = t_shape + t_finish + tan(extra_angle) + profile_slope + d*profile_curvature;
+  end Workpiece;
+
+  block Contact "Springy contact between the bearing on the end effector and the edge (Eq. 3-8, 3-9, 4-3, 4-4)"
+    parameter Real K_c(unit = "N/m", min = 0, max = 1e8) = 1e4 "Stiffness; [D] from the poles and zero of Fig. 5.7";
+    parameter Real C_c(unit = "N.s/m", min = 0, max = 1e5) = 30 "Damping; [D] from the poles and zero of Fig. 5.7";
+    parameter Position z_0(min = -10, max = 10) = 0.040 "Stand-off: contact begins at z = z_0 + z_w";
+    parameter Real hardening(unit = "1/m", min = -1e3, max = 1e5) = 0 "Relative growth of the stiffness with deflection; neutral 0";
+    parameter Ratio mu(min = 0, max = 10) = 0 "Drag of the bearing: f_t = mu f_n sgn v_t; neutral 0";
+    parameter Velocity v_drag(min = 1e-5, max = 1) = 2e-3 "Speed over which the drag changes sign";
+    parameter Boolean present = true "false: no workpiece";
+    input Position z;
+    input Velocity v_x;
+    input Velocity v_z;
+    input Position height "z_w at the present x";
+    input Ratio slope "tan(theta)";
+    output Force f_n "Normal force, > 0 presses into the workpiece";
+    output Force f_t "Tangential force of the robot on the workpiece";
+    output Force f_x "Contact force of the robot on the workpiece, x";
+    output Force f_z "Contact force of the robot on the workpiece, z";
+    output Velocity v_t "Tangential speed";
+    output Velocity v_n "Normal speed";
+    Position delta "Deflection, > 0 in contact";
+    Boolean touching "In contact";
+  protected
+    Velocity delta_dot;
+    Ratio c "cos(theta)", si "sin(theta)";
+    Force spring, raw;
+    Boolean pressing;
+  equation
+    c = 1/sqrt(1 + slope^2);
+    si = slope*c;
+    delta = if present then (z - z_0 - height)*c else -1;
+    delta_dot = (v_z - slope*v_x)*c;
+    touching = delta > 0;
+    spring = K_c*delta*(1 + hardening*delta);
+    raw = spring + C_c*delta_dot;
+    pressing = (if touching then raw else -1) > 0;
+    f_n = if touching and pressing then raw else 0;
+    v_t = v_x*c + v_z*si;
+    v_n = -v_x*si + v_z*c;
+    f_t = if mu > 0 then mu*f_n*tanh(v_t/v_drag) else 0;
+    f_x = -f_n*si + f_t*c;
+    f_z = f_n*c + f_t*si;
+  end Contact;
+
+  model Gantry "Two valves, two cylinders, one workpiece"
+    Valve valve_x(K = 186, u_0 = 0.635, tau = 0.30, f_max = 443, direction = -1, s_low = axis_x.s_low, s_high = axis_x.s_high);
+    Valve valve_z(K = 100, u_0 = 0.735, tau = 0.15, f_max = 156, direction = 1, s_low = axis_z.s_low, s_high = axis_z.s_high);
+    Cylinder axis_x(m = 7.3, C = 74, F_w = 5, s_high = 1.0, s_start = 0.95, friction(F_s = 25, F_d = 11));
+    Cylinder axis_z(m = 2.25, C = 40, F_w = 5, s_high = 0.101, s_start = 0, friction(F_s = 20, F_d = 15));
+    Workpiece workpiece;
+    Contact contact;
+    parameter Mass coupling(min = -100, max = 100) = 0 "Force on z per x acceleration; neutral 0";
+    input Voltage u_x(start = 0) "Command of the x valve, 0..5; pushes to -x";
+    input Voltage u_z(start = 0) "Command of the z valve, 0..5; pushes to +z";
+    input Boolean clamp_x(start = false) "x carriage clamped";
+    input Boolean clamp_z(start = false) "z carriage clamped";
+    input Force f_manual_x(start = 0) "Force target set by hand through the other port of the x valve";
+    input Force f_manual_z(start = 0) "Force target set by hand through the other port of the z valve";
+    input Position profile_at(start = 0) "Own profile: position about which it is expanded";
+    input Position profile_height(start = 0) "Own profile: height there, added to the shape's";
+    input Ratio profile_slope(start = 0) "Own profile: slope there";
+    input Real profile_curvature(start = 0, unit = "1/m") "Own profile: second derivative there";
+    output Position x "x piston position, 0..1";
+    output Position z "z piston position, 0..0.101";
+    output Velocity v_x;
+    output Velocity v_z;
+    output Force f_x "Contact force of the robot on the workpiece, x";
+    output Force f_z "Contact force of the robot on the workpiece, z";
+    output Force f_ax "Actuator force, x";
+    output Force f_az "Actuator force, z";
+    output Force f_n "Normal contact force, > 0 presses into the workpiece";
+    output Velocity v_t "Tangential speed";
+    output Angle theta "Slope angle of the edge";
+  equation
+    valve_x.u = u_x;
+    valve_z.u = u_z;
+    valve_x.s = axis_x.s;
+    valve_z.s = axis_z.s;
+    valve_x.f_manual = f_manual_x;
+    valve_z.f_manual = f_manual_z;
+    axis_x.f_a = valve_x.f_a;
+    axis_z.f_a = valve_z.f_a;
+    axis_x.f_c = contact.f_x;
+    axis_z.f_c = contact.f_z;
+    axis_x.f_load = contact.f_n;
+    axis_z.f_load = contact.f_n;
+    axis_x.f_couple = 0;
+    axis_z.f_couple = coupling*axis_x.a;
+    axis_x.clamp = clamp_x;
+    axis_z.clamp = clamp_z;
+    workpiece.x = axis_x.s;
+    workpiece.profile_at = profile_at;
+    workpiece.profile_height = profile_height;
+    workpiece.profile_slope = profile_slope;
+    workpiece.profile_curvature = profile_curvature;
+    contact.z = axis_z.s;
+    contact.v_x = axis_x.v;
+    contact.v_z = axis_z.v;
+    contact.height = workpiece.height;
+    contact.slope = workpiece.slope;
+    x = axis_x.s;
+    z = axis_z.s;
+    v_x = axis_x.v;
+    v_z = axis_z.v;
+    f_x = contact.f_x;
+    f_z = contact.f_z;
+    f_ax = valve_x.f_a;
+    f_az = valve_z.f_a;
+    f_n = contact.f_n;
+    v_t = contact.v_t;
+    theta = atan(workpiece.slope);
+  end Gantry;
+end PneuGantry;

@@ -1,0 +1,745 @@
+/* Simulation core: hybrid integration of a generated model (model.h).
+ *
+ * Between events the relations are frozen and the smooth system is advanced by the classical Runge-Kutta method of order 4. The rates at
+ * the end of a step, needed for the event indicators anyway, are the first stage of the next step and give an embedded third-order
+ * estimate, (k4 - k5) h/10, which controls the step. A step in which an indicator contradicts its frozen relation is shortened to the
+ * contradiction's earliest instant: a bracket on the step's length, narrowed by interpolation to EVENT_WIDTH. The step then ends on the
+ * far side, where the event iteration finds the new modes. */
+#include "model.h"
+#include <math.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define EVENT_WIDTH 1e-10     /* s, bracket of an event */
+#define INDICATOR_MARGIN 1e-10 /* model exchange: indicators cross zero this far beyond the relation's own threshold */
+#define MAX_ITERATIONS 50     /* of one event iteration */
+#define MAX_EVENTS 200        /* within one communication step, before modes stay frozen to its end */
+#define MIN_STEP 1e-9         /* s */
+
+typedef struct {
+    ModelData q;
+    double dx[AT_LEAST_1(N_STATES)], z[AT_LEAST_1(N_RELATIONS)];
+    double condition[AT_LEAST_1(N_BRANCHES)]; /* when-conditions after the last event iteration */
+    double tick_start[AT_LEAST_1(N_SAMPLES)], tick_interval[AT_LEAST_1(N_SAMPLES)];
+    int64_t tick_count[AT_LEAST_1(N_SAMPLES)]; /* ticks already taken */
+    double step; /* last internal step that the error estimate allowed, s */
+    int started, rates_valid, parameters_changed, events_possible;
+} Core;
+
+typedef struct {
+    double *time, *value;
+    size_t n, capacity, at; /* at: where the last look-up ended */
+} History;
+
+struct Instance {
+    Core c;
+    double y[AT_LEAST_1(N_ALGEBRAICS)];
+    int outputs_valid, locals_valid;
+    CoreLog log;
+    void *environment;
+    History history[AT_LEAST_1(N_DELAYS)];
+    double delay[AT_LEAST_1(N_DELAYS)], delay_maximum[AT_LEAST_1(N_DELAYS)];
+};
+
+static CoreStatus say(const Instance *s, CoreStatus status, const char *category, const char *format, ...) {
+    char text[512];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    if (s->log) s->log(s->environment, status, category, text);
+    return status;
+}
+
+static const char *state_name(size_t i) { return model_variables[model_state_references[i]].name; }
+
+/* ---- delays ------------------------------------------------------------------------------------------------------------------- */
+
+static int history_push(History *h, double time, double value) {
+    if (h->n == h->capacity) {
+        size_t capacity = h->capacity ? 2 * h->capacity : 64;
+        double *t = realloc(h->time, capacity * sizeof *t);
+        if (t) h->time = t;
+        double *v = realloc(h->value, capacity * sizeof *v);
+        if (v) h->value = v;
+        if (!t || !v) return 0;
+        h->capacity = capacity;
+    }
+    h->time[h->n] = time;
+    h->value[h->n++] = value;
+    return 1;
+}
+
+/* A second entry at the same time is a jump; constant stretches are kept as two entries. */
+static int history_record(History *h, double time, double value) {
+    size_t last = h->n - 1;
+    if (h->n > 0 && time <= h->time[last]) {
+        if (value == h->value[last]) return 1;
+        if (h->n > 1 && h->time[last - 1] == h->time[last]) {
+            h->value[last] = value;
+            return 1;
+        }
+        return history_push(h, h->time[last], value);
+    }
+    if (h->n > 1 && value == h->value[last] && value == h->value[last - 1]) {
+        h->time[last] = time;
+        return 1;
+    }
+    return history_push(h, time, value);
+}
+
+static void history_trim(History *h, double before) {
+    size_t keep = 0;
+    while (keep + 2 < h->n && h->time[keep + 1] < before) keep++;
+    if (keep < 256) return; /* move rarely */
+    memmove(h->time, h->time + keep, (h->n - keep) * sizeof *h->time);
+    memmove(h->value, h->value + keep, (h->n - keep) * sizeof *h->value);
+    h->n -= keep;
+    h->at = 0;
+}
+
+/* Value at `time`; at a jump the later value if `right`, else the earlier one. */
+static double history_value(History *h, double time, int right) {
+    const double slack = 1e-12;
+    if (h->n == 0) return 0;
+    if (right ? time + slack < h->time[0] : time <= h->time[0] + slack) return h->value[0];
+    size_t k = h->at < h->n ? h->at : 0;
+    if (h->time[k] > time) k = 0;
+    while (k + 1 < h->n && (right ? h->time[k + 1] <= time + slack : h->time[k + 1] < time - slack)) k++;
+    h->at = k;
+    if (k + 1 == h->n) return h->value[k];
+    double width = h->time[k + 1] - h->time[k];
+    if (width <= 0) return right ? h->value[k + 1] : h->value[k];
+    double share = (time - h->time[k]) / width;
+    return h->value[k] + (h->value[k + 1] - h->value[k]) * (share < 1 ? (share > 0 ? share : 0) : 1);
+}
+
+static void look_up_delays(Instance *s, int right) {
+    for (int i = 0; i < N_DELAYS; i++)
+        s->c.q.late[i] = history_value(&s->history[i], s->c.q.time - s->delay[i], right);
+}
+
+static CoreStatus record_delays(Instance *s) {
+    if (N_DELAYS == 0) return CORE_OK;
+    double value[AT_LEAST_1(N_DELAYS)];
+    look_up_delays(s, 1);
+    model_delays(&s->c.q, value, s->delay, s->delay_maximum);
+    for (int i = 0; i < N_DELAYS; i++) {
+        if (s->delay[i] < 0 || s->delay[i] > s->delay_maximum[i])
+            return say(s, CORE_ERROR, "logStatusError", "delay time %g s must lie in 0..%g s", s->delay[i], s->delay_maximum[i]);
+        if (!history_record(&s->history[i], s->c.q.time, value[i]))
+            return say(s, CORE_FATAL, "logStatusFatal", "out of memory for the delay's history");
+        history_trim(&s->history[i], s->c.q.time - s->delay_maximum[i] - 1e-3);
+    }
+    look_up_delays(s, 1);
+    return CORE_OK;
+}
+
+/* ---- evaluation --------------------------------------------------------------------------------------------------------------- */
+
+static void prepare(Instance *s) {
+    if (!s->c.parameters_changed) return;
+    model_calculated(&s->c.q);
+    model_prepare(&s->c.q);
+    model_samples(&s->c.q, s->c.tick_start, s->c.tick_interval);
+    s->c.parameters_changed = 0;
+    s->c.rates_valid = s->outputs_valid = s->locals_valid = 0;
+}
+
+static void rates(Instance *s) {
+    prepare(s);
+    if (s->c.rates_valid) return;
+    model_rates(&s->c.q, s->c.dx, s->c.z);
+    s->c.rates_valid = 1;
+}
+
+static void invalidate(Instance *s) { s->c.rates_valid = s->outputs_valid = s->locals_valid = 0; }
+
+static int holds(int relation, double indicator) { return model_inclusive[relation] ? indicator >= 0 : indicator > 0; }
+
+static int contradicted(const double *m, const double *z) {
+    for (int i = 0; i < N_RELATIONS; i++)
+        if (holds(i, z[i]) != (m[i] != 0)) return 1;
+    return 0;
+}
+
+static CoreStatus check_assertions(Instance *s) {
+    if (N_ASSERTIONS == 0) return CORE_OK;
+    double ok[AT_LEAST_1(N_ASSERTIONS)];
+    CoreStatus status = CORE_OK;
+    model_check(&s->c.q, ok);
+    for (int i = 0; i < N_ASSERTIONS; i++) {
+        if (ok[i] != 0) continue;
+        int warning = model_assertions[i].warning;
+        say(s, warning ? CORE_WARNING : CORE_ERROR, warning ? "logStatusWarning" : "logStatusError", "%s at t = %g s",
+            model_assertions[i].message, s->c.q.time);
+        if (!warning) status = CORE_ERROR;
+    }
+    return status;
+}
+
+static CoreStatus check_finite(Instance *s) {
+    for (int i = 0; i < N_STATES; i++)
+        if (!isfinite(s->c.q.x[i]) || !isfinite(s->c.dx[i]))
+            return say(s, CORE_ERROR, "logStatusError", "%s or its rate is not finite at t = %g s (%g, %g)", state_name(i), s->c.q.time,
+                       s->c.q.x[i], s->c.dx[i]);
+    return CORE_OK;
+}
+
+/* Which branches fire: the first of each chain whose condition has risen. */
+static int fire(Instance *s, const double *condition) {
+    int any = 0, chain_fired = -1;
+    for (int i = 0; i < N_BRANCHES; i++) {
+        int rises = condition[i] != 0 && s->c.condition[i] == 0 && chain_fired != model_chain[i];
+        s->c.q.fired[i] = rises;
+        if (rises) chain_fired = model_chain[i];
+        any |= rises;
+    }
+    return any;
+}
+
+/* New relations, when-clauses and memories until nothing changes any more. */
+static CoreStatus iterate_events(Instance *s) {
+    Core *c = &s->c;
+    double condition[AT_LEAST_1(N_BRANCHES)], d[AT_LEAST_1(N_MEMORIES)], x[AT_LEAST_1(N_STATES)];
+    for (int round = 0; round < MAX_ITERATIONS; round++) {
+        invalidate(s);
+        rates(s);
+        int changed = 0;
+        for (int i = 0; i < N_RELATIONS; i++) {
+            double now = holds(i, c->z[i]);
+            if (now != c->q.m[i]) c->q.m[i] = now, changed = 1;
+        }
+        if (changed) continue;
+        memcpy(c->q.pre, c->q.d, sizeof c->q.pre);
+        if (N_BRANCHES) model_conditions(&c->q, condition);
+        int any = fire(s, condition);
+        if (any || N_MEMORIES) {
+            model_updates(&c->q, d, x);
+            for (int i = 0; i < N_MEMORIES; i++)
+                if (d[i] != c->q.d[i]) c->q.d[i] = d[i], any = 1;
+            for (int i = 0; i < N_STATES; i++) c->q.x[i] = x[i];
+        }
+        if (N_BRANCHES) memcpy(c->condition, condition, sizeof condition);
+        if (!any) {
+            memset(c->q.tick, 0, sizeof c->q.tick);
+            if (N_SAMPLES) model_conditions(&c->q, c->condition);
+            memset(c->q.fired, 0, sizeof c->q.fired);
+            return check_finite(s);
+        }
+    }
+    memset(c->q.tick, 0, sizeof c->q.tick);
+    memset(c->q.fired, 0, sizeof c->q.fired);
+    say(s, CORE_WARNING, "logEvents", "event iteration at t = %.9g s did not settle in %d rounds", c->q.time, MAX_ITERATIONS);
+    invalidate(s);
+    rates(s);
+    return check_finite(s);
+}
+
+/* ---- time events -------------------------------------------------------------------------------------------------------------- */
+
+static double time_slack(double time) { return 1e-12 * (1 + fabs(time)); }
+
+static double next_tick(const Instance *s, int i) { return s->c.tick_start[i] + (double)s->c.tick_count[i] * s->c.tick_interval[i]; }
+
+static int take_due_ticks(Instance *s) {
+    int any = 0;
+    for (int i = 0; i < N_SAMPLES; i++) {
+        if (next_tick(s, i) > s->c.q.time + time_slack(s->c.q.time)) continue;
+        while (next_tick(s, i) <= s->c.q.time + time_slack(s->c.q.time)) s->c.tick_count[i]++;
+        s->c.q.tick[i] = 1;
+        any = 1;
+    }
+    return any;
+}
+
+static double next_time_event(const Instance *s) {
+    double next = HUGE_VAL, now = s->c.q.time + time_slack(s->c.q.time);
+    for (int i = 0; i < N_SAMPLES; i++)
+        if (next_tick(s, i) < next) next = next_tick(s, i);
+    for (int i = 0; i < N_DELAYS; i++) {
+        const History *h = &s->history[i];
+        for (size_t k = h->n; k-- > 1;) {
+            double due = h->time[k] + s->delay[i];
+            if (due <= now) break;
+            if (h->time[k] == h->time[k - 1] && due < next) next = due;
+        }
+    }
+    return next;
+}
+
+/* ---- integration -------------------------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    double x[AT_LEAST_1(N_STATES)], dx[AT_LEAST_1(N_STATES)], z[AT_LEAST_1(N_RELATIONS)];
+    double error;       /* of the embedded estimate, in units of the tolerance */
+    int passed_through; /* an indicator contradicted its relation on the way but not at the end */
+} Trial;
+
+static void evaluate(Instance *s, double time, const double *x, double *dx, double *z) {
+    s->c.q.time = time;
+    memcpy(s->c.q.x, x, sizeof s->c.q.x);
+    if (N_DELAYS) look_up_delays(s, 0);
+    model_rates(&s->c.q, dx, z);
+}
+
+/* One Runge-Kutta step of length h from (time, x0, k1) with frozen modes. */
+static void attempt(Instance *s, double time, const double *x0, const double *k1, double h, Trial *trial) {
+    double k2[AT_LEAST_1(N_STATES)], k3[AT_LEAST_1(N_STATES)], k4[AT_LEAST_1(N_STATES)], x[AT_LEAST_1(N_STATES)];
+    const double tolerance = s->c.q.p[N_PARAMETERS - 1];
+    for (int i = 0; i < N_STATES; i++) x[i] = x0[i] + 0.5 * h * k1[i];
+    evaluate(s, time + 0.5 * h, x, k2, trial->z);
+    for (int i = 0; i < N_STATES; i++) x[i] = x0[i] + 0.5 * h * k2[i];
+    evaluate(s, time + 0.5 * h, x, k3, trial->z);
+    trial->passed_through = contradicted(s->c.q.m, trial->z);
+    for (int i = 0; i < N_STATES; i++) x[i] = x0[i] + h * k3[i];
+    evaluate(s, time + h, x, k4, trial->z);
+    for (int i = 0; i < N_STATES; i++) trial->x[i] = x0[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
+    evaluate(s, time + h, trial->x, trial->dx, trial->z);
+    trial->error = 0;
+    for (int i = 0; i < N_STATES; i++) {
+        double size = fabs(trial->x[i]) > model_nominals[i] ? fabs(trial->x[i]) : model_nominals[i];
+        double error = fabs(h * 0.1 * (k4[i] - trial->dx[i])) / (tolerance * size);
+        if (!(error <= trial->error)) trial->error = error; /* keeps a NaN */
+    }
+}
+
+/* Shortens the step that ends in a contradiction to the earliest one found: on return `trial` ends just behind it. */
+static double locate(Instance *s, double time, const double *x0, const double *k1, const double *z0, double h, Trial *trial) {
+    double low = 0, high = h, low_z[AT_LEAST_1(N_RELATIONS)], high_z[AT_LEAST_1(N_RELATIONS)];
+    int side = 0;
+    memcpy(low_z, z0, sizeof low_z);
+    memcpy(high_z, trial->z, sizeof high_z);
+    for (int round = 0; round < 100 && high - low > EVENT_WIDTH; round++) {
+        double guess = high;
+        for (int i = 0; i < N_RELATIONS; i++) {
+            if (holds(i, high_z[i]) == (s->c.q.m[i] != 0)) continue;
+            double rise = high_z[i] - low_z[i];
+            double share = rise != 0 ? -low_z[i] / rise : 0.5;
+            if (!(share >= 0 && share <= 1)) share = 0.5;
+            if (low + share * (high - low) < guess) guess = low + share * (high - low);
+        }
+        if (round > 30) guess = 0.5 * (low + high);
+        if (guess < low + 0.4 * EVENT_WIDTH) guess = low + 0.4 * EVENT_WIDTH;
+        if (guess > high - 0.4 * EVENT_WIDTH) guess = high - 0.4 * EVENT_WIDTH;
+        Trial inner;
+        attempt(s, time, x0, k1, guess, &inner);
+        if (contradicted(s->c.q.m, inner.z)) {
+            high = guess;
+            *trial = inner;
+            memcpy(high_z, inner.z, sizeof high_z);
+            if (side < 0) for (int i = 0; i < N_RELATIONS; i++) low_z[i] *= 0.5;
+            side = -1;
+        } else {
+            low = guess;
+            memcpy(low_z, inner.z, sizeof low_z);
+            if (side > 0) for (int i = 0; i < N_RELATIONS; i++) high_z[i] *= 0.5;
+            side = 1;
+        }
+    }
+    return high;
+}
+
+/* One accepted internal step, not beyond `end`. Sets `event` where it ends in one. */
+static CoreStatus advance(Instance *s, double end, int locating, int *event) {
+    Core *c = &s->c;
+    double x0[AT_LEAST_1(N_STATES)], k1[AT_LEAST_1(N_STATES)], z0[AT_LEAST_1(N_RELATIONS)];
+    const double time = c->q.time, longest = c->q.p[N_PARAMETERS - 2];
+    memcpy(x0, c->q.x, sizeof x0);
+    memcpy(k1, c->dx, sizeof k1);
+    memcpy(z0, c->z, sizeof z0);
+    double h = c->step < longest ? c->step : longest;
+    for (int i = 0; i < N_DELAYS; i++)
+        if (s->delay[i] > 0 && h > s->delay[i]) h = s->delay[i] > 1e-5 ? s->delay[i] : 1e-5;
+    double left = end - time;
+    int pieces = (int)ceil(left / h * (1 - 1e-9));
+    int last = pieces <= 1;
+    h = last ? left : left / pieces;
+    Trial trial;
+    for (;;) {
+        attempt(s, time, x0, k1, h, &trial);
+        if (trial.error <= 1 || h <= MIN_STEP) break;
+        h *= trial.error < 1e8 ? fmax(0.2, 0.9 / sqrt(sqrt(trial.error))) : 0.1;
+        last = 0;
+    }
+    *event = locating && contradicted(c->q.m, trial.z);
+    if (locating && !*event && trial.passed_through && h > 16 * MIN_STEP) { /* look closer: two half steps */
+        Trial half;
+        attempt(s, time, x0, k1, 0.5 * h, &half);
+        if (contradicted(c->q.m, half.z)) trial = half, h = 0.5 * h, last = 0, *event = 1;
+    }
+    if (*event) {
+        h = locate(s, time, x0, k1, z0, h, &trial);
+        last = last && h >= left;
+    } else {
+        double grow = trial.error > 1e-6 ? 0.9 / sqrt(sqrt(trial.error)) : 5;
+        c->step = fmax(MIN_STEP, h * fmin(5, fmax(0.5, grow)));
+    }
+    c->q.time = last ? end : time + h;
+    memcpy(c->q.x, trial.x, sizeof trial.x);
+    memcpy(c->dx, trial.dx, sizeof trial.dx);
+    memcpy(c->z, trial.z, sizeof trial.z);
+    c->rates_valid = 1;
+    CoreStatus status = check_finite(s);
+    if (status != CORE_OK) { /* back to the last good state */
+        c->q.time = time;
+        memcpy(c->q.x, x0, sizeof x0);
+        invalidate(s);
+    }
+    return status;
+}
+
+static CoreStatus settle_now(Instance *s) {
+    CoreStatus status = record_delays(s);
+    if (status != CORE_OK) return status;
+    if (N_DELAYS) invalidate(s);
+    if (take_due_ticks(s) || s->c.events_possible) {
+        s->c.events_possible = 0;
+        status = iterate_events(s);
+    } else {
+        rates(s);
+        status = contradicted(s->c.q.m, s->c.z) ? iterate_events(s) : check_finite(s);
+    }
+    return status;
+}
+
+CoreStatus core_step(Instance *s, double time, double step) {
+    const double end = time + step;
+    int events = 0;
+    prepare(s);
+    s->c.q.time = time;
+    CoreStatus status = settle_now(s);
+    while (status == CORE_OK && s->c.q.time < end) {
+        double due = next_time_event(s), target = due < end - time_slack(end) ? due : end;
+        int event = 0;
+        status = advance(s, target, events < MAX_EVENTS, &event);
+        if (status != CORE_OK) break;
+        if (event && ++events == MAX_EVENTS)
+            say(s, CORE_WARNING, "logEvents", "more than %d events before t = %.9g s: modes stay frozen to the end of this step", MAX_EVENTS, end);
+        if (event) status = iterate_events(s);
+        if (N_DELAYS && status == CORE_OK) {
+            double jump = s->c.q.time;
+            status = record_delays(s);
+            if (jump >= due) invalidate(s), rates(s);
+        }
+        if (status == CORE_OK && s->c.q.time < end && due <= s->c.q.time + time_slack(end)) status = settle_now(s);
+    }
+    s->outputs_valid = s->locals_valid = 0;
+    if (status == CORE_OK) status = check_assertions(s);
+    return status;
+}
+
+/* ---- life cycle --------------------------------------------------------------------------------------------------------------- */
+
+Instance *core_new(CoreLog log, void *environment) {
+    Instance *s = calloc(1, sizeof *s);
+    if (!s) return NULL;
+    s->log = log;
+    s->environment = environment;
+    core_reset(s);
+    return s;
+}
+
+void core_free(Instance *s) {
+    if (!s) return;
+    for (int i = 0; i < N_DELAYS; i++) {
+        free(s->history[i].time);
+        free(s->history[i].value);
+    }
+    free(s);
+}
+
+void core_reset(Instance *s) {
+    memset(&s->c, 0, sizeof s->c);
+    memset(s->y, 0, sizeof s->y);
+    memcpy(s->c.q.p, model_parameter_starts, N_PARAMETERS * sizeof(double));
+    memcpy(s->c.q.u, model_input_starts, N_INPUTS * sizeof(double));
+    for (int i = 0; i < N_DELAYS; i++) s->history[i].n = s->history[i].at = 0;
+    s->c.step = HUGE_VAL;
+    s->c.parameters_changed = 1;
+    prepare(s);
+    model_starts(&s->c.q, s->c.q.x);
+    model_memory_starts(&s->c.q, s->c.q.d);
+    invalidate(s);
+}
+
+static CoreStatus refuse(const Instance *s, const ModelVariable *v, double value, const char *why) {
+    return say(s, CORE_ERROR, "logStatusError", "%s = %g refused: %s", v->name, value, why);
+}
+
+CoreStatus core_set(Instance *s, unsigned reference, double value) {
+    if (reference >= model_n_variables) return say(s, CORE_ERROR, "logStatusError", "unknown value reference %u", reference);
+    const ModelVariable *v = &model_variables[reference];
+    if (!isfinite(value)) return refuse(s, v, value, "not a finite number");
+    if (v->settable == SET_NEVER) return refuse(s, v, value, "it cannot be set");
+    if (v->settable == SET_BEFORE_START && s->c.started) return refuse(s, v, value, "it is fixed once the simulation has started");
+    if (value < v->min || value > v->max) {
+        char bounds[96];
+        snprintf(bounds, sizeof bounds, "must lie in %g..%g", v->min, v->max);
+        return refuse(s, v, value, bounds);
+    }
+    switch (v->kind) {
+    case VK_PARAMETER:
+        if (s->c.q.p[v->index] == value) return CORE_OK;
+        s->c.q.p[v->index] = value;
+        s->c.parameters_changed = s->c.events_possible = 1;
+        break;
+    case VK_INPUT:
+        if (s->c.q.u[v->index] == value) return CORE_OK;
+        s->c.q.u[v->index] = value;
+        if (v->type != VT_REAL) s->c.events_possible = 1;
+        break;
+    default: s->c.q.x[v->index] = value;
+    }
+    invalidate(s);
+    return CORE_OK;
+}
+
+CoreStatus core_get(Instance *s, unsigned reference, double *value) {
+    if (reference >= model_n_variables) return say(s, CORE_ERROR, "logStatusError", "unknown value reference %u", reference);
+    const ModelVariable *v = &model_variables[reference];
+    prepare(s);
+    switch (v->kind) {
+    case VK_TIME: *value = s->c.q.time; break;
+    case VK_PARAMETER:
+    case VK_CALCULATED: *value = s->c.q.p[v->index]; break;
+    case VK_INPUT: *value = s->c.q.u[v->index]; break;
+    case VK_STATE:
+        if (!s->c.started && v->settable == SET_NEVER) { /* follows the parameters until the start */
+            double x[AT_LEAST_1(N_STATES)];
+            model_starts(&s->c.q, x);
+            s->c.q.x[v->index] = x[v->index];
+        }
+        *value = s->c.q.x[v->index];
+        break;
+    case VK_DERIVATIVE:
+        rates(s);
+        *value = s->c.dx[v->index];
+        break;
+    case VK_DISCRETE: *value = s->c.q.d[v->index]; break;
+    default:
+        if (v->index < N_OUTPUTS && !s->locals_valid) {
+            if (!s->outputs_valid) model_outputs(&s->c.q, s->y);
+            s->outputs_valid = 1;
+        } else if (!s->locals_valid) {
+            model_locals(&s->c.q, s->y);
+            s->locals_valid = s->outputs_valid = 1;
+        }
+        *value = s->y[v->index];
+    }
+    return CORE_OK;
+}
+
+CoreStatus core_initialise(Instance *s, double start_time) {
+    Core *c = &s->c;
+    double x[AT_LEAST_1(N_STATES)], on[AT_LEAST_1(N_BRANCHES)];
+    prepare(s);
+    model_starts(&c->q, x);
+    for (size_t i = 0; i < N_STATES; i++)
+        if (model_variables[model_state_references[i]].settable == SET_NEVER) c->q.x[i] = x[i];
+    model_memory_starts(&c->q, c->q.d);
+    memcpy(c->q.pre, c->q.d, sizeof c->q.pre);
+    c->q.time = start_time;
+    for (int i = 0; i < N_SAMPLES; i++) {
+        if (!(c->tick_interval[i] > 0)) return say(s, CORE_ERROR, "logStatusError", "sample interval %g s must be > 0 s", c->tick_interval[i]);
+        double passed = (start_time - c->tick_start[i]) / c->tick_interval[i];
+        c->tick_count[i] = passed > 0 ? (int64_t)ceil(passed - 1e-9) : 0;
+    }
+    c->started = 1;
+    CoreStatus status = check_assertions(s);
+    if (status == CORE_OK) status = record_delays(s);
+    if (status != CORE_OK) return status;
+    /* relations first, without firing what is true from the start; when initial() does fire */
+    for (int round = 0; round < MAX_ITERATIONS; round++) {
+        invalidate(s);
+        rates(s);
+        int changed = 0;
+        for (int i = 0; i < N_RELATIONS; i++) {
+            double now = holds(i, c->z[i]);
+            if (now != c->q.m[i]) c->q.m[i] = now, changed = 1;
+        }
+        if (!changed) break;
+    }
+    if (N_BRANCHES) {
+        model_conditions(&c->q, c->condition);
+        c->q.initial = 1;
+        model_conditions(&c->q, on);
+        for (int i = 0; i < N_BRANCHES; i++)
+            if (on[i] != c->condition[i]) c->condition[i] = 0;
+    }
+    c->q.initial = 1;
+    status = iterate_events(s);
+    c->q.initial = 0;
+    if (N_BRANCHES) model_conditions(&c->q, c->condition);
+    invalidate(s);
+    return status;
+}
+
+double core_time(const Instance *s) { return s->c.q.time; }
+
+/* ---- model exchange ----------------------------------------------------------------------------------------------------------- */
+
+CoreStatus core_set_time(Instance *s, double time) {
+    if (!isfinite(time)) return say(s, CORE_ERROR, "logStatusError", "time is not finite");
+    if (time == s->c.q.time) return CORE_OK;
+    s->c.q.time = time;
+    if (N_DELAYS) look_up_delays(s, 0);
+    invalidate(s);
+    return CORE_OK;
+}
+
+CoreStatus core_set_states(Instance *s, const double *x) {
+    for (size_t i = 0; i < N_STATES; i++)
+        if (!isfinite(x[i])) return say(s, CORE_ERROR, "logStatusError", "%s is not finite", state_name(i));
+    memcpy(s->c.q.x, x, N_STATES * sizeof *x);
+    invalidate(s);
+    return CORE_OK;
+}
+
+void core_get_states(Instance *s, double *x) { memcpy(x, s->c.q.x, N_STATES * sizeof *x); }
+
+CoreStatus core_derivatives(Instance *s, double *dx) {
+    rates(s);
+    memcpy(dx, s->c.dx, N_STATES * sizeof *dx);
+    return CORE_OK;
+}
+
+CoreStatus core_indicators(Instance *s, double *z) {
+    rates(s);
+    for (int i = 0; i < N_RELATIONS; i++) z[i] = s->c.z[i] + (s->c.q.m[i] != 0 ? INDICATOR_MARGIN : -INDICATOR_MARGIN);
+    return CORE_OK;
+}
+
+CoreStatus core_update_discrete(Instance *s, EventInfo *info) {
+    double before[AT_LEAST_1(N_STATES)];
+    memcpy(before, s->c.q.x, sizeof before);
+    prepare(s);
+    CoreStatus status = record_delays(s);
+    if (status != CORE_OK) return status;
+    take_due_ticks(s);
+    s->c.events_possible = 0;
+    status = iterate_events(s);
+    memset(info, 0, sizeof *info);
+    info->states_changed = memcmp(before, s->c.q.x, N_STATES * sizeof *before) != 0;
+    info->next_time = next_time_event(s);
+    info->next_time_defined = info->next_time < HUGE_VAL;
+    s->outputs_valid = s->locals_valid = 0;
+    return status == CORE_OK ? check_assertions(s) : status;
+}
+
+CoreStatus core_completed_step(Instance *s, int *enter_event_mode) {
+    *enter_event_mode = 0;
+    prepare(s);
+    CoreStatus status = record_delays(s);
+    if (N_DELAYS) invalidate(s);
+    return status == CORE_OK ? check_assertions(s) : status;
+}
+
+/* ---- directional derivatives -------------------------------------------------------------------------------------------------- */
+
+static int seed_index(const ModelVariable *v) {
+    switch (v->kind) {
+    case VK_STATE: return v->index;
+    case VK_INPUT: return v->type == VT_REAL ? N_STATES + v->index : -1;
+    case VK_PARAMETER: return v->type == VT_REAL ? N_STATES + N_INPUTS + v->index : -1;
+    default: return -1;
+    }
+}
+
+CoreStatus core_directional(Instance *s, const unsigned *unknown, size_t n_unknown, const unsigned *known, size_t n_known,
+                            const double *seed, double *out) {
+    double seeds[AT_LEAST_1(N_SEEDS)] = {0}, dx[AT_LEAST_1(N_STATES)], y[AT_LEAST_1(N_ALGEBRAICS)];
+    prepare(s);
+    for (size_t j = 0; j < n_known; j++) {
+        int i = known[j] < model_n_variables ? seed_index(&model_variables[known[j]]) : -1;
+        if (i < 0) return say(s, CORE_ERROR, "logStatusError", "no derivative with respect to value reference %u", known[j]);
+        seeds[i] += seed[j];
+    }
+    model_directional(&s->c.q, seeds, dx, y);
+    for (size_t j = 0; j < n_unknown; j++) {
+        const ModelVariable *v = unknown[j] < model_n_variables ? &model_variables[unknown[j]] : NULL;
+        if (v && v->kind == VK_DERIVATIVE) out[j] = dx[v->index];
+        else if (v && v->kind == VK_ALGEBRAIC && v->type == VT_REAL) out[j] = y[v->index];
+        else return say(s, CORE_ERROR, "logStatusError", "no derivative of value reference %u", unknown[j]);
+    }
+    return CORE_OK;
+}
+
+/* ---- snapshots ---------------------------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    uint64_t magic, size;
+} SnapshotHead;
+
+static uint64_t snapshot_magic(void) { /* FNV-1a of what tells this model from others */
+    uint64_t hash = 1469598103934665603u;
+    for (const char *c = model_name; *c; c++) hash = (hash ^ (unsigned char)*c) * 1099511628211u;
+    hash = (hash ^ sizeof(Core)) * 1099511628211u;
+    return (hash ^ model_n_variables) * 1099511628211u;
+}
+
+size_t core_snapshot_size(const Instance *s) {
+    size_t size = sizeof(SnapshotHead) + sizeof(Core);
+    for (int i = 0; i < N_DELAYS; i++) size += 2 * sizeof(uint64_t) + 2 * s->history[i].n * sizeof(double);
+    return size;
+}
+
+static char *put(char *to, const void *from, size_t size) {
+    if (size) memcpy(to, from, size);
+    return to + size;
+}
+
+void core_save(const Instance *s, void *bytes) {
+    SnapshotHead head = {snapshot_magic(), core_snapshot_size(s)};
+    char *to = put(put(bytes, &head, sizeof head), &s->c, sizeof s->c);
+    for (int i = 0; i < N_DELAYS; i++) {
+        const History *h = &s->history[i];
+        uint64_t n[2] = {h->n, h->at};
+        to = put(to, n, sizeof n);
+        to = put(put(to, h->time, h->n * sizeof(double)), h->value, h->n * sizeof(double));
+    }
+}
+
+CoreStatus core_load(Instance *s, const void *bytes, size_t size) {
+    SnapshotHead head;
+    const char *from = bytes, *end = from + size;
+    if (size < sizeof head + sizeof(Core)) return say(s, CORE_ERROR, "logStatusError", "the snapshot is truncated");
+    memcpy(&head, from, sizeof head);
+    if (head.magic != snapshot_magic() || head.size != size) return say(s, CORE_ERROR, "logStatusError", "the snapshot is not one of this model");
+    const char *histories = from + sizeof head + sizeof(Core);
+    for (int i = 0; i < N_DELAYS; i++) { /* check before anything is touched */
+        uint64_t n[2];
+        if ((size_t)(end - histories) < sizeof n) return say(s, CORE_ERROR, "logStatusError", "the snapshot is truncated");
+        memcpy(n, histories, sizeof n);
+        histories += sizeof n;
+        if (n[0] > (size_t)(end - histories) / (2 * sizeof(double)) || n[1] > n[0])
+            return say(s, CORE_ERROR, "logStatusError", "the snapshot is damaged");
+        histories += 2 * n[0] * sizeof(double);
+    }
+    memcpy(&s->c, from + sizeof head, sizeof(Core));
+    from += sizeof head + sizeof(Core);
+    for (int i = 0; i < N_DELAYS; i++) {
+        History *h = &s->history[i];
+        uint64_t n[2];
+        memcpy(n, from, sizeof n);
+        from += sizeof n;
+        h->n = 0;
+        for (size_t k = 0; k < n[0]; k++) {
+            double entry[2];
+            memcpy(&entry[0], from + k * sizeof(double), sizeof(double));
+            memcpy(&entry[1], from + (n[0] + k) * sizeof(double), sizeof(double));
+            if (!history_push(h, entry[0], entry[1])) return say(s, CORE_FATAL, "logStatusFatal", "out of memory for the delay's history");
+        }
+        h->at = n[1];
+        from += 2 * n[0] * sizeof(double);
+    }
+    s->outputs_valid = s->locals_valid = 0;
+    if (N_DELAYS) { /* the delay times themselves follow from the parameters */
+        double value[AT_LEAST_1(N_DELAYS)];
+        model_delays(&s->c.q, value, s->delay, s->delay_maximum);
+    }
+    return CORE_OK;
+}

@@ -1,0 +1,219 @@
+"""Front end: a Modelica file, parsed, type-checked, instantiated and flattened by rumoca, as plain Python data."""
+
+from __future__ import annotations
+
+import bisect
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import rumoca
+
+from pyfmi_runner.errors import InputError
+
+Tree = dict[str, Any]  # one node of rumoca's expression tree: {"Binary": {...}}, {"VarRef": {...}}, ...
+
+VARIABILITY = ("Constant", "Parameter", "Discrete")
+
+
+class Source:
+    """The text of a Modelica file, to turn rumoca's character spans into line numbers."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self.text = path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            raise InputError("no such Modelica file", file=path, mend="give the path with --model") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"cannot be read as UTF-8 text ({error})", file=path, mend="give a Modelica file") from None
+        self._lines = [0, *(i + 1 for i, c in enumerate(self.text.encode()) if c == 10)]
+
+    def line(self, tree: Any) -> int | None:
+        """Line of the first span found in `tree`, 1-based."""
+        start = _first_span(tree)
+        return None if start is None else bisect.bisect_right(self._lines, start)
+
+    def refuse(self, message: str, tree: Any = None, mend: str = "rewrite it with supported Modelica") -> InputError:
+        line = self.line(tree)
+        where = f"{self.path}:{line}" if line else str(self.path)
+        return InputError(message, file=where, mend=mend)
+
+
+def _first_span(tree: Any) -> int | None:
+    if isinstance(tree, dict):
+        span = tree.get("span")
+        if isinstance(span, dict) and "start" in span:
+            return int(span["start"])
+        tree = list(tree.values())
+    if isinstance(tree, list):
+        for child in tree:
+            if isinstance(child, dict | list):
+                found = _first_span(child)
+                if found is not None:
+                    return found
+    return None
+
+
+@dataclass(frozen=True)
+class FlatVariable:
+    """One flattened variable; attributes that are expressions stay trees until parameters are known."""
+
+    name: str
+    type: str  # Real, Integer, Boolean, String or the enumeration's name
+    variability: str  # Constant, Parameter, Discrete, Continuous
+    causality: str  # input, output, ""
+    dims: tuple[int, ...]
+    binding: Tree | None
+    start: Tree | None
+    fixed: Tree | None
+    min: Tree | None
+    max: Tree | None
+    nominal: Tree | None
+    unit: str | None
+    description: str | None
+    protected: bool
+    final: bool
+    tree: Tree  # the whole node, for spans
+
+
+@dataclass(frozen=True)
+class FlatModel:
+    name: str
+    description: str
+    source: Source
+    variables: dict[str, FlatVariable]
+    equations: list[Tree]
+    when_chains: list[Tree]
+    asserts: list[Tree]
+    functions: dict[str, Tree]
+    enumerations: dict[str, tuple[tuple[str, str], ...]]
+    literals: dict[str, int]  # "FrictionLaw.vdfm" (and longer forms) -> ordinal
+
+    def scalars(self) -> Iterator[tuple[str, FlatVariable, tuple[int, ...]]]:
+        """Every scalar: its FMI name ("A[2]"), its variable, its 1-based subscripts."""
+        for variable in self.variables.values():
+            for subscripts in _subscripts(variable.dims):
+                yield scalar_name(variable.name, subscripts), variable, subscripts
+
+
+def scalar_name(name: str, subscripts: tuple[int, ...]) -> str:
+    return f"{name}[{','.join(map(str, subscripts))}]" if subscripts else name
+
+
+def _subscripts(dims: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+    if not dims:
+        yield ()
+        return
+    for i in range(1, dims[0] + 1):
+        for rest in _subscripts(dims[1:]):
+            yield (i, *rest)
+
+
+REFUSED = {  # sections of the flat model that the back end does not take -> what to write instead
+    "initial_equations": "an initial equation; give start values with fixed = true",
+    "initial_structured_equations": "an initial for-equation; give start values with fixed = true",
+    "algorithms": "an algorithm section; write equations or a function",
+    "initial_algorithms": "an initial algorithm; give start values with fixed = true",
+    "initial_assert_equations": "an initial assert; write it in the equation section",
+}
+
+
+def flatten(path: Path, class_name: str) -> FlatModel:
+    """Parses `path` and flattens `class_name`.
+
+    Raises InputError with file and line for whatever rumoca or this back end does not accept.
+    """
+    source = Source(path)
+    try:
+        flat: Tree = rumoca.Session().load(str(path), model=class_name).to_dict("flat")
+    except rumoca.RumocaError as error:
+        raise _front_end_error(source, error) from None
+    for section, instead in REFUSED.items():
+        if flat.get(section):
+            raise source.refuse(f"not supported: {instead.split(';')[0]}", flat[section], mend=instead.split("; ")[1])
+    variables = {name: _variable(flat, name, tree) for name, tree in flat["variables"].items()}
+    return FlatModel(
+        name=class_name,
+        description=_class_description(source, class_name) or flat.get("model_description") or "",
+        source=source,
+        variables=variables,
+        equations=flat["equations"],
+        when_chains=flat["when_chains"],
+        asserts=flat["assert_equations"],
+        functions=flat["functions"],
+        enumerations=_enumerations(source, flat),
+        literals=dict(flat["enum_literal_ordinals"]),
+    )
+
+
+def _front_end_error(source: Source, error: Exception) -> InputError:
+    line = None
+    for attribute in ("diagnostics", "diagnostic"):
+        found = getattr(error, attribute, None)
+        for item in found if isinstance(found, list) else [found]:
+            line = line or getattr(item, "line", None) or getattr(item, "start_line", None)
+    message = " ".join(str(error).split())
+    where = f"{source.path}:{line}" if line else str(source.path)
+    return InputError(message, file=where, mend="correct the Modelica text")
+
+
+def _variable(flat: Tree, name: str, tree: Tree) -> FlatVariable:
+    variability = tree["variability"]
+    kind = next(iter(variability)) if isinstance(variability, dict) else str(variability)
+    causality = tree["causality"]
+    cause = next(iter(causality)) if isinstance(causality, dict) else str(causality)
+    top_level = "." not in name
+    return FlatVariable(
+        name=name,
+        type=flat["variable_type_names"][name],
+        variability=kind if kind in VARIABILITY else "Continuous",
+        causality=cause.lower() if cause in ("Input", "Output") and top_level else "",
+        dims=tuple(int(d) for d in tree["dims"]),
+        binding=tree["binding"],
+        start=tree["start"],
+        fixed=tree["fixed"],
+        min=tree["min"],
+        max=tree["max"],
+        nominal=tree["nominal"],
+        unit=tree["unit"],
+        description=tree["description"],
+        protected=bool(tree["is_protected"]),
+        final=bool(flat["variable_final_flags"].get(name, False)),
+        tree=tree,
+    )
+
+
+def _enumerations(source: Source, flat: Tree) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Literals in order, with the descriptions that the source text gives them."""
+    found: dict[str, dict[int, str]] = {}
+    for literal, ordinal in flat["enum_literal_ordinals"].items():
+        parts = literal.split(".")
+        if len(parts) == 2 and "'" not in literal and parts[0] not in ("StateSelect", "AssertionLevel"):
+            found.setdefault(parts[0], {})[int(ordinal)] = parts[1]
+    result = {}
+    for name, literals in found.items():
+        items = [literals[i] for i in sorted(literals)]
+        result[name] = tuple((item, _literal_description(source.text, name, item)) for item in items)
+    return result
+
+
+def _literal_description(text: str, enumeration: str, literal: str) -> str:
+    start = text.find(f"type {enumeration} = enumeration(")
+    end = text.find(");", start)
+    body = text[start:end]
+    body = body[body.find("(") + 1 :]
+    found = re.search(rf'\b{re.escape(literal)}\s*"([^"]*)"', body)
+    return found.group(1) if found else ""
+
+
+def _class_description(source: Source, class_name: str) -> str:
+    """The string comment behind `model Name`, which rumoca does not hand on."""
+    short = class_name.rsplit(".", 1)[-1]
+    for line in source.text.splitlines():
+        words = line.split()
+        if len(words) > 2 and words[0] in ("model", "block", "class") and words[1] == short and '"' in line:
+            return line.split('"')[1]
+    return ""

@@ -1,0 +1,61 @@
+"""Block-triangular sorting: from residuals to an explicit expression for every derivative and algebraic variable."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from pyfmi_runner.build.frontend import Source, Tree
+from pyfmi_runner.build.hybrid import HybridSystem
+
+LARGEST_BLOCK = 6  # linear algebraic loops up to this size are solved symbolically
+
+
+def solve(system: HybridSystem) -> dict[str, ca.SX]:
+    """Explicit expressions for all unknowns: names of algebraic scalars, and "der(name)" for derivatives.
+
+    They depend on time, states, inputs, parameters, frozen relations, memories, delayed values only. Raises InputError for a structurally
+    singular system and for an algebraic loop that is not linear.
+    """
+    source = system.table.model.source
+    unknowns = [(f"der({name})", symbol) for name, symbol in system.derivatives.items()]
+    unknowns += [(s.name, s.symbol) for s in system.table.of("algebraic")]
+    residuals = [residual for residual, _ in system.residuals]
+    if len(residuals) != len(unknowns):
+        raise source.refuse(f"{len(residuals)} equations for {len(unknowns)} unknowns", mend="write one equation per unknown")
+    if not unknowns:
+        return {}
+    symbols = ca.vertcat(*(symbol for _, symbol in unknowns))
+    pattern = ca.jacobian_sparsity(ca.vertcat(*residuals), symbols)
+    n_blocks, rows, columns, row_starts, column_starts, *_ = pattern.btf()
+    if n_blocks < 0 or ca.sprank(ca.DM(pattern, 1)) < len(unknowns):
+        raise source.refuse("the equations are structurally singular", mend="check that each unknown has an equation of its own")
+    solved: dict[str, ca.SX] = {}
+    old: list[ca.SX] = []
+    new: list[ca.SX] = []
+    for block in range(n_blocks):  # CasADi's block form: each block depends on earlier ones only
+        equations = rows[row_starts[block] : row_starts[block + 1]]
+        members = columns[column_starts[block] : column_starts[block + 1]]
+        present = [residuals[i] for i in equations]
+        present = ca.substitute(present, old, new) if old else present
+        values = _solve_block(source, present, [unknowns[j] for j in members], [system.residuals[i][1] for i in equations])
+        for j, value in zip(members, values, strict=True):
+            name, symbol = unknowns[j]
+            solved[name] = value
+            old.append(symbol)
+            new.append(value)
+    return solved
+
+
+def _solve_block(source: Source, residuals: list[ca.SX], unknowns: list[tuple[str, ca.SX]], trees: list[Tree]) -> list[ca.SX]:
+    symbols = ca.vertcat(*(symbol for _, symbol in unknowns))
+    residual = ca.vertcat(*residuals)
+    matrix = ca.jacobian(residual, symbols)
+    names = ", ".join(name for name, _ in unknowns)
+    if ca.depends_on(matrix, symbols):
+        raise source.refuse(f"not supported: a nonlinear algebraic loop in {names}", trees[0], mend="solve it by hand, or add a state")
+    right = -ca.substitute([residual], [symbols], [ca.SX.zeros(len(unknowns))])[0]
+    if len(unknowns) == 1:
+        return [right / matrix]
+    if len(unknowns) > LARGEST_BLOCK:
+        raise source.refuse(f"not supported: an algebraic loop of {len(unknowns)} variables ({names})", trees[0], mend="break it with a state")
+    return list(ca.vertsplit(ca.solve(matrix, right)))

@@ -1,0 +1,114 @@
+"""Finds and runs a C compiler: the system's ($CC or cc) for this machine, else and for other platforms `python -m ziglang cc`."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform as host
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pyfmi_runner.errors import InputError
+
+# No -ffast-math, no contraction to fused multiply-adds: the same bits wherever IEEE 754 holds.
+FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared")
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A machine an FMU binary is for; `fmi2` and `fmi3` are its folder names in the two standards."""
+
+    fmi3: str
+    fmi2: str
+    extension: str
+    zig_target: str
+
+    def folder(self, fmi: str) -> str:
+        return self.fmi3 if fmi == "3.0" else self.fmi2
+
+
+PLATFORMS = (
+    Platform("x86_64-linux", "linux64", ".so", "x86_64-linux-gnu.2.17"),
+    Platform("aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
+    Platform("x86_64-windows", "win64", ".dll", "x86_64-windows-gnu"),
+    Platform("x86_64-darwin", "darwin64", ".dylib", "x86_64-macos"),
+    Platform("aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos"),
+)
+
+
+@dataclass(frozen=True)
+class Compiler:
+    command: tuple[str, ...]
+    version: str
+    zig: bool
+
+
+def find_platform(name: str) -> Platform:
+    """The platform of an FMI 2.0 or FMI 3.0 name."""
+    for known in PLATFORMS:
+        if name in (known.fmi2, known.fmi3):
+            return known
+    names = ", ".join(f"{p.fmi3} ({p.fmi2})" if p.fmi2 != p.fmi3 else p.fmi3 for p in PLATFORMS)
+    raise InputError(f"unknown platform {name!r}", field="--platform", mend=f"use one of {names}")
+
+
+def host_platform() -> Platform:
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(host.machine().lower(), host.machine().lower())
+    return find_platform(f"{machine}-{host.system().lower()}")
+
+
+def fmi_headers() -> Path:
+    """The folder of the standards' C headers, which fmpy ships."""
+    spec = importlib.util.find_spec("fmpy")  # looked up, not imported
+    for location in (spec.submodule_search_locations or ()) if spec else ():
+        folder = Path(location) / "c-code"
+        if (folder / "fmi3Functions.h").is_file():
+            return folder
+    raise InputError("the FMI C headers are missing; they come with the fmpy package", mend="pip install fmpy")
+
+
+def find_compiler(target: Platform) -> Compiler:
+    """The system compiler if `target` is this machine, else zig; InputError says what to install."""
+    if target == host_platform():
+        command = os.environ.get("CC")
+        candidates = [command] if command else ["cc", "gcc", "clang"]
+        for candidate in candidates:
+            words = shlex.split(candidate)
+            if words and shutil.which(words[0]):
+                return Compiler(tuple(words), _version(words), zig=False)
+        if command:
+            raise InputError(f"the compiler {command!r} was not found", field="CC", mend="correct or unset the variable CC")
+    if importlib.util.find_spec("ziglang"):
+        words = [sys.executable, "-m", "ziglang", "cc"]
+        return Compiler(tuple(words), "zig " + _version(words), zig=True)
+    raise InputError(
+        f"no C compiler for {target.fmi3}",
+        mend="pip install ziglang" + ("" if target != host_platform() else ", or install gcc or clang (Debian: apt install gcc)"),
+    )
+
+
+def _version(words: Sequence[str]) -> str:
+    result = subprocess.run([*words, "--version"], capture_output=True, text=True, check=False)
+    return (result.stdout or result.stderr).strip().splitlines()[0] if result.returncode == 0 else "unknown"
+
+
+def flags_for(compiler: Compiler, target: Platform) -> tuple[str, ...]:
+    flags = FLAGS if target.extension == ".dll" else (*FLAGS, "-fPIC")
+    return (*flags, "-target", target.zig_target) if compiler.zig else flags
+
+
+def compile_library(compiler: Compiler, target: Platform, folder: Path, sources: Sequence[str], output: Path) -> None:
+    """Compiles and links `sources` (names inside `folder`) to the shared library `output`."""
+    command = [*compiler.command, *flags_for(compiler, target), "-I", str(fmi_headers()), "-I", ".", *sources]
+    command += ["-o", str(output.resolve())]
+    if target.extension != ".dll":
+        command.append("-lm")
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if result.returncode != 0 or not output.is_file():
+        message = result.stderr.strip() or result.stdout.strip() or f"exit code {result.returncode}"
+        raise InputError(f"{compiler.command[-1]} could not compile the model for {target.fmi3}: {message}")

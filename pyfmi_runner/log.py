@@ -1,0 +1,440 @@
+"""Logs: 1 kHz tables of sensors and commands in SI units, as Parquet or CSV, checked when read.
+
+Row k holds the sensors at t_k and the command that acts over [t_k, t_k + 1 ms).
+"""
+
+from __future__ import annotations
+
+import difflib
+import io
+import json
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from pyfmi_runner.errors import InputError
+
+__all__ = [
+    "COLUMNS", "MEASURED", "OPTIONAL", "PERIOD", "PHASES", "REQUIRED", "SIGMA", "STROKE_X", "STROKE_Z",
+    "Column", "Log", "check_table", "log_warnings", "read_log", "write_atomically", "write_log",
+]  # fmt: skip
+
+PERIOD = 0.001  # s, between rows
+STROKE_X = 1.0  # m, x piston 0..1
+STROKE_Z = 0.101  # m, z piston 0..0.101
+PHASES = ("approach", "contact", "contour", "retreat")  # column `phase` holds the index; names are accepted on reading
+MIN_ROWS = 10
+_SPAN = {
+    "x": f"0..{STROKE_X:g}",
+    "z": f"0..{STROKE_Z:g}",
+    "u_x": "0..5",
+    "u_z": "0..5",
+}  # what a message calls expected
+
+
+class Column(NamedTuple):
+    """Unit, sign and bounds of one column. Bounds hold for any sane log, errors of a calibrated sensor included."""
+
+    unit: str
+    sign: str
+    low: float
+    high: float
+
+
+_CODE = Column("1", "index into PHASES", -np.inf, np.inf)
+COLUMNS: Mapping[str, Column] = {
+    "time": Column("s", "sample instant t_k, one row per millisecond", -np.inf, np.inf),
+    "u_x": Column("V", "x valve command, 0..5; more pushes the x piston to -x", -0.5, 5.5),
+    "u_z": Column("V", "z valve command, 0..5; more pushes the z piston to +z", -0.5, 5.5),
+    "x": Column("m", "x piston position, 0..1", -0.05, STROKE_X + 0.05),
+    "z": Column("m", "z piston position, 0..0.101, > 0 towards the workpiece", -0.01, STROKE_Z + 0.01),
+    "v_x": Column("m/s", "dx/dt; tracking runs towards -x", -12.0, 12.0),
+    "v_z": Column("m/s", "dz/dt", -6.0, 6.0),
+    "f_x": Column("N", "force of the robot on the workpiece along +x", -5e3, 5e3),
+    "f_z": Column("N", "force of the robot on the workpiece along +z", -5e3, 5e3),
+    "f_ax": Column("N", "x actuator force along +x; the one-way valve makes it <= 0", -5e3, 5e3),
+    "f_az": Column("N", "z actuator force along +z; the one-way valve makes it >= 0", -5e3, 5e3),
+    "f_nd": Column("N", "wanted normal force, > 0 presses into the workpiece", -5e3, 5e3),
+    "v_td": Column("m/s", "wanted tangential speed, < 0 towards -x", -12.0, 12.0),
+    "theta": Column("rad", "slope angle of the edge, tan(theta) = dz_w/dx", -np.inf, np.inf),
+    "phase": _CODE,
+}
+OPTIONAL = ("f_nd", "v_td", "theta", "phase")
+REQUIRED = tuple(name for name in COLUMNS if name not in OPTIONAL)
+MEASURED = ("x", "z", "v_x", "v_z", "f_x", "f_z", "f_ax", "f_az")
+# RMS noise of the sensors in the column's unit, Table 3.3
+SIGMA: Mapping[str, float] = {
+    "x": 0.3e-3, "z": 0.1e-3, "v_x": 1.0e-3, "v_z": 0.5e-3, "f_x": 0.05, "f_z": 0.05, "f_ax": 0.05, "f_az": 0.05,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A log in memory. table: the columns of COLUMNS as float64, then the file's others; provenance: JSON values."""
+
+    table: pd.DataFrame
+    name: str = "log"
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def __getitem__(self, column: str) -> NDArray[np.float64]:
+        """One column as an array of float64, shape (N,)."""
+        return np.asarray(self.table[column].to_numpy(dtype=np.float64))
+
+    def __contains__(self, column: str) -> bool:
+        return column in self.table.columns
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        return self["time"]
+
+    def measured(self) -> NDArray[np.float64]:
+        """The eight measured channels in the order of MEASURED, shape (N, 8)."""
+        return np.asarray(self.table[list(MEASURED)].to_numpy(dtype=np.float64))
+
+
+# ---------------------------------------------------------------- files
+
+
+def read_log(path: str | os.PathLike[str]) -> Log:
+    """Read and check a Parquet or CSV log. Raises InputError naming file, column or row, and the mend."""
+    path = Path(path)
+    if path.is_dir():
+        raise InputError("is a folder, expected a log file", file=path, mend="name one .parquet or .csv file in it")
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(4)
+    except FileNotFoundError:
+        raise InputError("no such file", file=path, mend=_mend_absent(path)) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=path, mend="check the file's permissions") from None
+    if not head:
+        raise InputError("the file is empty", file=path, mend="record or export the log again")
+    suffix = path.suffix.lower()
+    if head == b"PAR1" or suffix in (".parquet", ".pq"):
+        table, provenance = _read_parquet(path)
+    elif suffix in (".csv", ".txt"):
+        table, provenance = _read_csv(path)
+    else:
+        raise InputError(f"unknown kind of file {suffix!r}", file=path, mend="give a .parquet or .csv file")
+    return Log(check_table(table, path), path.stem, provenance)
+
+
+def write_log(log: Log, path: str | os.PathLike[str]) -> Path:
+    """Write a log as Parquet or CSV (by suffix), with provenance and units. Atomic: a reader sees all of it or none.
+
+    Values survive the round trip bit for bit. Provenance should be JSON values; others are written as their `str()`.
+    Raises InputError where the path cannot be written.
+    """
+    path = Path(path)
+    writers = {".parquet": _write_parquet, ".pq": _write_parquet, ".csv": _write_csv}
+    if path.suffix.lower() not in writers:
+        raise InputError(f"unknown kind of log file {path.suffix!r}", file=path, mend="end it in .parquet or .csv")
+    write_atomically(path, lambda temporary: writers[path.suffix.lower()](log, temporary))
+    return path
+
+
+def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], object]) -> None:
+    """Let `write` fill a hidden file beside `path`, then put it in place in one step; makes the folder if need be.
+
+    Raises InputError where the file system refuses.
+    """
+    path = Path(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(temporary)
+        with temporary.open("rb+") as stream:
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror})", file=path, mend="choose another place") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _mend_absent(path: Path) -> str:
+    beside = sorted(p.name for p in path.parent.glob("*") if p.suffix.lower() in (".parquet", ".csv"))
+    near = difflib.get_close_matches(path.name, beside, n=1)
+    return f"did you mean {near[0]}?" if near else "check the path"
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, default=str)
+
+
+def _units(table: pd.DataFrame) -> dict[str, str]:
+    return {name: COLUMNS[name].unit for name in table.columns if name in COLUMNS}
+
+
+def _write_parquet(log: Log, path: Path) -> None:
+    table = pa.Table.from_pandas(log.table, preserve_index=False)
+    units = _units(log.table)
+    fields = [f.with_metadata({"unit": units[f.name]}) if f.name in units else f for f in table.schema]
+    metadata = {"provenance": _json(log.provenance), "units": _json(units)}
+    pq.write_table(table.cast(pa.schema(fields)).replace_schema_metadata(metadata), path)
+
+
+def _read_parquet(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
+    try:
+        table = pq.read_table(path, partitioning=None)
+        provenance = json.loads((table.schema.metadata or {}).get(b"provenance", b"{}"))
+        frame = table.to_pandas(ignore_metadata=True)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        reason = str(error).split("\n")[0].rstrip(". ")[:120]
+        raise InputError(
+            f"not a readable Parquet file ({reason})", file=path, mend="record or export it again"
+        ) from None
+    return frame, provenance if isinstance(provenance, dict) else {"provenance": provenance}
+
+
+def _write_csv(log: Log, path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        for key, value in [*log.provenance.items(), ("units", _units(log.table))]:
+            name = str(key)
+            stream.write(f"# {name if re.fullmatch(r'[A-Za-z0-9_.-]+', name) else _json(name)}: {_json(value)}\n")
+        log.table.to_csv(stream, index=False)
+
+
+def _read_csv(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines(keepends=True)
+    except UnicodeDecodeError:
+        raise InputError("not a text file in UTF-8", file=path, mend="export the log as CSV in UTF-8") from None
+    first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), None)
+    if first is None:
+        raise InputError("no table: the file has no header line", file=path, mend="record or export the log again")
+    separator = max(",;\t", key=lines[first].count)
+    wanted = lines[first].count(separator)
+    for k, line in enumerate(lines[first + 1 :], first + 2):
+        if line.count(separator) != wanted and line.strip() and '"' not in line:
+            message = f"line {k} has {line.count(separator) + 1} values, the header {wanted + 1} names"
+            mend = "delete it: it is cut short" if k == len(lines) else "use decimal points, one value per column"
+            raise InputError(message, file=path, mend=mend)
+    try:
+        body = io.StringIO("".join(lines[first:]))
+        frame = pd.read_csv(body, sep=separator, skipinitialspace=True, index_col=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        reason = str(error).replace("Error tokenizing data. C error: ", "")
+        raise InputError(f"not a readable table ({reason})", file=path, mend="even out the rows") from None
+    frame.columns = [str(name).strip().strip('"') for name in frame.columns]
+    return frame, dict(_comments(lines[:first]))
+
+
+def _comments(lines: list[str]) -> Iterator[tuple[str, Any]]:
+    """Pairs of the lines `# key: value`; the key `units` is the file's own and left out, other comments too."""
+    for line in lines:
+        match = re.fullmatch(r'#\s*("(?:[^"\\]|\\.)*"|[^:"]+?)\s*:\s*(.*?)\s*', line.rstrip("\r\n"))
+        if match is None or match[1] == "units":
+            continue
+        try:
+            value = json.loads(match[2])
+        except ValueError:
+            value = match[2]
+        yield (json.loads(match[1]) if match[1].startswith('"') else match[1]), value
+
+
+# ---------------------------------------------------------------- checks that refuse
+
+
+def check_table(table: pd.DataFrame, file: str | os.PathLike[str] | None = None) -> pd.DataFrame:
+    """The table with its known columns as float64, unknown ones kept as they are.
+
+    Raises InputError for the first of: a missing column, a value that is no finite number, time that is not 1 kHz,
+    values that are not in the column's unit.
+    """
+
+    def refuse(message: str, column: str | None, mend: str) -> NoReturn:
+        raise InputError(message, file=file, field=column, mend=mend)
+
+    for name in REQUIRED:
+        if name not in table.columns:
+            spare = {_bare(str(c)): str(c) for c in table.columns if c not in COLUMNS}
+            near = difflib.get_close_matches(_bare(name), list(spare), n=1, cutoff=0.5)
+            mend = f'rename column "{spare[near[0]]}" to "{name}"' if near else f"add it [{COLUMNS[name].unit}]"
+            refuse("column is missing", name, mend)
+    if len(table) < MIN_ROWS:
+        refuse(f"{len(table)} rows, expected at least {MIN_ROWS}", None, "record or export the log again")
+    known = [name for name in table.columns if name in COLUMNS]
+    numbers = {name: _numbers(table[name], name, file) for name in known}
+    values = np.column_stack(list(numbers.values()))
+    if not np.isfinite(values).all():
+        row, k = (int(i) for i in np.argwhere(~np.isfinite(values))[0])
+        text = "empty or NaN" if np.isnan(values[row, k]) else "infinite"
+        last = row == len(values) - 1
+        mend = "the last row is cut short: delete it" if last else "fill it in, or cut the log there"
+        refuse(f"row {row} is {text}", known[k], mend if known[k] in REQUIRED else "fill it in, or drop the column")
+    _check_time(numbers["time"], refuse)
+    _check_units(numbers, refuse)
+    return pd.DataFrame({name: numbers.get(name, table[name]) for name in table.columns})
+
+
+def _bare(name: str) -> str:
+    return re.sub(r"[^a-z]|\bpos(ition)?\b", "", name.lower().split("[")[0].split("(")[0])
+
+
+def _numbers(column: pd.Series, name: str, file: str | os.PathLike[str] | None) -> NDArray[np.float64]:
+    try:
+        if column.dtype != object:
+            return np.asarray(column.to_numpy(dtype=np.float64))
+    except (TypeError, ValueError):
+        pass
+    if name == "phase":
+        codes = {phase: float(code) for code, phase in enumerate(PHASES)}
+        column = column.map(lambda value: codes.get(value, value))
+    parsed = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64)
+    bad = np.flatnonzero(np.isnan(parsed) & column.notna().to_numpy())
+    if len(bad):
+        value = column.iloc[int(bad[0])]
+        known = f"use a number or one of {', '.join(PHASES)}" if name == "phase" else "use plain numbers"
+        mend = "use a decimal point" if re.fullmatch(r"\s*[-+]?\d*,\d+\s*", str(value)) else known
+        raise InputError(f"row {int(bad[0])} is {str(value)[:40]!r}, not a number", file=file, field=name, mend=mend)
+    return np.asarray(parsed)
+
+
+def _check_time(time: NDArray[np.float64], refuse: Callable[[str, str, str], NoReturn]) -> None:
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        row = int(np.argmax(steps <= 0)) + 1
+        refuse(f"row {row} (t = {time[row]:g} s) does not increase", "time", "sort the rows, drop repeated ones")
+    typical, mean = float(np.median(steps)), float(steps.mean())
+    if abs(typical / PERIOD - 1) > 0.01:
+        if abs(typical - 1) < 0.01:
+            refuse("looks like milliseconds: one row per 1 s", "time", "divide column time by 1000")
+        thin = typical < 0.6 * PERIOD
+        mend = f"keep every {round(PERIOD / typical)}th row" if thin else "record at 1 kHz, or resample to it"
+        refuse(f"sampled at {1 / typical:.6g} Hz, expected 1000 Hz", "time", mend)
+    odd = np.flatnonzero((steps > 1.5 * PERIOD) | (steps < 0.5 * PERIOD))
+    if len(odd):
+        row = int(odd[0]) + 1
+        what = "gap" if steps[row - 1] > PERIOD else "step"
+        mend = "cut the log there, or fill the missing rows" if what == "gap" else "resample to 1 kHz"
+        size = f"{1e3 * steps[row - 1]:.4g} ms, expected 1 ms"
+        refuse(f"row {row} (t = {time[row]:g} s) follows a {what} of {size}", "time", mend)
+    if abs(mean / PERIOD - 1) > 0.01:
+        refuse(f"sampled at {1 / mean:.6g} Hz on average, expected 1000 Hz", "time", "resample to 1 kHz")
+
+
+def _check_units(numbers: Mapping[str, NDArray[np.float64]], refuse: Callable[[str, str, str], NoReturn]) -> None:
+    def within(name: str, scale: float = 1.0, of: str | None = None) -> bool:
+        column, values = COLUMNS[of or name], numbers[name]
+        return bool(values.min() * scale >= column.low and values.max() * scale <= column.high)
+
+    if not within("z") and within("x", of="z") and within("z", of="x"):
+        reach = numbers["z"].max()
+        refuse(f"reaches {reach:.4g} m, beyond the z stroke, while x stays inside it", "z", "swap columns x and z")
+    for name in numbers:
+        if within(name):
+            continue
+        low, high, unit = COLUMNS[name].low, COLUMNS[name].high, COLUMNS[name].unit
+        row = int(np.argmax((numbers[name] < low) | (numbers[name] > high)))
+        small = within(name, 1e-3)
+        span = _SPAN.get(name, f"{low:g}..{high:g}")
+        looks = f", looks like m{unit}" if small else ""
+        mend = f"divide column {name} by 1000" if small else "check the column's unit, zero and order"
+        refuse(f"row {row} is {numbers[name][row]:.6g}, expected {span} {unit}{looks}", name, mend)
+    for name in ("v_x", "v_z"):
+        noise = float(np.std(np.diff(numbers[name])))  # a tachometer's noise in mm/s is 1000 times too large
+        if noise > 150 * SIGMA[name]:
+            refuse(f"noise of {noise:.2g} m/s, looks like mm/s", name, f"divide column {name} by 1000")
+
+
+# ---------------------------------------------------------------- checks that only warn
+
+
+def log_warnings(log: Log) -> list[str]:
+    """What is suspicious about a usable log, one sentence each: stuck or clipped channels, swapped or reversed columns,
+    speeds that disagree with positions, offsets, a start that is not at rest. Empty for a sound log."""
+    return [*_stuck_or_clipped(log), *_force_order(log), *_speeds(log), *_start(log)]
+
+
+def _runs(values: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First rows and lengths of the stretches over which a channel does not change."""
+    first = np.flatnonzero(np.r_[True, values[1:] != values[:-1]])
+    return first, np.diff(np.r_[first, len(values)])
+
+
+def _stuck_or_clipped(log: Log) -> Iterator[str]:
+    runs = {name: _runs(log[name]) for name in MEASURED}
+    longest = {name: int(lengths.max()) for name, (_, lengths) in runs.items()}
+    if float(np.median(list(longest.values()))) >= 50:
+        return  # a log without noise, or all coarse: standing still is no sign of a fault
+    for name, (first, lengths) in runs.items():
+        values, unit = log[name], COLUMNS[name].unit
+        row = int(first[np.argmax(lengths)])
+        held = np.unique(values[first[lengths >= 20]])
+        if longest[name] == len(log):
+            yield f"{name} reads {values[0]:g} {unit} throughout: is the sensor connected?"
+        elif name.startswith("f_") and len(held) and set(held) <= {values.min(), values.max()} and abs(held).min() > 5:
+            yield f"{name} looks clipped at {' and '.join(f'{v:g}' for v in held)} {unit}: widen the sensor's range"
+        elif longest[name] >= 500:
+            held_for = f"{longest[name] * PERIOD:.1f} s from row {row}"
+            yield f"{name} holds {values[row]:g} {unit} for {held_for}: stuck, or a coarse converter"
+
+
+def _force_order(log: Log) -> Iterator[str]:
+    f_x, f_z, f_ax, f_az = (log[name] for name in ("f_x", "f_z", "f_ax", "f_az"))
+    rms_x, rms_z = float(np.sqrt(np.mean(f_x**2))), float(np.sqrt(np.mean(f_z**2)))
+    if rms_x > 2.0 and rms_x > 2 * rms_z:
+        yield f"f_x carries the contact force ({rms_x:.1f} N RMS; f_z {rms_z:.1f} N): are columns f_x and f_z swapped?"
+    elif rms_z > 2.0 and np.mean(f_z) < -0.5 * rms_z:
+        yield "f_z is negative in contact; it is the robot's force on the workpiece, > 0: is its sign reversed?"
+    pushes_x, pushes_z = float(np.mean(f_ax)), float(np.mean(f_az))
+    if pushes_x > 5 and pushes_z < -5:
+        yield "f_ax is positive and f_az negative, expected the reverse: are columns f_ax and f_az swapped?"
+    elif pushes_x > 5:
+        yield "f_ax is positive; the x valve pushes to -x: is its sign reversed?"
+    elif pushes_z < -5:
+        yield "f_az is negative; the z valve pushes to +z: is its sign reversed?"
+
+
+def _speeds(log: Log) -> Iterator[str]:
+    window = 250  # rows: long against a tachometer's lag, short against a stroke
+    moved, driven = {}, {}
+    for axis in "xz":
+        travel = np.r_[0.0, np.cumsum(log[f"v_{axis}"])[:-1]] * PERIOD
+        moved[axis] = log[axis][window:] - log[axis][:-window]
+        driven[axis] = travel[window:] - travel[:-window]
+    for axis, other in ("xz", "zx"):
+        if len(log) < 4 * window or float(np.std(moved[axis])) < 10 * SIGMA[axis]:
+            continue  # the axis hardly moves: nothing to compare
+        power = float(np.mean(moved[axis] ** 2))
+        slope = float(np.mean(moved[axis] * driven[axis])) / power
+        rest = float(np.sqrt(np.mean((moved[axis] - driven[axis]) ** 2)))
+        crossed = float(np.sqrt(np.mean((moved[axis] - driven[other]) ** 2)))
+        drift = float(np.mean(driven[axis] - moved[axis])) / (window * PERIOD)
+        if crossed < 0.2 * rest:
+            yield f"the integral of v_{other} follows {axis}, not that of v_{axis}: are columns v_x and v_z swapped?"
+        elif slope < -0.5:
+            yield f"v_{axis} runs against d{axis}/dt: is the sign of v_{axis} or of {axis} reversed?"
+        elif not 0.8 < slope < 1.25:
+            yield f"v_{axis} is {slope:.3g} times d{axis}/dt: check the unit and scale of v_{axis} and {axis}"
+        elif abs(drift) > 20 * SIGMA[f"v_{axis}"]:
+            yield f"v_{axis} reads {drift:+.3g} m/s more than d{axis}/dt on average: an offset?"
+
+
+def _start(log: Log) -> Iterator[str]:
+    for name in ("v_x", "v_z", "f_ax", "f_az"):
+        first = float(np.mean(log[name][:5]))
+        limit = 20 * SIGMA[name] if name.startswith("v") else 5.0
+        if abs(first) > limit:
+            yield f"{name} starts at {first:.3g} {COLUMNS[name].unit}: the log does not start at rest, or an offset"
+    for name in ("f_x", "f_z"):
+        first = float(np.mean(log[name][:50]))
+        if abs(first) > 0.3:
+            yield f"{name} starts at {first:.3g} N: an offset, unless the log starts in contact"
+    for axis, stroke in (("x", STROKE_X), ("z", STROKE_Z)):
+        low, high = float(log[axis].min()), float(log[axis].max())
+        if low < -10 * SIGMA[axis] or high > stroke + 10 * SIGMA[axis]:
+            yield f"{axis} spans {low:.4g}..{high:.4g} m, outside the stroke 0..{stroke:g} m: an offset?"
