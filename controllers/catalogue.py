@@ -2,13 +2,16 @@
 
 from collections.abc import Callable
 from difflib import get_close_matches
+from functools import partial
 from typing import Any
 
 from controllers.combined_comp import CombinedComp
 from controllers.ddfm_comp import DdfmComp
 from controllers.dfv import Dfv
+from controllers.ebpa_comp import EbpaComp
 from controllers.gain_scheduler import GainScheduler
 from controllers.interface import Controller
+from controllers.mbpm_comp import MbpmComp
 from controllers.pi_fv import PiFv
 from controllers.pid_fv import PidFv
 from controllers.pressure_feedback import PressureFeedback
@@ -23,6 +26,11 @@ CATALOGUE: dict[str, Callable[..., Controller]] = {
     "pi_fv_ddfm": DdfmComp,
     "pi_fv_combined": CombinedComp,
     "pi_fv_scheduled": GainScheduler,
+    "pi_fv_ebpa": EbpaComp,
+    "pi_fv_ebpa_zero": partial(EbpaComp, weight=0.0),
+    "pi_fv_mbpm": MbpmComp,
+    "pi_fv_mbpm_5": partial(MbpmComp, n_i=5),
+    "pi_fv_mbpm_both": partial(MbpmComp, axes="both"),
     "pi_fv_smith": Smith,
     "pi_fv_pressure": PressureFeedback,
 }

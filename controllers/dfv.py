@@ -82,6 +82,7 @@ class Dfv(Controller[DfvParams, DfvState]):
 
     def __init__(
         self,
+        *,
         force: PidGains = TABLE_3_11.f_z,
         velocity: PidGains = TABLE_3_11.v_x,
         friction: float = 1.0,

@@ -45,7 +45,7 @@ def ebpa_comp_kernel(
     return EbpaCompState(fv, state.nn, state.p), command
 
 
-def ebpa_params(**options: float) -> EbpaParams:
+def ebpa_params(**options: Any) -> EbpaParams:
     """Raises ValueError for n_h < 1, a negative rate, alpha outside 0..1, U <= Q and a slope or limit <= 0."""
     params = EbpaParams(**options)
     if params.n_h < 1:

@@ -1,7 +1,7 @@
 """What every controller takes, gives and holds."""
 
 from collections.abc import Callable
-from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from numba.extending import register_jitable
 
@@ -52,11 +52,14 @@ class Controller(Generic[Params, State]):
     ``controller.state`` as arguments, and store the last state back.
     """
 
-    kernel: ClassVar[Kernel]
-
     def __init__(self, params: Params) -> None:
         self.params = params
         self.reset()
+
+    @staticmethod
+    def kernel(params: Any, state: Any, reference: Any, sense: Any) -> tuple[Any, "Command"]:
+        """State and command after the sample; a subclass sets ``kernel = staticmethod(its_kernel)``."""
+        raise NotImplementedError
 
     def initial_state(self) -> State:
         """State at the start of the contact phase."""

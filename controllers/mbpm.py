@@ -8,14 +8,14 @@ W_i += dt (H_2 sigma_i sigma_3' e - H_2 sigma_i' (sum_j V_ij p_j) sigma_3' e - l
 Departures from the print, each with its reason:
 - D carries the sign of e: with the printed minus and k_v = 0.1 V/N the force loop has a positive feedback five times
   its K_p (measured: f_n runs away); Lewis et al. add the term along the error.
-- H_1, H_2 act per second, not per sample: Fig. D.3 integrates the updates with K Ts / (z - 1). Per sample, H = 0.4 makes
-  an integral gain of some 1e2 V/(N s) where the loop bears 2.
+- H_1, H_2 act per second, not per sample: Fig. D.3 integrates the updates with K Ts / (z - 1). Per sample, H = 0.4
+  makes an integral gain of some 1e2 V/(N s) where the loop bears 2.
 - the error modification uses |e| (the printed |e| e would grow the weights where e < 0); Fig. D.3: lambda n(z) W.
 Silent: G_max (0 here). ``linear=True`` drops sigma_3, as Fig. D.3 draws it.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
@@ -48,19 +48,18 @@ class MbpmState(NamedTuple):
 @register_jitable
 def mbpm_output(params: MbpmParams, state: MbpmState, p: np.ndarray, e: float) -> tuple[float, float]:
     """u_NN [V] and sigma_3'; leaves vp and sigma for ``mbpm_learn``."""
-    n_h, n_i = state.v.shape
+    v, w, vps, sigmas = state
+    n_h, n_i = params.n_h, p.shape[0]
     net, norm = params.bias, 0.0
     for i in range(n_h):
         vp = 0.0
         for j in range(n_i):
-            v = state.v[i, j]
-            vp += v * p[j]
-            norm += v * v
-        state.vp[i] = vp
-        state.sigma[i] = logistic(params.slope * (vp + params.bias))
-        w = state.w[i]
-        net += w * state.sigma[i]
-        norm += w * w
+            vp += v[i, j] * p[j]
+            norm += v[i, j] * v[i, j]
+        vps[i] = vp
+        sigmas[i] = logistic(params.slope * (vp + params.bias))
+        net += w[i] * sigmas[i]
+        norm += w[i] * w[i]
     d = params.k_z * (math.sqrt(norm) + params.g_max) * e + params.k_v * e
     if params.linear:
         return net - params.bias + d, 1.0
@@ -72,17 +71,17 @@ def mbpm_output(params: MbpmParams, state: MbpmState, p: np.ndarray, e: float) -
 def mbpm_learn(params: MbpmParams, state: MbpmState, p: np.ndarray, e: float, step: tuple[float, float]) -> None:
     """Update V and W in place; step: sigma_3' of this sample and dt [s]."""
     slope_3, dt = step
-    n_h, n_i = state.v.shape
+    v, w, vps, sigmas = state
+    n_h, n_i = params.n_h, p.shape[0]
     fade = params.lam * abs(e)
     for i in range(n_h):
-        w, sigma = state.w[i], state.sigma[i]
+        sigma = sigmas[i]
         slope_2 = params.slope * sigma * (1.0 - sigma)
-        back = w * slope_2 * slope_3 * e
+        back = w[i] * slope_2 * slope_3 * e
         for j in range(n_i):
-            v = state.v[i, j]
-            state.v[i, j] = limited(v + dt * params.h_1 * (p[j] * back - fade * v), params.limit)
-        ahead = (sigma - slope_2 * state.vp[i]) * slope_3 * e
-        state.w[i] = limited(w + dt * params.h_2 * (ahead - fade * w), params.limit)
+            v[i, j] = limited(v[i, j] + dt * params.h_1 * (p[j] * back - fade * v[i, j]), params.limit)
+        ahead = (sigma - slope_2 * vps[i]) * slope_3 * e
+        w[i] = limited(w[i] + dt * params.h_2 * (ahead - fade * w[i]), params.limit)
 
 
 def mbpm_state(params: MbpmParams, n_i: int) -> MbpmState:
@@ -90,7 +89,7 @@ def mbpm_state(params: MbpmParams, n_i: int) -> MbpmState:
     return MbpmState(np.full((n_h, n_i), weight), np.full(n_h, weight), np.zeros(n_h), np.zeros(n_h))
 
 
-def mbpm_params(**options: float) -> MbpmParams:
+def mbpm_params(**options: Any) -> MbpmParams:
     """Raises ValueError for n_h < 1, a negative rate or gain and a slope or limit <= 0."""
     params = MbpmParams(**options)
     if params.n_h < 1:
@@ -101,4 +100,5 @@ def mbpm_params(**options: float) -> MbpmParams:
     for name in ("slope", "limit"):
         if not getattr(params, name) > 0.0:
             raise ValueError(f"{name} must be > 0, got {getattr(params, name)}")
-    return MbpmParams(int(params.n_h), *map(float, params[1:-1]), bool(params.linear))
+    floats = {name: float(value) for name, value in params._asdict().items() if name not in ("n_h", "linear")}
+    return MbpmParams(n_h=int(params.n_h), linear=bool(params.linear), **floats)

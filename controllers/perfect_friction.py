@@ -44,7 +44,8 @@ def perfect_friction_kernel(
 ) -> tuple[PiFvState, Command]:
     a_x = (sense.friction_x + params.c_x * sense.v_x) / params.k_x
     a_z = (sense.friction_z + params.c_z * sense.v_z) / params.k_z
-    return pi_fv_law(params.fv, state, fv_errors(reference, task_frame(sense)), a_x, a_z)
+    frame = task_frame(sense)  # type: ignore[arg-type]  # has every field of Sense
+    return pi_fv_law(params.fv, state, fv_errors(reference, frame), a_x, a_z)
 
 
 class PerfectFriction(Controller[PerfectFrictionParams, PiFvState]):

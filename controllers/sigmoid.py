@@ -4,7 +4,7 @@ import math
 
 from numba.extending import register_jitable
 
-A_MAX = 500.0  # exp(500) = 1e217: beyond, the logistic is 0 or 1 to 200 digits
+A_MAX = 100.0  # exp(-100) = 4e-44: small enough to be 0, large enough that products of it do not underflow
 
 
 @register_jitable

@@ -1,9 +1,9 @@
 """Smith predictor on the z force loop (§5.3, Fig. 5.8).
 
 Model of the loop (Fig. 5.7 with the lag of Eq. 4-5): tau f' + f = K_z (u_z - u_0z); m d" + (C_c + C_z) d' + K_c d = f;
-f_z = C_c d' + K_c d. The PI law acts on the lag free part of the model: e_fz <- e_fz - (f_z without lag - f_z with lag).
-As the model is linear this difference is its response to the force difference K_z (u_z - u_0z) - f: three states,
-advanced with the exact solution for a command held over dt. The lagged force starts at the measured f_az.
+f_z = C_c d' + K_c d. The PI law acts on the lag free part: e_fz <- e_fz - (f_z without lag - f_z with lag). As the
+model is linear this difference is its response to the force difference K_z (u_z - u_0z) - f: three states, advanced
+with the exact solution for a command held over dt. The lagged force starts at the measured f_az.
 """
 
 import math

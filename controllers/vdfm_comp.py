@@ -1,7 +1,7 @@
 """PI FV with VDFM based friction compensator (Fig. 3.11, Eq. 3-18 to 3-21).
 
-a_x = (F_x + C_x v_x) / K_x and a_z = (F_z + C_z v_z) / K_z [V] are added to c_x, c_z of PI FV. Within the stick band the
-driving force is f_a, as printed, or the net force f_a - f_c - F_w that the friction really holds (``net=True``).
+a_x = (F_x + C_x v_x) / K_x and a_z = (F_z + C_z v_z) / K_z [V] are added to c_x, c_z of PI FV. Within the stick band
+the driving force is f_a, as printed, or the net force f_a - f_c - F_w that the friction really holds (``net=True``).
 """
 
 from typing import NamedTuple, Unpack

@@ -21,7 +21,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     type EdgeShape = enumeration(
       straight "z_w = 0",
       inclined "constant slope",
-      curved "rises to 50 deg, then dips to -10 deg (Fig. 3.33, 4.36)");
+      curved "towards -x: a 50 deg fall, then a 10 deg rise (Fig. 3.33, 4.36)");
   end Types;
 
   import PneuGantry.Types.*;
@@ -349,4 +349,210 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     v_t = contact.v_t;
     theta = atan(workpiece.slope);
   end Gantry;
+
+  block Edge "Workpiece and contact as one block: positions and speeds in, contact force out"
+    Workpiece workpiece;
+    Contact contact;
+    input Position x(start = 0.95) "x piston position";
+    input Position z(start = 0) "z piston position";
+    input Velocity v_x(start = 0);
+    input Velocity v_z(start = 0);
+    output Force f_x "Contact force of the robot on the workpiece, x";
+    output Force f_z "Contact force of the robot on the workpiece, z";
+    output Force f_n "Normal force, > 0 presses into the workpiece";
+  equation
+    workpiece.x = x;
+    workpiece.profile_at = 0;
+    workpiece.profile_height = 0;
+    workpiece.profile_slope = 0;
+    workpiece.profile_curvature = 0;
+    contact.z = z;
+    contact.v_x = v_x;
+    contact.v_z = v_z;
+    contact.height = workpiece.height;
+    contact.slope = workpiece.slope;
+    f_x = contact.f_x;
+    f_z = contact.f_z;
+    f_n = contact.f_n;
+  end Edge;
+
+  package Validation "One model per component whose answer is known in closed form: `error` stays below `tolerance`"
+    model ValveStep "f_a = f_inf (1 - exp(-t/tau))"
+      Valve valve;
+      parameter Real tolerance = 1e-8;
+      output Force error;
+    equation
+      valve.u = 1.535;
+      valve.s = 0.5;
+      valve.f_manual = 0;
+      error = valve.f_a - 80*(1 - exp(-time/0.15));
+    end ValveStep;
+
+    model ValveDelay "A command that rises evenly arrives delay_time later"
+      Valve valve(delay_time = 0.0123, tau = 0.05);
+      parameter Real tolerance = 1e-7;
+      output Force error;
+    protected
+      Real t_late;
+    equation
+      valve.u = 0.735 + 0.5*time;
+      valve.s = 0.5;
+      valve.f_manual = 0;
+      t_late = if time > 0.0123 then time - 0.0123 else 0;
+      error = valve.f_a - 50*(t_late - 0.05*(1 - exp(-t_late/0.05)));
+    end ValveDelay;
+
+    model ValvePlay "A rising command passes the play less its half-width; a small fall behind it does not pass"
+      Valve valve(play = 0.1, tau = 1e-3);
+      parameter Real tolerance = 1e-9;
+      output Force error;
+    equation
+      valve.u = if time < 0.5 then 1.735 else 1.635;
+      valve.s = 0.5;
+      valve.f_manual = 0;
+      error = if time < 0.05 then 0 else valve.f_a - 90;
+    end ValvePlay;
+
+    model SupplyDroop "At a constant force the supply falls to 1 - droop |f_a| / f_max with droop_time"
+      Valve valve(droop = 0.2, droop_time = 0.3, K = 0);
+      parameter Real tolerance = 1e-10;
+      output Ratio error;
+    protected
+      parameter Ratio share = 39/156;
+    equation
+      valve.u = 0;
+      valve.s = 0.5;
+      valve.f_manual = 39;
+      // supply for f_a = 39 (1 - exp(-t/0.15)), solved by hand
+      error = valve.supply - (1 - 0.2*share*(1 - (0.3*exp(-time/0.3) - 0.15*exp(-time/0.15))/0.15));
+    end SupplyDroop;
+
+    model ViscousAxis "Without Coulomb friction v = f/C (1 - exp(-C t/m))"
+      Cylinder axis(friction(law = FrictionLaw.none), s_high = 10);
+      parameter Real tolerance = 1e-8;
+      output Velocity error;
+    equation
+      axis.f_a = 25;
+      axis.f_c = 0;
+      axis.f_couple = 0;
+      axis.f_load = 0;
+      axis.clamp = false;
+      error = axis.v - 0.5*(1 - exp(-40*time/2.25));
+    end ViscousAxis;
+
+    model StickSlip "Break-away when the rising force reaches F_s, at rest before; the event's time is known"
+      Cylinder axis(s_high = 10, s_start = 1, F_w = 0);
+      parameter Real tolerance = 1e-8;
+      discrete Time t_slip(start = 0, fixed = true) "When the piston broke away";
+      output Real error;
+    equation
+      axis.f_a = 50*time;
+      axis.f_c = 0;
+      axis.f_couple = 0;
+      axis.f_load = 0;
+      axis.clamp = false;
+      when axis.f_a > 20 then
+        t_slip = time;
+      end when;
+      error = if time < 0.4 then axis.v elseif time < 0.41 then
+          axis.v - 50/40*((time - 0.4) - 2.25/40*(1 - exp(-40*(time - 0.4)/2.25))) else t_slip - 0.4;
+    end StickSlip;
+
+    model EndStop "Driven onto its stop the piston stays there at rest, and leaves it when pulled back"
+      Cylinder axis(friction(law = FrictionLaw.none), s_high = 0.1, F_w = 0, C = 0);
+      parameter Real tolerance = 1e-9;
+      output Position error;
+    protected
+      parameter Time t_hit = sqrt(2*0.1*2.25/20) "Constant acceleration 20/2.25";
+    equation
+      axis.f_a = if time < 1 then 20 else -20;
+      axis.f_c = 0;
+      axis.f_couple = 0;
+      axis.f_load = 0;
+      axis.clamp = false;
+      error = if time < t_hit then axis.s - 0.5*20/2.25*time^2 elseif time < 1 then axis.s - 0.1
+        elseif time < 1 + t_hit then axis.s - 0.1 + 0.5*20/2.25*(time - 1)^2 else axis.s;
+    end EndStop;
+
+    model DahlBranch "From rest the DDFM gives F = beta (1 - 1/(1 + sigma s/beta))"
+      Friction friction(law = FrictionLaw.ddfm);
+      parameter Real tolerance = 1e-8;
+      output Force error;
+    equation
+      friction.v = 0.001;
+      friction.s = 0.001*time;
+      friction.f_net = 0;
+      friction.f_load = 0;
+      error = friction.F - 12*(1 - 1/(1 + 1e5*0.001*time/12));
+    end DahlBranch;
+
+    model LuGreSteady "After sliding for long at one speed LuGre gives its Stribeck curve"
+      Friction friction(law = FrictionLaw.lugre);
+      parameter Real tolerance = 1e-9;
+      output Force error;
+    equation
+      friction.v = 0.02;
+      friction.s = 0.02*time;
+      friction.f_net = 0;
+      friction.f_load = 0;
+      error = if time < 0.5 then 0 else friction.F - (15 + 5*exp(-1));
+    end LuGreSteady;
+
+    model StribeckCurve "At a rising speed the stick band's friction decays from F_s to F_d"
+      Friction friction(law = FrictionLaw.stribeck);
+      parameter Real tolerance = 1e-10;
+      output Force error;
+    equation
+      friction.v = 0.02 + 0.1*time;
+      friction.s = 0.5;
+      friction.f_net = 100;
+      friction.f_load = 0;
+      error = friction.F - (15 + 5*exp(-(0.01 + 0.1*time)/0.02));
+    end StribeckCurve;
+
+    model EvenIndentation "Pressed in evenly the contact gives K_c delta + C_c v from onset on"
+      Edge edge;
+      parameter Real tolerance = 1e-10;
+      output Force error;
+    equation
+      edge.x = 0.5;
+      edge.z = 0.039 + 0.01*time;
+      edge.v_x = 0;
+      edge.v_z = 0.01;
+      error = edge.f_n - (if time > 0.1 then 1e4*0.01*(time - 0.1) + 30*0.01 else 0);
+    end EvenIndentation;
+
+    model InclinedForce "On an incline f_n splits into -sin and cos of its angle; the drag lies along the edge"
+      Edge edge(workpiece(shape = EdgeShape.inclined, incline = 0.3), contact(mu = 0.1, z_0 = 0));
+      parameter Real tolerance = 1e-10;
+      output Force error;
+    protected
+      Force f_n, f_t;
+    equation
+      edge.x = 0.95;
+      edge.z = 0.003/cos(0.3);
+      edge.v_x = -0.06*cos(0.3);
+      edge.v_z = -0.06*sin(0.3);
+      f_n = 1e4*0.003;
+      f_t = -0.1*f_n*tanh(0.06/2e-3);
+      error = abs(edge.f_n - f_n) + abs(edge.f_x - (-f_n*sin(0.3) + f_t*cos(0.3))) + abs(edge.f_z - (f_n*cos(0.3) + f_t*sin(0.3)));
+    end InclinedForce;
+
+    model CurvedEdge "The height of the curved edge is the integral of its slope"
+      Workpiece workpiece(shape = EdgeShape.curved, A = {2e-4, 8e-5, 3e-5});
+      parameter Real tolerance = 5e-9;
+      output Position error;
+    protected
+      Position integral(start = 0, fixed = true);
+      parameter Position at_start = 2e-4*sin(2*3.141592653589793*0.95/0.060 + 0.3) + 8e-5*sin(2*3.141592653589793*0.95/0.027 + 1.1) + 3e-5*sin(2*3.141592653589793*0.95/0.013 + 2.0);
+    equation
+      workpiece.x = 0.95 - 0.6*time;
+      workpiece.profile_at = 0;
+      workpiece.profile_height = 0;
+      workpiece.profile_slope = 0;
+      workpiece.profile_curvature = 0;
+      der(integral) = -0.6*workpiece.slope;
+      error = workpiece.height - integral - at_start;
+    end CurvedEdge;
+  end Validation;
 end PneuGantry;

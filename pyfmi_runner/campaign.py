@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pyfmi_runner.errors import InputError
 from pyfmi_runner.log import PERIOD, STROKE_X, STROKE_Z, Log, read_log, write_atomically, write_log
@@ -65,7 +65,7 @@ class LogSetup:
         """Stretches [t0, t1) in s over which an axis ("x" or "z") is clamped; infinite ends mean the log's ends."""
         return clamp_windows(self.clamped, self.phases)[axis]
 
-    def clamp_signal(self, axis: str, time: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def clamp_signal(self, axis: str, time: ArrayLike) -> NDArray[np.bool_]:
         """Whether an axis ("x" or "z") is clamped over [t_k, t_k + 1 ms); shape of time [s]."""
         instant = np.asarray(time, dtype=np.float64) + 0.5 * PERIOD  # half a sample off the edges: safe from rounding
         held = np.zeros(instant.shape, dtype=np.bool_)

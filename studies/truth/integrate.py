@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from studies.truth.plant import CREEP, MODES, STATES, WIDTH, plant_modes, plant_rates, settle
 from studies.truth.friction import SMOOTH, bristle_rate
+from studies.truth.plant import CREEP, MODES, STATES, WIDTH, plant_modes, plant_rates, settle
 
 _A = np.zeros((7, 6))
 _A[1, :1] = 1 / 5

@@ -6,8 +6,8 @@ import math
 
 from numba import njit
 
-from studies.truth.parameters import LAG
 from studies.truth.friction import along_stroke
+from studies.truth.parameters import LAG
 
 PLAYS = 8  # most plays in parallel
 

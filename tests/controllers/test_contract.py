@@ -82,6 +82,15 @@ def test_controller_pickles_with_its_state(controller, samples, run_python):
     assert run_python(copy, references, senses).tobytes() == run_python(controller, references, senses).tobytes()
 
 
+def test_run_may_go_on_in_python_after_the_compiled_loop(controller, samples, run_python, run_compiled):
+    references, senses = samples[0][:300], samples[1][:300]
+    whole = run_python(controller, references, senses)
+    controller.reset()
+    compiled = run_compiled(controller, references[:150], senses[:150])
+    python = run_python(controller, references[150:], senses[150:])
+    assert np.vstack([compiled, python]).tobytes() == whole.tobytes()
+
+
 def test_two_controllers_share_nothing(controller, samples, run_python):
     other = pickle.loads(pickle.dumps(controller))
     other.reset()

@@ -34,7 +34,7 @@ def sound_log(rows: int = 3000, seed: int = 1) -> Log:
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".csv"])
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(st.floats(0.0, 5.0), min_size=10, max_size=30),
     st.dictionaries(

@@ -33,7 +33,7 @@ SCENARIOS = st.builds(
 )
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(scenario=SCENARIOS)
 def test_a_scenario_survives_the_round_trip(tmp_path: Path, scenario: Scenario) -> None:
     write_scenario(scenario, tmp_path / "s.toml")

@@ -66,7 +66,7 @@ def test_kernel_and_arrays_and_compiled_kernel_agree(name: str) -> None:
     for x in (*X[:50].tolist(), -0.2, 1.3):
         local = local_profile(*grid, x)
         assert local == local_compiled(*grid, x)
-        assert local == (profile.height(x), profile.slope(x), profile.curvature(x))
+        assert local == tuple(float(of(x)) for of in (profile.height, profile.slope, profile.curvature))
     assert all(math.isnan(compute(*grid, math.nan)[0]) for compute in (local_profile, local_compiled))
 
 
@@ -74,7 +74,9 @@ def test_a_users_profile_runs_through_its_points_and_straight_on(tmp_path: Path)
     path = tmp_path / "wave.csv"
     x = np.linspace(1.0, 0.3, 141)  # falling, as the tracking runs
     z_w = 0.01 * np.sin(2 * np.pi * (x - 0.3) / 0.35)
-    path.write_text("# my edge\nx,z_w\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x.tolist(), z_w.tolist(), strict=True)))
+    path.write_text(
+        "# my edge\nx,z_w\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x.tolist(), z_w.tolist(), strict=True))
+    )
     profile = workpiece(str(path))
     assert profile.height(x) == pytest.approx(z_w, abs=1e-9)
     inner = np.linspace(0.31, 0.99, 1000)

@@ -538,7 +538,7 @@ CoreStatus core_initialise(Instance *s, double start_time) {
     double x[AT_LEAST_1(N_STATES)], on[AT_LEAST_1(N_BRANCHES)];
     prepare(s);
     model_starts(&c->q, x);
-    for (size_t i = 0; i < N_STATES; i++)
+    for (int i = 0; i < N_STATES; i++)
         if (model_variables[model_state_references[i]].settable == SET_NEVER) c->q.x[i] = x[i];
     model_memory_starts(&c->q, c->q.d);
     memcpy(c->q.pre, c->q.d, sizeof c->q.pre);
@@ -592,7 +592,7 @@ CoreStatus core_set_time(Instance *s, double time) {
 }
 
 CoreStatus core_set_states(Instance *s, const double *x) {
-    for (size_t i = 0; i < N_STATES; i++)
+    for (int i = 0; i < N_STATES; i++)
         if (!isfinite(x[i])) return say(s, CORE_ERROR, "logStatusError", "%s is not finite", state_name(i));
     memcpy(s->c.q.x, x, N_STATES * sizeof *x);
     invalidate(s);

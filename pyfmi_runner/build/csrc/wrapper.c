@@ -91,8 +91,7 @@ int wrapper_open(Wrapper *w, InterfaceKind kind, const char *name, const char *t
     w->name = malloc(strlen(name) + 1);
     w->states = calloc(model_n_states + 1, sizeof *w->states);
     w->indicators = calloc(model_n_indicators + 1, sizeof *w->indicators);
-    w->before = w->core ? malloc(core_snapshot_size(w->core) + 1) : NULL;
-    if (!w->core || !w->name || !w->states || !w->indicators || !w->before) {
+    if (!w->core || !w->name || !w->states || !w->indicators) {
         wrapper_report(w, CORE_ERROR, "instantiation failed: out of memory");
         return 0;
     }
@@ -168,11 +167,28 @@ CoreStatus wrapper_done(Wrapper *w, CoreStatus status)
     return status;
 }
 
+static CoreStatus out_of_memory(Wrapper *w, uint64_t size)
+{
+    return wrapper_report(w, CORE_ERROR, "out of memory for an FMU state of %lu bytes", (unsigned long)size);
+}
+
+static int resize_before(Wrapper *w, size_t size)
+{
+    void *bytes = size <= w->before_size ? w->before : realloc(w->before, size);
+    if (!bytes)
+        return 0;
+    w->before = bytes;
+    w->before_size = size;
+    return 1;
+}
+
 CoreStatus wrapper_ready(Wrapper *w)
 {
     CoreStatus status;
     if (w->r.phase != P_INITIALIZATION || w->r.initialised)
         return CORE_OK;
+    if (!resize_before(w, core_snapshot_size(w->core)))
+        return out_of_memory(w, core_snapshot_size(w->core));
     core_save(w->core, w->before);
     status = core_initialise(w->core, w->r.start_time);
     w->r.initialised = status < CORE_DISCARD;
@@ -246,7 +262,7 @@ CoreStatus wrapper_set(Wrapper *w, unsigned reference, double value)
     if (v->kind == VK_STATE && (w->r.phase & (P_EVENT | P_CONTINUOUS)))
         return set_state(w, v->index, value);
     if (w->r.initialised && w->r.phase == P_INITIALIZATION) {
-        const CoreStatus status = core_load(w->core, w->before, core_snapshot_size(w->core));
+        const CoreStatus status = core_load(w->core, w->before, w->before_size);
         if (status >= CORE_DISCARD)
             return status;
         w->r.initialised = 0;
@@ -318,7 +334,7 @@ static const char snapshot_magic[8] = "PGstate";
 static int is_snapshot(const Snapshot *s)
 {
     return memcmp(s->magic, snapshot_magic, sizeof s->magic) == 0 && s->build == FMU_BUILD && s->core_size < s->size &&
-           (s->before_size == 0 || s->before_size == s->core_size) && s->size == sizeof *s + s->core_size + s->before_size;
+           s->before_size < s->size && s->size == sizeof *s + s->core_size + s->before_size;
 }
 
 static const Snapshot *expect_snapshot(Wrapper *w, const void *state)
@@ -332,7 +348,7 @@ static const Snapshot *expect_snapshot(Wrapper *w, const void *state)
 CoreStatus wrapper_save(Wrapper *w, void **state)
 {
     const size_t core_size = core_snapshot_size(w->core);
-    const size_t before_size = w->r.phase == P_INITIALIZATION && w->r.initialised ? core_size : 0;
+    const size_t before_size = w->r.phase == P_INITIALIZATION && w->r.initialised ? w->before_size : 0;
     const size_t size = sizeof(Snapshot) + core_size + before_size;
     Snapshot *s;
     if (!state)
@@ -343,7 +359,7 @@ CoreStatus wrapper_save(Wrapper *w, void **state)
     if (!s || s->size < size)
         s = realloc(s, size);
     if (!s)
-        return wrapper_report(w, CORE_ERROR, "out of memory for an FMU state of %lu bytes", (unsigned long)size);
+        return out_of_memory(w, size);
     *state = s;
     memset(s, 0, sizeof *s); /* no undefined padding in serialised states */
     memcpy(s->magic, snapshot_magic, sizeof s->magic);
@@ -366,10 +382,12 @@ CoreStatus wrapper_load(Wrapper *w, const void *state)
         return CORE_ERROR;
     if (s->record.kind != w->r.kind)
         return wrapper_report(w, CORE_ERROR, "the FMU state is one of a %s instance", s->record.kind == CO_SIMULATION ? "co-simulation" : "model exchange");
+    if (s->before_size && !resize_before(w, s->before_size))
+        return out_of_memory(w, s->before_size);
     status = core_load(w->core, s + 1, s->core_size);
     if (status >= CORE_DISCARD)
         return CORE_ERROR;
-    if (s->before_size == core_snapshot_size(w->core))
+    if (s->before_size)
         memcpy(w->before, (const char *)(s + 1) + s->core_size, s->before_size);
     w->r = s->record;
     return status;
@@ -423,7 +441,7 @@ CoreStatus wrapper_deserialise(Wrapper *w, const void *bytes, size_t size, void 
         return wrapper_report(w, CORE_ERROR, "the serialised FMU state is truncated or from another build of the FMU");
     s = malloc(size);
     if (!s)
-        return wrapper_report(w, CORE_ERROR, "out of memory for an FMU state of %lu bytes", (unsigned long)size);
+        return out_of_memory(w, size);
     memcpy(s, bytes, size);
     if (checksum_of(s) != header.checksum) {
         free(s);

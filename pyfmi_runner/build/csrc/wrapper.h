@@ -48,6 +48,7 @@ struct Wrapper {
     char *name;
     double *states, *indicators; /* scratch */
     void *before; /* snapshot of the core before its initialisation, valid while initialised in Initialization Mode */
+    size_t before_size;
     Record r;
 };
 

@@ -1,0 +1,88 @@
+"""Modelica → FMU. `build_fmu` compiles and packages, and rebuilds only when its sources have changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+from pyfmi_runner.build.description import FmiVersion
+from pyfmi_runner.build.toolchain import find_compiler, find_platform, flags_for, host_platform
+
+__all__ = ["ROOT", "BuildResult", "build_fmu", "default_model", "fmu_path"]
+
+ROOT = Path(__file__).resolve().parents[2]
+COMPILER = Path(__file__).parent
+
+
+class BuildResult(NamedTuple):
+    path: Path
+    manifest: Path
+    rebuilt: bool
+
+
+def default_model() -> Path:
+    return ROOT / "models" / "PneuGantry.mo"
+
+
+def fmu_path(class_name: str, fmi: FmiVersion, out: Path) -> Path:
+    """File of a class's FMU: "PneuGantry_Gantry.fmu", and "..._fmi3.fmu" for FMI 3.0."""
+    suffix = "_fmi3" if fmi == "3.0" else ""
+    return out / f"{class_name.replace('.', '_')}{suffix}.fmu"
+
+
+def build_fmu(
+    class_name: str = "PneuGantry.Gantry",
+    model: Path | None = None,
+    fmi: FmiVersion = "2.0",
+    out: Path | None = None,
+    platforms: Sequence[str] | None = None,
+    force: bool = False,
+) -> BuildResult:
+    """Builds the FMU of a Modelica class into the folder `out` (the project's `fmus/`).
+
+    It is rebuilt only if the Modelica file, the compiler, its libraries, the C compiler, its flags or the platforms differ from those
+    that the manifest beside it names. Raises InputError for unusable Modelica, an unknown platform and a missing C compiler.
+    """
+    model = model or default_model()
+    path = fmu_path(class_name, fmi, out or ROOT / "fmus")
+    manifest = path.with_suffix(".manifest.json")
+    key = _source_key(model, class_name, fmi, platforms)
+    if not force and _fresh(path, manifest, key):
+        return BuildResult(path, manifest, rebuilt=False)
+    from pyfmi_runner.build.compiler import compile_model  # rumoca and CasADi load only when something is built
+    from pyfmi_runner.build.package import package_fmu
+
+    compiled = compile_model(model, class_name)
+    provenance = {"source_key": key, "modelica_sha256": _sha256(model.read_bytes()), "modelica_file": model.name,
+                  "rumoca": version("rumoca"), "casadi": version("casadi")}  # fmt: skip
+    package_fmu(compiled, fmi, path, platforms, provenance=provenance)
+    return BuildResult(path, manifest, rebuilt=True)
+
+
+def _fresh(path: Path, manifest: Path, key: str) -> bool:
+    try:
+        return zipfile.is_zipfile(path) and json.loads(manifest.read_text(encoding="utf-8")).get("source_key") == key
+    except (OSError, ValueError):
+        return False
+
+
+def _source_key(model: Path, class_name: str, fmi: str, platforms: Sequence[str] | None) -> str:
+    """Hash of all that decides what the FMU will be."""
+    targets = [find_platform(name) for name in platforms] if platforms else [host_platform()]
+    digest = hashlib.sha256(f"{class_name} {fmi} {version('rumoca')} {version('casadi')} {version('fmpy')}".encode())
+    for target in targets:
+        compiler = find_compiler(target)
+        digest.update(f"{target.fmi3} {compiler.version} {flags_for(compiler, target)}".encode())
+    files = sorted(p for p in COMPILER.rglob("*") if p.suffix in (".py", ".c", ".h"))
+    for file in [model, *files] if model.is_file() else files:
+        digest.update(f"\0{file.name}\0{_sha256(file.read_bytes())}".encode())
+    return digest.hexdigest()
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

@@ -1,0 +1,173 @@
+"""An FMU on disk: its description, and its content unpacked to a cache. A file from anywhere may come in: it is read with suspicion.
+
+FMI 2.0 and 3.0. Nothing here runs code of the FMU.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform as host
+import shutil
+import stat
+import sys
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Literal
+
+from pyfmi_runner.errors import InputError
+from pyfmi_runner.fmu_description import Description, FmuVariable, parse_description
+
+__all__ = ["FmuFile", "FmuVariable", "Kind"]
+
+Kind = Literal["cs", "me"]
+
+MAX_MEMBERS = 10_000
+MAX_BYTES = 2**30  # unpacked
+MAX_RATIO = 500  # unpacked to packed, of members over 1 MiB
+MAX_DESCRIPTION_BYTES = 64 * 2**20
+_REBUILD = "build or download the FMU again"
+
+
+@dataclass(frozen=True)
+class FmuFile:
+    """path: as given; sha256: of the file; description: what modelDescription.xml says."""
+
+    path: Path
+    sha256: str
+    description: Description
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> FmuFile:
+        """InputError on anything but a readable FMU of version 2.0 or 3.0."""
+        file = Path(path)
+        if not file.is_file():
+            raise InputError("no such file", file=file, mend="build it with `pneugantry build` or correct the path")
+        data = file.read_bytes()
+        with _archive(file) as archive:
+            _check_members(file, archive)
+            try:
+                info = archive.getinfo("modelDescription.xml")
+            except KeyError:
+                raise InputError("modelDescription.xml is missing", file=file, mend=f"this is no FMU; {_REBUILD}") from None
+            if info.file_size > MAX_DESCRIPTION_BYTES:
+                raise InputError(f"{info.file_size} bytes", file=file, field="modelDescription.xml", mend=_REBUILD)
+            description = parse_description(_read(file, archive, info), file)
+        return cls(file, hashlib.sha256(data).hexdigest(), description)
+
+    @property
+    def variables(self) -> dict[str, FmuVariable]:
+        return self.description.variables
+
+    def identifier(self, kind: Kind) -> str:
+        """Model identifier of an interface; InputError if the FMU lacks it."""
+        identifier = self.description.identifiers.get(kind)
+        if identifier is None:
+            names = {"cs": "co-simulation", "me": "model exchange"}
+            raise InputError(f"the FMU has no {names[kind]} interface", file=self.path, mend="build it with both interfaces")
+        return identifier
+
+    def library(self, kind: Kind) -> Path:
+        """The shared library for this machine, unpacked."""
+        folder, extension = _binary_folder(self.description.fmi)
+        name = f"binaries/{folder}/{self.identifier(kind)}{extension}"
+        with _archive(self.path) as archive:
+            names = archive.namelist()
+        if name not in names:
+            others = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and n.count("/") > 1})
+            raise InputError(
+                f"no binary for this machine ({name}); the FMU has {', '.join(others) or 'none'}",
+                file=self.path,
+                mend=f"build it with `pneugantry build --platform {folder}`",
+            )
+        return self.unpack() / name
+
+    def unpack(self) -> Path:
+        """The FMU's content in the cache, in a folder named by its hash; unpacked once."""
+        folder = cache_folder() / self.sha256
+        if folder.is_dir():
+            return folder
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix="unpack-", dir=folder.parent))
+        try:
+            with _archive(self.path) as archive:
+                for info in _check_members(self.path, archive):
+                    target = temporary.joinpath(*PurePosixPath(info.filename).parts)
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    target.write_bytes(_read(self.path, archive, info))
+            _publish(temporary, folder)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+        return folder
+
+
+def cache_folder() -> Path:
+    """$PNEUGANTRY_CACHE, else the user's cache folder."""
+    if explicit := os.environ.get("PNEUGANTRY_CACHE"):
+        return Path(explicit) / "fmu"
+    base = os.environ.get("LOCALAPPDATA") if sys.platform == "win32" else os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "pneugantry" / "fmu"
+
+
+def _publish(temporary: Path, folder: Path) -> None:
+    try:
+        temporary.rename(folder)
+    except OSError:
+        if not folder.is_dir():  # else another process was faster: same content
+            raise
+
+
+def _binary_folder(fmi: str) -> tuple[str, str]:
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(host.machine().lower(), host.machine().lower())
+    system = host.system().lower()
+    extension = {"windows": ".dll", "darwin": ".dylib"}.get(system, ".so")
+    two = {"windows": "win64", "linux": "linux64", "darwin": "darwin64"}
+    if fmi == "2.0" and machine == "x86_64" and system in two:
+        return two[system], extension
+    return f"{machine}-{system}", extension
+
+
+def _archive(file: Path) -> zipfile.ZipFile:
+    try:
+        return zipfile.ZipFile(file)
+    except (zipfile.BadZipFile, OSError, NotImplementedError) as error:
+        raise InputError(f"not a zip archive, or a truncated one ({error})", file=file, mend=_REBUILD) from None
+
+
+def _read(file: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytes:
+    try:
+        return archive.read(info)  # zipfile stops at the declared size and checks the checksum
+    except Exception as error:  # zlib, lzma, struct, EOF, encryption, an unknown method: all mean a file that cannot be read
+        raise InputError(f"cannot be unpacked ({error})", file=file, field=info.filename, mend=_REBUILD) from None
+
+
+def _check_members(file: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    """The members that are files; InputError on one that leaves the folder or on an absurd size."""
+    members = archive.infolist()
+    total = sum(info.file_size for info in members)
+    if len(members) > MAX_MEMBERS or total > MAX_BYTES:
+        raise InputError(
+            f"{len(members)} members of {total} bytes; at most {MAX_MEMBERS} and {MAX_BYTES} are read", file=file, mend=_REBUILD
+        )
+    seen: set[str] = set()
+    for info in members:
+        for fault in _faults(info, seen):
+            raise InputError(fault, file=file, field=info.filename, mend=f"do not trust this file; {_REBUILD}")
+        seen.add(info.filename)
+    return [info for info in members if not info.is_dir()]
+
+
+def _faults(info: zipfile.ZipInfo, seen: set[str]) -> Iterator[str]:
+    name = info.orig_filename
+    parts = PurePosixPath(name).parts
+    if not parts or name.startswith("/") or ".." in parts or "\\" in name or ":" in name or "\0" in name:
+        yield "this path leaves the folder it is unpacked to"
+    if stat.S_ISLNK(info.external_attr >> 16):
+        yield "symbolic links are refused"
+    if info.filename in seen:
+        yield "this path occurs twice"
+    if info.file_size > 2**20 and info.file_size > MAX_RATIO * max(info.compress_size, 1):
+        yield f"{info.file_size} bytes packed into {info.compress_size} bytes"

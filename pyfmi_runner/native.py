@@ -1,0 +1,43 @@
+"""Calls of an FMU's C functions by address from numba-compiled code: no Python between the loop and the FMU."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+__all__ = ["call_step", "call_values"]
+
+_POINTER = ir.IntType(8).as_pointer()
+
+
+def _call(builder: Any, address: Any, arguments: list[Any]) -> Any:
+    """int (*)(...) at `address`, an integer."""
+    kind = ir.FunctionType(ir.IntType(32), [a.type for a in arguments])
+    return builder.call(builder.inttoptr(address, kind.as_pointer()), arguments)
+
+
+@intrinsic
+def call_values(typingctx: Any, function: Any, component: Any, references: Any, count: Any, values: Any) -> Any:
+    """fmi2SetReal, fmi2GetReal, fmi2SetBoolean: status = f(component, references, count, values); pointers as integers."""
+    signature = types.int32(types.uintp, types.uintp, types.uintp, types.uintp, types.uintp)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        f, c, r, n, v = args
+        return _call(builder, f, [builder.inttoptr(c, _POINTER), builder.inttoptr(r, _POINTER), n, builder.inttoptr(v, _POINTER)])
+
+    return signature, generate
+
+
+@intrinsic
+def call_step(typingctx: Any, function: Any, component: Any, time: Any, step: Any) -> Any:
+    """fmi2DoStep: status = f(component, time, step, fmi2True)."""
+    signature = types.int32(types.uintp, types.uintp, types.float64, types.float64)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        f, c, time, step = args
+        return _call(builder, f, [builder.inttoptr(c, _POINTER), time, step, ir.Constant(ir.IntType(32), 1)])
+
+    return signature, generate

@@ -1,0 +1,64 @@
+"""How a set-up becomes parameters and inputs of the gantry FMU: the only place that knows the model's names."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Protocol
+
+from pyfmi_runner.workpiece import Profile, workpiece
+
+__all__ = ["CLAMPS", "COMMANDS", "DEFAULT_CLASS", "MANUAL", "OUTPUTS", "PROFILE", "TASK", "PlantSetup", "own_profile", "plant_parameters"]
+
+DEFAULT_CLASS = "PneuGantry.Gantry"
+COMMANDS = ("u_x", "u_z")  # V
+CLAMPS = ("clamp_x", "clamp_z")
+MANUAL = ("f_manual_x", "f_manual_z")  # N
+PROFILE = ("profile_at", "profile_height", "profile_slope", "profile_curvature")
+OUTPUTS = ("x", "z", "v_x", "v_z", "f_x", "f_z", "f_ax", "f_az")  # in the order of the logs
+TASK = ("f_n", "v_t", "theta")
+SHAPES = {"straight": 1.0, "incline_7": 2.0, "incline_16": 2.0, "incline_30": 2.0, "curved": 3.0}  # Types.EdgeShape
+FINISH = (0.20e-3, 0.08e-3, 0.03e-3)  # m, amplitudes of the medium surface finish, plant.md [A]
+
+
+class PlantSetup(Protocol):
+    """What a `Scenario` and a `LogSetup` have in common."""
+
+    @property
+    def start_x(self) -> float: ...
+    @property
+    def start_z(self) -> float: ...
+    @property
+    def workpiece(self) -> str: ...
+    @property
+    def z_0(self) -> float: ...
+    @property
+    def surface_finish(self) -> bool: ...
+
+
+def plant_parameters(setup: PlantSetup) -> dict[str, float]:
+    """Parameters of the FMU for a start, a workpiece and its stand-off."""
+    parameters = {"axis_x.s_start": setup.start_x, "axis_z.s_start": setup.start_z}
+    if setup.workpiece == "none":
+        return parameters | {"contact.present": 0.0}
+    parameters |= {"contact.z_0": setup.z_0, "workpiece.shape": SHAPES.get(setup.workpiece, 1.0)}
+    if setup.workpiece.startswith("incline_"):
+        parameters["workpiece.incline"] = math.radians(float(setup.workpiece.removeprefix("incline_")))
+    if setup.surface_finish and own_profile(setup) is None:
+        parameters |= {f"workpiece.A[{i}]": a for i, a in enumerate(FINISH, start=1)}
+    return parameters
+
+
+def own_profile(setup: PlantSetup) -> Profile | None:
+    """The user's own edge, which the loop feeds to the FMU as inputs; None for the shapes that the model holds."""
+    if setup.workpiece == "none" or setup.workpiece in SHAPES:
+        return None
+    return workpiece(setup.workpiece, surface_finish=setup.surface_finish)
+
+
+def merged(*tables: Mapping[str, float]) -> dict[str, float]:
+    """Later tables win."""
+    result: dict[str, float] = {}
+    for table in tables:
+        result.update(table)
+    return result

@@ -1,0 +1,90 @@
+"""A scenario run on the gantry FMU: from a `Scenario` to a `Log` with its provenance."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import time
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from controllers.catalogue import make_controller
+from controllers.interface import Controller
+from pyfmi_runner.campaign import scenario_setup, setup_table
+from pyfmi_runner.compiled_loop import compiled_loop
+from pyfmi_runner.errors import InputError
+from pyfmi_runner.fmu import FmuFile, FmuSession
+from pyfmi_runner.log import MEASURED, Log
+from pyfmi_runner.loop import Progress, Rows, python_loop
+from pyfmi_runner.plan import Plan, make_plan
+from pyfmi_runner.scenario import Scenario, scenario_text
+
+__all__ = ["RunResult", "make_scenario_controller", "run_scenario"]
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """A run's log, whole or as far as it came, and how it ended."""
+
+    log: Log
+    outcome: str  # "done", "cancelled", "failed"
+    reason: str  # one sentence where it is not "done"
+    seconds: float  # wall time of the loop
+
+
+def run_scenario(
+    scenario: Scenario, fmu: FmuFile, *, compiled: bool = True, progress: Progress | None = None, controller: Controller | None = None
+) -> RunResult:
+    """Runs `scenario` on `fmu` in the compiled or in the Python loop; both give the same bits.
+
+    `controller`: an own controller instead of the scenario's. Raises InputError for a parameter, controller or workpiece that the
+    scenario names wrongly; a run that fails on the way is a result with outcome "failed".
+    """
+    plan = make_plan(scenario)
+    chosen = controller or make_scenario_controller(scenario)
+    loop = compiled_loop if compiled else python_loop
+    with FmuSession(fmu, parameters=plan.parameters) as session:
+        started = time.perf_counter()
+        rows = loop(session, plan, chosen, scenario.sensors, progress)
+        seconds = time.perf_counter() - started
+    outcome = "failed" if rows.failure else "cancelled" if rows.cancelled else "done"
+    reason = rows.failure or (f"cancelled after {rows.done} of {plan.samples} samples" if rows.cancelled else "")
+    return RunResult(_log(scenario, plan, rows, fmu, outcome, reason), outcome, reason, seconds)
+
+
+def make_scenario_controller(scenario: Scenario) -> Controller:
+    """The controller that a scenario names, with its gains. Raises InputError for unknown names."""
+    try:
+        return make_controller(scenario.controller, gains=scenario.gains)
+    except ValueError as error:
+        raise InputError(str(error), field="controller", mend="choose a known controller and gain table") from None
+
+
+def _log(scenario: Scenario, plan: Plan, rows: Rows, fmu: FmuFile, outcome: str, reason: str) -> Log:
+    n = rows.done
+    table = pd.DataFrame({"time": np.arange(n) * scenario.timing.period, "u_x": rows.commands[:n, 0], "u_z": rows.commands[:n, 1]})
+    for column, name in enumerate(MEASURED):
+        table[name] = rows.measured[:n, column]
+    table["f_nd"], table["v_td"], table["theta"] = plan.f_nd[:n], plan.v_td[:n], rows.theta[:n]
+    table["phase"] = plan.phase[:n].astype(float)
+    return Log(table, scenario.name, _provenance(scenario, fmu, outcome, reason))
+
+
+def _provenance(scenario: Scenario, fmu: FmuFile, outcome: str, reason: str) -> dict[str, Any]:
+    path = Path(fmu.path)
+    packages = ("pneugantry", "fmpy", "numpy", "numba")
+    return {
+        "setup": setup_table(scenario_setup(scenario)),
+        "scenario": scenario_text(scenario),
+        "seed": scenario.seed,
+        "fmu": {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()},
+        "parameters": dict(scenario.plant),
+        "versions": {name: version(name) for name in packages} | {"python": platform.python_version()},
+        "outcome": outcome,
+        "reason": reason,
+    }
