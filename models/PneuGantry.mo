@@ -357,15 +357,19 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     input Position z(start = 0) "z piston position";
     input Velocity v_x(start = 0);
     input Velocity v_z(start = 0);
+    input Position profile_at(start = 0) "Own profile: position about which it is expanded";
+    input Position profile_height(start = 0) "Own profile: height there";
+    input Ratio profile_slope(start = 0) "Own profile: slope there";
+    input Real profile_curvature(start = 0, unit = "1/m") "Own profile: second derivative there";
     output Force f_x "Contact force of the robot on the workpiece, x";
     output Force f_z "Contact force of the robot on the workpiece, z";
     output Force f_n "Normal force, > 0 presses into the workpiece";
   equation
     workpiece.x = x;
-    workpiece.profile_at = 0;
-    workpiece.profile_height = 0;
-    workpiece.profile_slope = 0;
-    workpiece.profile_curvature = 0;
+    workpiece.profile_at = profile_at;
+    workpiece.profile_height = profile_height;
+    workpiece.profile_slope = profile_slope;
+    workpiece.profile_curvature = profile_curvature;
     contact.z = z;
     contact.v_x = v_x;
     contact.v_z = v_z;
@@ -515,6 +519,10 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
       parameter Real tolerance = 1e-10;
       output Force error;
     equation
+      edge.profile_at = 0;
+      edge.profile_height = 0;
+      edge.profile_slope = 0;
+      edge.profile_curvature = 0;
       edge.x = 0.5;
       edge.z = 0.039 + 0.01*time;
       edge.v_x = 0;
@@ -529,6 +537,10 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     protected
       Force f_n, f_t;
     equation
+      edge.profile_at = 0;
+      edge.profile_height = 0;
+      edge.profile_slope = 0;
+      edge.profile_curvature = 0;
       edge.x = 0.95;
       edge.z = 0.003/cos(0.3);
       edge.v_x = -0.06*cos(0.3);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from pyfmi_runner.plant import CLAMPS, COMMANDS, MANUAL, OUTPUTS, PROFILE
 from pyfmi_runner.sensors import SensorParams, initial_state, sense
 from pyfmi_runner.workpiece import local_profile
 
-__all__ = ["compiled_loop"]
+__all__ = ["FMI_WARNING", "compiled_loop", "native_values"]
 
 CHUNK = 4096  # samples between two looks at progress and cancel
 FMI_WARNING = 1
@@ -67,8 +68,8 @@ def compiled_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: 
     loop = _loop_for(type(controller).kernel)
     wiring, course = _wiring(fmu), _course(plan)
     state, sensor_state, acting, acted = controller.state, initial_state(), Command(*plan.approach), 0
-    for start in range(0, plan.samples, CHUNK):
-        stop = min(start + CHUNK, plan.samples)
+    started = 0.0
+    for start, stop in [(0, 0), *((k, min(k + CHUNK, plan.samples)) for k in range(0, plan.samples, CHUNK))]:
         status, rows.done, state, sensor_state, acting, acted, now = loop(
             wiring, course, sensors, controller.params, state, sensor_state, acting, acted, given, start, stop,
             rows.commands, rows.measured, rows.theta,
@@ -77,9 +78,12 @@ def compiled_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: 
         if status > FMI_WARNING:
             rows.failure = f"at t = {now * MICROSECOND:.6g} s: {fmu.stepped_natively(now * MICROSECOND, status)}"
             return rows
-        if progress is not None and not progress(stop, plan.samples):
+        if stop == 0:  # the empty first round compiles the loop
+            started = time.perf_counter()
+        elif progress is not None and not progress(stop, plan.samples):
             rows.cancelled = True
             break
+        rows.seconds = time.perf_counter() - started
     fmu.stepped_natively(rows.done * plan.period * MICROSECOND)
     return rows
 
@@ -102,7 +106,7 @@ def _course(plan: Plan) -> Course:
 
 
 @register_jitable
-def _values(function: int, component: int, references: NDArray[np.uint32], values: NDArray[Any]) -> int:
+def native_values(function: int, component: int, references: NDArray[np.uint32], values: NDArray[Any]) -> int:
     return call_values(function, component, references.ctypes.data, references.size, values.ctypes.data)
 
 
@@ -122,16 +126,16 @@ def _loop_for(kernel: Callable[..., Any]) -> Callable[..., Any]:
             end = np.int64((k + 1) * course.period)
             if k == 0 or course.clamps[k, 0] != course.clamps[k - 1, 0] or course.clamps[k, 1] != course.clamps[k - 1, 1]:
                 flags[:] = course.clamps[k]
-                status = max(status, _values(wiring.set_boolean, wiring.component, wiring.clamps, flags))
+                status = max(status, native_values(wiring.set_boolean, wiring.component, wiring.clamps, flags))
             if k == 0 or course.manual[k, 0] != course.manual[k - 1, 0] or course.manual[k, 1] != course.manual[k - 1, 1]:
                 two[:] = course.manual[k]
-                status = max(status, _values(wiring.set_real, wiring.component, wiring.manual, two))
+                status = max(status, native_values(wiring.set_real, wiring.component, wiring.manual, two))
             if course.own_profile:
-                status = max(status, _values(wiring.get_real, wiring.component, wiring.outputs[:1], one))
+                status = max(status, native_values(wiring.get_real, wiring.component, wiring.outputs[:1], one))
                 height, slope, curvature = local_profile(course.coefficients, course.x0, course.dx, one[0])
                 four[0], four[1], four[2], four[3] = one[0], height, slope, curvature
-                status = max(status, _values(wiring.set_real, wiring.component, wiring.profile, four))
-            status = max(status, _values(wiring.get_real, wiring.component, wiring.outputs, outputs))
+                status = max(status, native_values(wiring.set_real, wiring.component, wiring.profile, four))
+            status = max(status, native_values(wiring.get_real, wiring.component, wiring.outputs, outputs))
             true = (outputs[0], outputs[1], outputs[2], outputs[3], outputs[4], outputs[5], outputs[6], outputs[7])
             sensor_state, seen = sense(sensors, sensor_state, true, course.noise[k])
             if course.phase[k] == APPROACH:
@@ -149,13 +153,13 @@ def _loop_for(kernel: Callable[..., Any]) -> Callable[..., Any]:
                 measured[k, j] = seen[j]
             done = k + 1
             two[0], two[1] = acting.u_x, acting.u_z
-            status = max(status, _values(wiring.set_real, wiring.component, wiring.commands, two))
+            status = max(status, native_values(wiring.set_real, wiring.component, wiring.commands, two))
             while acted <= k and course.acts[acted] < end:
                 status = max(status, call_step(wiring.do_step, wiring.component, now * MICROSECOND, (course.acts[acted] - now) * MICROSECOND))
                 now = course.acts[acted]
                 acting, acted = Command(given[acted, 0], given[acted, 1]), acted + 1
                 two[0], two[1] = acting.u_x, acting.u_z
-                status = max(status, _values(wiring.set_real, wiring.component, wiring.commands, two))
+                status = max(status, native_values(wiring.set_real, wiring.component, wiring.commands, two))
             status = max(status, call_step(wiring.do_step, wiring.component, now * MICROSECOND, (end - now) * MICROSECOND))
             if status > FMI_WARNING:
                 break

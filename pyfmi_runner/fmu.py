@@ -1,15 +1,14 @@
-"""Running an FMU: `with FmuSession(FmuFile.read(path), parameters={...}) as fmu: fmu.set(...); fmu.step(1e-3); fmu.get(...)`.
+"""Running an FMU: `with FmuSession(FmuFile.read(path), parameters={...}) as fmu: fmu.set(...); fmu.step(1e-3)`.
 
-The legal call order is the table LEGAL; a call out of order is a RunError and does not reach the FMU. This is the one file that imports
-fmpy, which loads the shared library and types its functions.
+The legal call order is the table LEGAL; a call out of order is a RunError and does not reach the FMU. This is the one
+file that imports fmpy, which loads the shared library and types its functions.
 """
 
 from __future__ import annotations
 
-import difflib
 import struct
-from collections.abc import Iterable, Mapping, Sequence
-from ctypes import Array, c_double, c_uint
+from collections.abc import Mapping, Sequence
+from ctypes import c_double
 from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
@@ -22,26 +21,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyfmi_runner.errors import InputError, RunError
-from pyfmi_runner.fmu_calls import CallFailed, EventInfo, Fmi2, Fmi3, Library, Message
+from pyfmi_runner.fmu_calls import EventInfo, Fmi2, Fmi3, FmuCallError, Library, Message
 from pyfmi_runner.fmu_file import FmuFile, FmuVariable, Kind
+from pyfmi_runner.fmu_values import Value, Values
 
 __all__ = ["EventInfo", "FmuFile", "FmuSession", "FmuVariable", "Message", "RawInstance", "SavedState"]
 
-Value = float | int | bool | str  # str: a literal of an enumeration
-
-# Phase -> methods. "ready": co-simulation at a communication point; "event", "continuous": model exchange; "failed": after an error.
-LEGAL: dict[str, frozenset[str]] = {
+_FAILED = frozenset({"get", "reset", "load_state", "deserialise"})
+_RUNNING = _FAILED | {"set", "save_state", "directional"}
+_EXCHANGE = _RUNNING | {"states", "derivatives", "indicators", "nominals"}
+LEGAL: dict[str, frozenset[str]] = {  # phase -> methods
     "closed": frozenset(),
-    "ready": frozenset("set get step reset save_state load_state deserialise directional raw".split()),
-    "event": frozenset(
-        "set get reset save_state load_state deserialise directional states derivatives indicators nominals update_discrete "
-        "enter_continuous".split()
-    ),
-    "continuous": frozenset(
-        "set get reset save_state load_state deserialise directional states derivatives indicators nominals set_time set_states "
-        "completed_step enter_event".split()
-    ),
-    "failed": frozenset("get reset load_state deserialise".split()),
+    "ready": _RUNNING | {"step", "raw"},  # co-simulation, at a communication point
+    "event": _EXCHANGE | {"update_discrete", "enter_continuous"},  # model exchange
+    "continuous": _EXCHANGE | {"set_time", "set_states", "completed_step", "enter_event"},
+    "failed": _FAILED,  # after an error of the FMU
 }
 _PHASES = tuple(LEGAL)
 _HEADER = struct.Struct("<4sBd")  # of serialised states: magic, phase, time
@@ -49,7 +43,7 @@ _MAGIC = b"PGs1"
 
 
 class RawInstance(NamedTuple):
-    """Addresses for compiled loops (FMI 2.0): component pointer, fmi2SetReal, fmi2SetBoolean, fmi2DoStep, fmi2GetReal."""
+    """Addresses for compiled loops (FMI 2.0): the component, fmi2SetReal, fmi2SetBoolean, fmi2DoStep, fmi2GetReal."""
 
     component: int
     set_real: int
@@ -65,22 +59,12 @@ class SavedState:
         self.pointer, self.phase, self.time = pointer, phase, time
 
 
-class _Group(NamedTuple):
-    """Variables of one type out of a list of names: one call for all."""
-
-    word: str
-    references: Array[c_uint]
-    values: Array[Any]
-    positions: list[int]
-    all_real: bool  # of all variables in the list: their values go through unchecked
-
-
 class FmuSession:
     """One instance of an FMU, initialised and ready between `with` and its end.
 
-    kind: "cs" co-simulation or "me" model exchange; parameters: parameters, inputs and start values by name, set before the
-    initialisation; start_time, stop_time: s. In the `with` statement: InputError for a file or parameter that cannot be used.
-    Any call: RunError with the FMU's message when the FMU fails; then only `get`, `reset` and `load_state` are left.
+    kind: "cs" co-simulation or "me" model exchange; parameters: parameters, inputs and start values by name, set
+    before the initialisation; start_time, stop_time: s. In the `with` statement: InputError for a file or parameter that
+    cannot be used. Any call: RunError with the FMU's message when the FMU fails; then the phase is "failed".
     """
 
     def __init__(
@@ -100,22 +84,22 @@ class FmuSession:
         self.time = self.start_time
         self._log_events = log_events
         self._phase = "closed"
-        self._groups: dict[tuple[str, ...], list[_Group]] = {}
-        self._settable: set[tuple[str, ...]] = set()
         self._saved: dict[int, SavedState] = {}
         self._fmu: Fmi2 | Fmi3
+        self._values: Values
 
     def __enter__(self) -> FmuSession:
         if self._phase != "closed":
             raise RunError("this FMU session is already open")
-        self._check_parameters(self.parameters)
         library = _library(self.file.library(self.kind), self.file.description.fmi, self.kind)
         version = Fmi2 if self.file.description.fmi == "2.0" else Fmi3
         try:
             self._fmu = version(library, self.file, self.kind, self._log_events)
-        except CallFailed as failure:
-            raise InputError(f"cannot be instantiated: {failure.text}", file=self.file.path, mend="build it again") from None
-        self._groups.clear()
+        except FmuCallError as failure:
+            raise InputError(
+                f"cannot be instantiated: {failure.text}", file=self.file.path, mend="build it again"
+            ) from None
+        self._values = Values(self.file, self._fmu)
         try:
             self._initialise(self.parameters)
         except BaseException:
@@ -123,7 +107,7 @@ class FmuSession:
             raise
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, _: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
     def close(self) -> None:
@@ -135,7 +119,7 @@ class FmuSession:
                 self._fmu.release(state.pointer)
             if self._phase in ("ready", "event", "continuous"):
                 self._fmu.call("Terminate")
-        except CallFailed:
+        except FmuCallError:
             pass  # it is being freed
         self._saved.clear()
         self._phase = "closed"
@@ -162,33 +146,24 @@ class FmuSession:
             names, values = (names,), (values,)
         else:
             names = tuple(names)
-        if names not in self._settable:
-            self._check_running(names)
+        self._values.check_running(names)
         self._write(names, values)
 
     @overload
     def get(self, names: str) -> float: ...
     @overload
-    def get(self, names: Sequence[str]) -> NDArray[np.float64]: ...
+    def get(self, names: tuple[str, ...] | list[str]) -> NDArray[np.float64]: ...
     def get(self, names: Any) -> Any:
         """The value of one variable (float, or int or bool as its type is), or an array of floats for several."""
         self._require("get")
         if isinstance(names, str):
-            (group,) = self._group((names,))
-            self._guard(self._fmu.get_values, group.word, group.references, 1, group.values)
-            return bool(group.values[0]) if group.word == "Boolean" else group.values[0]
-        names = tuple(names)
-        groups = self._group(names)
-        result = np.empty(len(names))
-        for group in groups:
-            self._guard(self._fmu.get_values, group.word, group.references, len(group.positions), group.values)
-            result[group.positions] = group.values
-        return result
+            return self._guard(self._values.read_one, names)
+        return self._guard(self._values.read, tuple(names))
 
     # ---- co-simulation ----
 
     def step(self, step: float, *, time: float | None = None) -> None:
-        """Advances by `step` s from `time` (s; the session's time if None; a loop gives k * dt to keep rounding out)."""
+        """Advances by `step` s from `time` (s; where it is if None; a loop gives k * dt to keep rounding out)."""
         self._require("step")
         self.time = self._guard(self._fmu.do_step, self.time if time is None else time, step)
 
@@ -196,7 +171,7 @@ class FmuSession:
         """The state after `with` again, with the same parameters if None; the library stays loaded."""
         self._require("reset")
         chosen = self.parameters if parameters is None else dict(parameters)
-        self._check_parameters(chosen)
+        self._values.check_start(chosen)
         self.start_time = self.start_time if start_time is None else float(start_time)
         self._guard(self._fmu.call, "Reset")
         self._initialise(chosen)
@@ -206,13 +181,14 @@ class FmuSession:
         """Addresses for compiled loops; such a loop ends with `stepped_natively`. FMI 2.0 co-simulation only."""
         self._require("raw")
         if not isinstance(self._fmu, Fmi2):
-            raise InputError("compiled loops need FMI 2.0", file=self.file.path, mend="build it with `pneugantry build --fmi 2.0`")
+            mend = "build it with `pneugantry build --fmi 2.0`"
+            raise InputError("compiled loops need FMI 2.0", file=self.file.path, mend=mend)
         words = ("SetReal", "SetBoolean", "DoStep", "GetReal")
         return RawInstance(int(self._fmu.component or 0), *(self._fmu.address(word) for word in words))
 
     def references(self, names: Sequence[str]) -> NDArray[np.uint32]:
         """Value references for compiled loops; InputError for an unknown name."""
-        return np.array([self._variable(name).reference for name in names], dtype=np.uint32)
+        return np.array([self._values.variable(name).reference for name in names], dtype=np.uint32)
 
     def stepped_natively(self, time: float, status: int = 0) -> str:
         """Takes over from a compiled loop that came to `time` s; for a failed `status` returns what the FMU said."""
@@ -220,7 +196,7 @@ class FmuSession:
         if status <= 1:
             return ""
         self._phase = "failed"
-        return CallFailed("fmi2DoStep", status, self._fmu.drain()).text
+        return FmuCallError("fmi2DoStep", status, self._fmu.drain()).text
 
     # ---- FMU states ----
 
@@ -251,12 +227,13 @@ class FmuSession:
         """The complete state as bytes, for the same build of the FMU."""
         state = self.save_state()
         try:
-            return _HEADER.pack(_MAGIC, _PHASES.index(state.phase), state.time) + self._guard(self._fmu.serialise, state.pointer)
+            content: bytes = self._guard(self._fmu.serialise, state.pointer)
+            return _HEADER.pack(_MAGIC, _PHASES.index(state.phase), state.time) + content
         finally:
             self.free_state(state)
 
     def deserialise(self, data: bytes) -> SavedState:
-        """A saved state from `serialise`; `load_state` makes it the current one. InputError if it is not of this FMU or damaged."""
+        """A saved state from `serialise`, for `load_state`; InputError if damaged or not of this build of the FMU."""
         self._require("deserialise")
         mend = "save the state again with this build of the FMU"
         if len(data) <= _HEADER.size or data[:4] != _MAGIC or data[4] not in range(1, len(_PHASES)):
@@ -264,7 +241,7 @@ class FmuSession:
         _, phase, time = _HEADER.unpack_from(data)
         try:
             pointer = self._fmu.deserialise(data[_HEADER.size :])
-        except CallFailed as failure:
+        except FmuCallError as failure:
             self._phase = "failed"
             raise InputError(failure.text, file=self.file.path, mend=mend) from None
         state = SavedState(pointer, _PHASES[phase], time)
@@ -276,7 +253,7 @@ class FmuSession:
     def directional(self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]) -> NDArray[np.float64]:
         """sum_j d unknown_i / d known_j * seed_j; unknowns: derivatives, outputs; knowns: states, inputs."""
         self._require("directional")
-        references = [self._variable(name).reference for name in (*unknowns, *knowns)]
+        references = [self._values.variable(name).reference for name in (*unknowns, *knowns)]
         n = len(unknowns)
         return np.array(self._guard(self._fmu.directional, references[:n], references[n:], list(seed)))
 
@@ -339,16 +316,24 @@ class FmuSession:
     def _guard(self, function: Any, *arguments: Any) -> Any:
         try:
             return function(*arguments)
-        except CallFailed as failure:
+        except FmuCallError as failure:
             if failure.status > 2:  # after a discard the FMU is as before
                 self._phase = "failed"
             raise RunError(f"{self.file.path.name} at t = {self.time:.9g} s: {failure.text}") from None
 
+    def _write(self, names: tuple[str, ...], values: Sequence[Value]) -> None:
+        try:
+            self._guard(self._values.write, names, values)
+        except InputError as error:
+            if isinstance(error.__cause__, FmuCallError) and error.__cause__.status > 2:
+                self._phase = "failed"
+            raise
+
     def _initialise(self, parameters: Mapping[str, Value]) -> None:
-        """Parameters, then Initialization Mode; leaves the session ready (co-simulation) or in event mode (model exchange)."""
+        """Parameters, then Initialization Mode; then the session is ready (co-simulation) or in event mode."""
         self._phase, self.time = "failed", self.start_time
-        if parameters:
-            self._write(tuple(parameters), tuple(parameters.values()))
+        self._values.check_start(parameters)
+        self._write(tuple(parameters), tuple(parameters.values()))
         self._guard(self._fmu.initialise, self.start_time, self.stop_time)
         self._guard(self._fmu.call, "ExitInitializationMode")
         self._phase = "ready" if self.kind == "cs" else "event"
@@ -356,103 +341,6 @@ class FmuSession:
     def _vector(self, method: str, word: str, n: int) -> NDArray[np.float64]:
         self._require(method)
         return np.array(self._guard(self._fmu.vector, word, n))
-
-    def _variable(self, name: str) -> FmuVariable:
-        variable = self.file.variables.get(name)
-        if variable is None:
-            raise _unknown_name(self.file, name)
-        return variable
-
-    def _check_parameters(self, parameters: Iterable[str]) -> None:
-        for name in parameters:
-            variable = self._variable(name)
-            if not variable.settable_before_start:
-                what = {"output": "an output", "independent": "the time"}.get(variable.causality, f"a {variable.causality} variable")
-                raise InputError(f"is {what} and cannot be set", file=self.file.path, field=name, mend="remove it")
-
-    def _check_running(self, names: tuple[str, ...]) -> None:
-        """Refuses what no phase after the start lets be set, before the FMU sees it."""
-        for name in names:
-            variable = self._variable(name)
-            tunable = variable.causality == "parameter" and variable.variability == "tunable"
-            if variable.causality != "input" and not tunable and name not in self.file.description.states:
-                mend = f"give it to reset(parameters={{{name!r}: ...}})" if variable.settable_before_start else "remove it"
-                raise InputError("cannot be set while the FMU runs", file=self.file.path, field=name, mend=mend)
-        self._settable.add(names)
-
-    def _group(self, names: tuple[str, ...]) -> list[_Group]:
-        groups = self._groups.get(names)
-        if groups is not None:
-            return groups
-        positions: dict[tuple[str, Any], list[int]] = {}
-        variables = [self._variable(name) for name in names]
-        for position, variable in enumerate(variables):
-            accessor = self._fmu.getters.get(variable.type)
-            if accessor is None:
-                raise InputError(f"variables of type {variable.type} are not supported", file=self.file.path, field=variable.name)
-            positions.setdefault(accessor, []).append(position)
-        all_real = all(variable.is_real for variable in variables) and len(positions) == 1
-        groups = [
-            _Group(word, (c_uint * len(at))(*(variables[i].reference for i in at)), (ctype * len(at))(), at, all_real)
-            for (word, ctype), at in positions.items()
-        ]
-        self._groups[names] = groups
-        return groups
-
-    def _write(self, names: tuple[str, ...], values: Sequence[Value]) -> None:
-        groups = self._group(names)
-        if len(values) != len(names):
-            raise InputError(f"{len(values)} values for {len(names)} variables", file=self.file.path, field=", ".join(names))
-        for group in groups:
-            self._fill(group, names, values)
-            try:
-                self._fmu.set_values(group.word, group.references, len(group.positions), group.values)
-            except CallFailed as failure:
-                if failure.status > 2:
-                    self._phase = "failed"
-                raise self._refused(names, values, failure) from None
-
-    def _fill(self, group: _Group, names: tuple[str, ...], values: Sequence[Value]) -> None:
-        if group.all_real:
-            try:
-                group.values[:] = values  # type: ignore[index]
-                return
-            except TypeError:
-                pass  # the slow way names the variable
-        for k, position in enumerate(group.positions):
-            group.values[k] = self._converted(names[position], values[position])
-
-    def _converted(self, name: str, value: Value) -> float | int | bool:
-        variable = self.file.variables[name]
-        try:
-            if variable.is_real:
-                return float(value)
-            if isinstance(value, str):
-                return variable.literals[value] if variable.literals else int(value)
-            if int(value) == value and (variable.type != "Boolean" or value in (0, 1)):
-                return int(value)
-        except (TypeError, ValueError, KeyError, OverflowError):
-            pass
-        mend = f"use one of {', '.join(variable.literals)}" if variable.literals else None
-        raise InputError(f"{value!r} is no value of type {variable.type}", file=self.file.path, field=name, mend=mend)
-
-    def _refused(self, names: tuple[str, ...], values: Sequence[Value], failure: CallFailed) -> InputError | RunError:
-        for name, value in zip(names, values, strict=True):
-            v = self.file.variables[name]
-            number = self._converted(name, value)
-            if not v.min <= number <= v.max or not np.isfinite(number):
-                mend = f"choose a finite value within {v.min:g}..{v.max:g}" + (f" {v.unit}" if v.unit else "")
-                return InputError(failure.text, file=self.file.path, field=name, mend=mend)
-        if failure.status == 2:
-            return InputError(failure.text, file=self.file.path, field=", ".join(names))
-        return RunError(f"{self.file.path.name} at t = {self.time:.9g} s: {failure.text}")
-
-
-def _unknown_name(file: FmuFile, name: str) -> InputError:
-    lowered = {known.lower(): known for known in file.variables}
-    near = [lowered[match] for match in difflib.get_close_matches(str(name).lower(), lowered, n=3, cutoff=0.5)]
-    mend = f"did you mean {', '.join(near)}?" if near else "see the variables in modelDescription.xml"
-    return InputError("no such variable", file=file.path, field=str(name), mend=mend)
 
 
 @lru_cache(maxsize=64)
@@ -469,7 +357,9 @@ def _library(path: Path, fmi: str, kind: Kind) -> Library:
     try:
         loaded = classes[fmi, kind](libraryPath=str(path), **arguments)
     except Exception as error:  # fmpy raises bare Exception; a library without the functions is an AttributeError
-        raise InputError(f"the shared library cannot be loaded: {error}", file=path, mend="build the FMU again") from None
+        raise InputError(
+            f"the shared library cannot be loaded: {error}", file=path, mend="build the FMU again"
+        ) from None
     resources = folder / "resources"
     if fmi == "2.0":
         return Library(loaded.dll, resources.as_uri(), fmpy.fmi2.fmi2CallbackLoggerTYPE, _callbacks)

@@ -6,8 +6,9 @@ An instance owns the FMU's component, its callbacks and the log messages since t
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from ctypes import byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from pyfmi_runner.fmu_file import FmuFile, Kind
@@ -39,7 +40,7 @@ class EventInfo(NamedTuple):
     next_time: float | None
 
 
-class CallFailed(Exception):
+class FmuCallError(Exception):
     """A call that returned a discard or worse; `text` is what the FMU logged."""
 
     def __init__(self, function: str, status: int, messages: Sequence[Message]) -> None:
@@ -55,7 +56,9 @@ class Instance:
 
     prefix = ""
     state_word = ""
-    getters: dict[str, tuple[str, Any]] = {}  # variable type -> (word in the function name, C type)
+    getters: Mapping[str, tuple[str, Any]] = MappingProxyType(
+        {}
+    )  # variable type -> (word in the function name, C type)
 
     def __init__(self, library: Library, file: FmuFile, kind: Kind, log_events: bool) -> None:
         self.dll, self.kind, self.component = library.dll, kind, None
@@ -63,7 +66,7 @@ class Instance:
         self._logger = library.logger_type(_collector(self._messages, with_name=self.prefix == "fmi2"))
         self.component = self._instantiate(library, file, file.identifier(kind).encode(), log_events)
         if not self.component:
-            raise CallFailed(f"{self.prefix}Instantiate", 3, self.drain())
+            raise FmuCallError(f"{self.prefix}Instantiate", 3, self.drain())
         self._choose_log(file, log_events)
 
     def _instantiate(self, library: Library, file: FmuFile, name: bytes, log_events: bool) -> Any:
@@ -86,7 +89,7 @@ class Instance:
         function = self.prefix + word
         status = getattr(self.dll, function)(self.component, *arguments)
         if status > 1:
-            raise CallFailed(function, status, self.drain())
+            raise FmuCallError(function, status, self.drain())
 
     def free(self) -> None:
         if self.component:
@@ -160,12 +163,14 @@ class Fmi2(Instance):
     prefix = "fmi2"
     state_word = "FMUstate"
     derivatives_word = "GetDerivatives"
-    getters = {
-        "Real": ("Real", c_double),
-        "Integer": ("Integer", c_int),
-        "Enumeration": ("Integer", c_int),
-        "Boolean": ("Boolean", c_int),
-    }
+    getters = MappingProxyType(
+        {
+            "Real": ("Real", c_double),
+            "Integer": ("Integer", c_int),
+            "Enumeration": ("Integer", c_int),
+            "Boolean": ("Boolean", c_int),
+        }
+    )
 
     def _instantiate(self, library: Library, file: FmuFile, name: bytes, log_events: bool) -> Any:
         self._callbacks = library.callbacks(self._logger)
@@ -192,7 +197,7 @@ class Fmi2(Instance):
     def do_step(self, time: float, step: float) -> float:
         status = self.dll.fmi2DoStep(self.component, time, step, 0)
         if status > 1:
-            raise CallFailed("fmi2DoStep", status, self.drain())
+            raise FmuCallError("fmi2DoStep", status, self.drain())
         return time + step
 
     def directional(self, unknowns: Sequence[int], knowns: Sequence[int], seed: Sequence[float]) -> Any:
@@ -228,14 +233,16 @@ class Fmi3(Instance):
     prefix = "fmi3"
     state_word = "FMUState"
     derivatives_word = "GetContinuousStateDerivatives"
-    getters = {
-        "Float64": ("Float64", c_double),
-        "Float32": ("Float32", ctypes.c_float),
-        **{f"Int{bits}": (f"Int{bits}", getattr(ctypes, f"c_int{bits}")) for bits in (8, 16, 32, 64)},
-        **{f"UInt{bits}": (f"UInt{bits}", getattr(ctypes, f"c_uint{bits}")) for bits in (8, 16, 32, 64)},
-        "Enumeration": ("Int64", ctypes.c_int64),
-        "Boolean": ("Boolean", c_bool),
-    }
+    getters = MappingProxyType(
+        {
+            "Float64": ("Float64", c_double),
+            "Float32": ("Float32", ctypes.c_float),
+            **{f"Int{bits}": (f"Int{bits}", getattr(ctypes, f"c_int{bits}")) for bits in (8, 16, 32, 64)},
+            **{f"UInt{bits}": (f"UInt{bits}", getattr(ctypes, f"c_uint{bits}")) for bits in (8, 16, 32, 64)},
+            "Enumeration": ("Int64", ctypes.c_int64),
+            "Boolean": ("Boolean", c_bool),
+        }
+    )
 
     def _instantiate(self, library: Library, file: FmuFile, name: bytes, log_events: bool) -> Any:
         del log_events  # with logging off FMI 3.0 is silent on errors too; categories are chosen afterwards
@@ -259,7 +266,7 @@ class Fmi3(Instance):
         flags = byref(event), byref(terminate), byref(early)
         status = self.dll.fmi3DoStep(self.component, time, step, False, *flags, byref(last))
         if status > 1:
-            raise CallFailed("fmi3DoStep", status, self.drain())
+            raise FmuCallError("fmi3DoStep", status, self.drain())
         return last.value
 
     def directional(self, unknowns: Sequence[int], knowns: Sequence[int], seed: Sequence[float]) -> Any:

@@ -1,4 +1,4 @@
-"""modelDescription.xml of FMI 2.0 and 3.0, read into plain data. No entity is expanded and nothing outside the text is loaded."""
+"""modelDescription.xml of FMI 2.0 and 3.0 as plain data. No entity is expanded, nothing outside the text is loaded."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from lxml import etree
+from lxml import etree  # type: ignore[import-untyped]  # lxml ships no types
 
 from pyfmi_runner.errors import InputError
 
+_FIELD = "modelDescription.xml"
 _MEND = "build the FMU again"
 _REAL = frozenset({"Real", "Float64", "Float32"})
 
 
 @dataclass(frozen=True)
 class FmuVariable:
-    """One variable; `type` as the description has it (Real, Integer, ... or Float64, Int32, ...). Bounds are included."""
+    """One variable; `type` as in the description (Real, Integer, ... or Float64, Int32, ...). Bounds are included."""
 
     name: str
     reference: int
@@ -70,15 +71,14 @@ def parse_description(text: bytes, file: Path) -> Description:
 
 
 def _root(text: bytes, file: Path) -> Any:
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True)
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
     try:
         root = etree.fromstring(text, parser)
     except etree.XMLSyntaxError as error:
-        raise InputError(f"not well-formed XML ({error})", file=file, field="modelDescription.xml", mend=_MEND) from None
+        raise InputError(f"not well-formed XML ({error})", file=file, field=_FIELD, mend=_MEND) from None
     if root.getroottree().docinfo.doctype:
-        raise InputError(
-            "a document type declaration is refused", file=file, field="modelDescription.xml", mend="remove the DOCTYPE"
-        )
+        what = "a document type declaration is refused"
+        raise InputError(what, file=file, field=_FIELD, mend="remove the DOCTYPE")
     return root
 
 
@@ -87,7 +87,7 @@ class _Reader:
     root: Any
     file: Path
 
-    def fail(self, message: str, field_name: str = "modelDescription.xml") -> InputError:
+    def fail(self, message: str, field_name: str = _FIELD) -> InputError:
         return InputError(message, file=self.file, field=field_name, mend=_MEND)
 
     def required(self, element: Any, name: str) -> str:
@@ -105,7 +105,8 @@ class _Reader:
         try:
             return float(text)
         except ValueError:
-            raise self.fail(f"line {element.sourceline}: {name}={text!r} is no number", str(element.get("name"))) from None
+            what = f"line {element.sourceline}: {name}={text!r} is no number"
+            raise self.fail(what, str(element.get("name"))) from None
 
     def integer(self, element: Any, name: str) -> int:
         text = self.required(element, name)
@@ -152,7 +153,7 @@ class _Reader:
             return len(self.root.findall("ModelStructure/EventIndicator"))
         return self.integer(self.root, "numberOfEventIndicators") if self.root.get("numberOfEventIndicators") else 0
 
-    # `listed` maps what the model structure refers to (position from 1, or value reference) to a variable and its typed element
+    # `listed`: what the model structure refers to (position from 1, or value reference) -> variable, its typed element
 
     def variables_2(self) -> dict[int, tuple[FmuVariable, Any]]:
         types = {e.get("name"): e[0] for e in self.root.findall("TypeDefinitions/SimpleType") if len(e)}

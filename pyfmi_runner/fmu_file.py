@@ -1,11 +1,12 @@
-"""An FMU on disk: its description, and its content unpacked to a cache. A file from anywhere may come in: it is read with suspicion.
+"""An FMU on disk (FMI 2.0, 3.0): its description, and its content unpacked to a cache.
 
-FMI 2.0 and 3.0. Nothing here runs code of the FMU.
+Files from anywhere come in, so they are read with suspicion. Nothing here runs code of the FMU.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import platform as host
 import shutil
@@ -47,12 +48,13 @@ class FmuFile:
         if not file.is_file():
             raise InputError("no such file", file=file, mend="build it with `pneugantry build` or correct the path")
         data = file.read_bytes()
-        with _archive(file) as archive:
+        with _archive(file, data) as archive:
             _check_members(file, archive)
             try:
                 info = archive.getinfo("modelDescription.xml")
             except KeyError:
-                raise InputError("modelDescription.xml is missing", file=file, mend=f"this is no FMU; {_REBUILD}") from None
+                mend = f"this is no FMU; {_REBUILD}"
+                raise InputError("modelDescription.xml is missing", file=file, mend=mend) from None
             if info.file_size > MAX_DESCRIPTION_BYTES:
                 raise InputError(f"{info.file_size} bytes", file=file, field="modelDescription.xml", mend=_REBUILD)
             description = parse_description(_read(file, archive, info), file)
@@ -66,34 +68,36 @@ class FmuFile:
         """Model identifier of an interface; InputError if the FMU lacks it."""
         identifier = self.description.identifiers.get(kind)
         if identifier is None:
-            names = {"cs": "co-simulation", "me": "model exchange"}
-            raise InputError(f"the FMU has no {names[kind]} interface", file=self.path, mend="build it with both interfaces")
+            what = f"the FMU has no {'co-simulation' if kind == 'cs' else 'model exchange'} interface"
+            raise InputError(what, file=self.path, mend="build it with both interfaces")
         return identifier
 
     def library(self, kind: Kind) -> Path:
         """The shared library for this machine, unpacked."""
         folder, extension = _binary_folder(self.description.fmi)
-        name = f"binaries/{folder}/{self.identifier(kind)}{extension}"
-        with _archive(self.path) as archive:
-            names = archive.namelist()
-        if name not in names:
-            others = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and n.count("/") > 1})
+        binaries = self.unpack() / "binaries"
+        library = binaries / folder / f"{self.identifier(kind)}{extension}"
+        if not library.is_file():
+            others = ", ".join(sorted(p.name for p in binaries.iterdir())) if binaries.is_dir() else ""
             raise InputError(
-                f"no binary for this machine ({name}); the FMU has {', '.join(others) or 'none'}",
+                f"no binary for this machine, binaries/{folder}/{library.name}; the FMU has {others or 'none'}",
                 file=self.path,
                 mend=f"build it with `pneugantry build --platform {folder}`",
             )
-        return self.unpack() / name
+        return library
 
     def unpack(self) -> Path:
         """The FMU's content in the cache, in a folder named by its hash; unpacked once."""
         folder = cache_folder() / self.sha256
         if folder.is_dir():
             return folder
+        data = self.path.read_bytes()
+        if hashlib.sha256(data).hexdigest() != self.sha256:
+            raise InputError("the file has changed since it was read", file=self.path, mend="read it again")
         folder.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix="unpack-", dir=folder.parent))
         try:
-            with _archive(self.path) as archive:
+            with _archive(self.path, data) as archive:
                 for info in _check_members(self.path, archive):
                     target = temporary.joinpath(*PurePosixPath(info.filename).parts)
                     target.parent.mkdir(parents=True, exist_ok=True)
@@ -130,17 +134,17 @@ def _binary_folder(fmi: str) -> tuple[str, str]:
     return f"{machine}-{system}", extension
 
 
-def _archive(file: Path) -> zipfile.ZipFile:
+def _archive(file: Path, data: bytes) -> zipfile.ZipFile:
     try:
-        return zipfile.ZipFile(file)
-    except (zipfile.BadZipFile, OSError, NotImplementedError) as error:
+        return zipfile.ZipFile(io.BytesIO(data))
+    except Exception as error:  # BadZipFile, and struct, Unicode or value errors of damaged directories
         raise InputError(f"not a zip archive, or a truncated one ({error})", file=file, mend=_REBUILD) from None
 
 
 def _read(file: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytes:
     try:
         return archive.read(info)  # zipfile stops at the declared size and checks the checksum
-    except Exception as error:  # zlib, lzma, struct, EOF, encryption, an unknown method: all mean a file that cannot be read
+    except Exception as error:  # zlib, lzma, struct, EOF, encryption, unknown method: all mean an unreadable file
         raise InputError(f"cannot be unpacked ({error})", file=file, field=info.filename, mend=_REBUILD) from None
 
 
@@ -149,9 +153,8 @@ def _check_members(file: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo
     members = archive.infolist()
     total = sum(info.file_size for info in members)
     if len(members) > MAX_MEMBERS or total > MAX_BYTES:
-        raise InputError(
-            f"{len(members)} members of {total} bytes; at most {MAX_MEMBERS} and {MAX_BYTES} are read", file=file, mend=_REBUILD
-        )
+        what = f"{len(members)} members of {total} bytes; at most {MAX_MEMBERS} and {MAX_BYTES} are read"
+        raise InputError(what, file=file, mend=_REBUILD)
     seen: set[str] = set()
     for info in members:
         for fault in _faults(info, seen):

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -35,6 +36,7 @@ class Rows:
     done: int = 0
     failure: str = ""  # why the run ended early
     cancelled: bool = False
+    seconds: float = 0.0  # wall time of the stepping alone
 
     @classmethod
     def empty(cls, samples: int) -> Rows:
@@ -44,6 +46,7 @@ class Rows:
 def python_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: SensorParams, progress: Progress | None = None) -> Rows:
     """Runs `plan` on a session that is ready to step. A failing FMU ends the run; what was recorded stays."""
     rows = Rows.empty(plan.samples)
+    started = time.perf_counter()
     sensor_state = initial_state()
     acting = Command(*plan.approach)
     given: list[Command] = []  # commands by sample; `acted` of them have reached the valves
@@ -70,6 +73,7 @@ def python_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: Se
         if progress is not None and not progress(k + 1, plan.samples):
             rows.cancelled = True
             break
+    rows.seconds = time.perf_counter() - started
     return rows
 
 

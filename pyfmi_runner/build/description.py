@@ -1,7 +1,7 @@
 """modelDescription.xml of a compiled model, for FMI 2.0 and FMI 3.0.
 
-The attributes say what csrc/fmi2.c and csrc/fmi3.c do. In FMI 2.0 a variable is referred to by its position (from 1), in FMI 3.0 by its
-value reference (its position from 0). FMI 3.0 wants event indicators as variables: they follow the model's own.
+The attributes say what csrc/fmi2.c and csrc/fmi3.c do. In FMI 2.0 a variable is referred to by its position (from 1),
+in FMI 3.0 by its value reference (its position from 0). FMI 3.0 wants event indicators as variables: they come last.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Literal
 
 from pyfmi_runner.build.compiled import CompiledModel, Variable
@@ -32,9 +32,7 @@ _STRUCTURED_NAME = re.compile(
 _FMI3_TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enumeration": "Enumeration"}
 
 
-def model_description(
-    compiled: CompiledModel, fmi: FmiVersion, token: str, source_files: Iterable[str] = ()
-) -> bytes:
+def model_description(compiled: CompiledModel, fmi: FmiVersion, token: str, source_files: Iterable[str] = ()) -> bytes:
     """The XML text; `source_files` are the C files to compile (listed in the description by FMI 2.0 only)."""
     _check(compiled)
     three = fmi == "3.0"
@@ -51,8 +49,8 @@ def model_description(
     categories = ElementTree.SubElement(root, "LogCategories")
     for name, text in LOG_CATEGORIES.items():
         ElementTree.SubElement(categories, "Category", name=name, description=text)
-    experiment = ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=_number(compiled.default_stop))
-    experiment.set("stepSize", _number(compiled.default_step))
+    times = {"startTime": 0.0, "stopTime": compiled.default_stop, "stepSize": compiled.default_step}
+    ElementTree.SubElement(root, "DefaultExperiment", {name: _number(time) for name, time in times.items()})
     variables = ElementTree.SubElement(root, "ModelVariables")
     for reference, variable in enumerate(compiled.variables):
         (_variable_3 if three else _variable_2)(variables, compiled, reference, variable)
@@ -60,7 +58,7 @@ def model_description(
         _indicator_variables(variables, compiled)
     (_structure_3 if three else _structure_2)(root, compiled)
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+    return bytes(ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
 
 
 def indicator_reference(compiled: CompiledModel, index: int) -> int:
@@ -146,7 +144,8 @@ def _types(root: Element, compiled: CompiledModel, three: bool) -> None:
         if three:
             element = ElementTree.SubElement(definitions, "EnumerationType", name=name)
         else:
-            element = ElementTree.SubElement(ElementTree.SubElement(definitions, "SimpleType", name=name), "Enumeration")
+            simple = ElementTree.SubElement(definitions, "SimpleType", name=name)
+            element = ElementTree.SubElement(simple, "Enumeration")
         for value, (literal, text) in enumerate(literals, start=1):
             item = ElementTree.SubElement(element, "Item", name=literal, value=str(value))
             if text:
@@ -157,7 +156,7 @@ def _types(root: Element, compiled: CompiledModel, three: bool) -> None:
 
 
 def _common(variable: Variable) -> dict[str, str]:
-    attributes = {"causality": variable.causality, "variability": variable.variability}
+    attributes: dict[str, str] = {"causality": variable.causality, "variability": variable.variability}
     if variable.initial and variable.causality not in ("input", "independent"):
         attributes["initial"] = variable.initial
     if variable.description:
@@ -228,37 +227,45 @@ def _initial_unknowns(compiled: CompiledModel) -> list[int]:
     ]
 
 
-def _dependencies(dependencies: Mapping[int, tuple[int, ...]], unknown: int, shift: int) -> dict[str, str]:
-    """No attribute where the dependencies are not known: the unknown then depends on all knowns."""
-    if unknown not in dependencies:
-        return {}
-    return {"dependencies": " ".join(str(known + shift) for known in sorted(dependencies[unknown]))}
+def _dependencies(known: tuple[int, ...], shift: int) -> dict[str, str]:
+    return {"dependencies": " ".join(str(reference + shift) for reference in sorted(known))}
+
+
+def _unknowns(compiled: CompiledModel) -> dict[str, list[tuple[int, tuple[int, ...]]]]:
+    """(unknown, knowns it depends on) by kind. Where the compiler does not say, all knowns: some importers want a list."""
+    variables = compiled.variables
+    inputs = {reference for reference, v in enumerate(variables) if v.causality == "input"}
+    running = tuple(sorted(inputs | set(compiled.states)))
+    exact = {reference for reference, v in enumerate(variables) if v.initial == "exact" and v.variability != "constant"}
+    initial = tuple(sorted(inputs | exact))
+    return {
+        "outputs": [(u, compiled.dependencies.get(u, running)) for u in compiled.outputs],
+        "derivatives": [(u, compiled.dependencies.get(u, running)) for u in compiled.derivatives],
+        "initial": [(u, compiled.initial_unknowns.get(u, initial)) for u in _initial_unknowns(compiled)],
+        "indicators": [(indicator_reference(compiled, i), running) for i in range(compiled.n_indicators)],
+    }
 
 
 def _structure_2(root: Element, compiled: CompiledModel) -> None:
     structure = ElementTree.SubElement(root, "ModelStructure")
-    for tag, unknowns, dependencies in (
-        ("Outputs", compiled.outputs, compiled.dependencies),
-        ("Derivatives", compiled.derivatives, compiled.dependencies),
-        ("InitialUnknowns", _initial_unknowns(compiled), compiled.initial_unknowns),
-    ):
-        if not unknowns:
-            continue
-        group = ElementTree.SubElement(structure, tag)
-        for unknown in unknowns:
-            attributes = {"index": str(unknown + 1)} | _dependencies(dependencies, unknown, 1)
-            ElementTree.SubElement(group, "Unknown", attributes)
+    tags = {"outputs": "Outputs", "derivatives": "Derivatives", "initial": "InitialUnknowns"}
+    unknowns = _unknowns(compiled)
+    for kind, tag in tags.items():
+        if unknowns[kind]:
+            group = ElementTree.SubElement(structure, tag)
+            for unknown, known in unknowns[kind]:
+                ElementTree.SubElement(group, "Unknown", {"index": str(unknown + 1)} | _dependencies(known, 1))
 
 
 def _structure_3(root: Element, compiled: CompiledModel) -> None:
     structure = ElementTree.SubElement(root, "ModelStructure")
-    indicators = [indicator_reference(compiled, i) for i in range(compiled.n_indicators)]
-    for tag, unknowns, dependencies in (
-        ("Output", compiled.outputs, compiled.dependencies),
-        ("ContinuousStateDerivative", compiled.derivatives, compiled.dependencies),
-        ("InitialUnknown", _initial_unknowns(compiled), compiled.initial_unknowns),
-        ("EventIndicator", indicators, {}),
-    ):
-        for unknown in unknowns:
-            attributes = {"valueReference": str(unknown)} | _dependencies(dependencies, unknown, 0)
-            ElementTree.SubElement(structure, tag, attributes)
+    tags = {
+        "outputs": "Output",
+        "derivatives": "ContinuousStateDerivative",
+        "initial": "InitialUnknown",
+        "indicators": "EventIndicator",
+    }
+    unknowns = _unknowns(compiled)
+    for kind, tag in tags.items():
+        for unknown, known in unknowns[kind]:
+            ElementTree.SubElement(structure, tag, {"valueReference": str(unknown)} | _dependencies(known, 0))

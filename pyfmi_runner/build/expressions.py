@@ -23,7 +23,7 @@ UNARY = {
 BINARY = {"Atan2": ca.atan2, "Min": ca.fmin, "Max": ca.fmax}
 ROUNDING = {"Floor": ca.floor, "Ceil": ca.ceil, "Integer": ca.floor}
 OPERATORS = {
-    "Add": lambda a, b: a + b, "Sub": lambda a, b: a - b, "Mul": lambda a, b: a * b, "Div": lambda a, b: a / b,
+    "Add": lambda a, b: a + b, "Sub": lambda a, b: a - b, "Div": lambda a, b: a / b,
     "AddElem": lambda a, b: a + b, "SubElem": lambda a, b: a - b, "MulElem": lambda a, b: a * b, "DivElem": lambda a, b: a / b,
     "And": ca.logic_and, "Or": ca.logic_or,
 }  # fmt: skip
@@ -115,8 +115,10 @@ class Translator:
         lhs, rhs = self(node["lhs"]), self(node["rhs"])
         if op in ("Eq", "Neq", "Ne"):
             return lhs == rhs if op == "Eq" else lhs != rhs
+        if op == "Mul":
+            return product(lhs, rhs)
         if op in ("Exp", "ExpElem"):
-            return power(lhs, rhs)
+            return elementwise(power, lhs, rhs)
         if op in OPERATORS:
             return elementwise(OPERATORS[op], lhs, rhs)
         raise self.source.refuse(f"not supported: the operator {op}", tree)
@@ -199,6 +201,17 @@ def elementwise(function: Any, *values: Value) -> Value:
         return function(*values)
     n = len(lists[0])
     return [elementwise(function, *(v[i] if isinstance(v, list) else v for v in values)) for i in range(n)]
+
+
+def product(a: Value, b: Value) -> Value:
+    """`*`: element by element with a scalar; else rows times columns, a vector being a row on the left and a column on the right."""
+    if not (isinstance(a, list) and isinstance(b, list)):
+        return elementwise(lambda x, y: x * y, a, b)
+    if isinstance(a[0], list):
+        return [product(row, b) for row in a]
+    if isinstance(b[0], list):
+        return [product(a, list(col)) for col in zip(*b, strict=True)]
+    return sum((x * y for x, y in zip(a, b, strict=True)), start=ca.SX(0))
 
 
 def choose(condition: ca.SX, yes: Value, no: Value) -> Value:

@@ -130,7 +130,7 @@ def flatten(path: Path, class_name: str) -> FlatModel:
     try:
         flat: Tree = rumoca.Session().load(str(path), model=class_name).to_dict("flat")
     except rumoca.RumocaError as error:
-        raise _front_end_error(source, error) from None
+        raise _front_end_error(source, class_name, error) from None
     for section, instead in REFUSED.items():
         if flat.get(section):
             raise source.refuse(f"not supported: {instead.split(';')[0]}", flat[section], mend=instead.split("; ")[1])
@@ -149,15 +149,48 @@ def flatten(path: Path, class_name: str) -> FlatModel:
     )
 
 
-def _front_end_error(source: Source, error: Exception) -> InputError:
-    line = None
-    for attribute in ("diagnostics", "diagnostic"):
-        found = getattr(error, attribute, None)
-        for item in found if isinstance(found, list) else [found]:
-            line = line or getattr(item, "line", None) or getattr(item, "start_line", None)
-    message = " ".join(str(error).split())
-    where = f"{source.path}:{line}" if line else str(source.path)
-    return InputError(message, file=where, mend="correct the Modelica text")
+def _front_end_error(source: Source, class_name: str, error: Exception) -> InputError:
+    """rumoca's message without its frame, and the line it means."""
+    message = " ".join(str(error).split("Related failures")[0].split())
+    message = re.sub(r"^(\w+ failed: )?\S+ (failed in \w+|could not be compiled): ", "", message)
+    message, _, position = re.sub(r" ?\[[^\[\]]*:(\d+):\d+\]$", r"\0\1", message).partition("\0")
+    if "because resolve/parse failed" in message and _class_header(source, class_name) < 0:
+        known = re.findall(r"^\s*(?:package|model|block|class)\s+(\w+)", _code(source), re.MULTILINE)
+        return InputError(f"no class {class_name} in this file", file=source.path, mend=f"it holds {', '.join(known[:8]) or 'none'}")
+    line = int(position) if position else _syntax_line(source) or _named_line(source, class_name, message)
+    return InputError(message.split("; ")[0], file=f"{source.path}:{line}", mend="correct the Modelica text")
+
+
+def _syntax_line(source: Source) -> int | None:
+    """rumoca puts the position of a syntax error into the text of its diagnostics only."""
+    found = [re.search(r"input\.mo:(\d+):\d+\]", d.message) for d in rumoca.validate_source(source.text)]
+    return next((int(match.group(1)) for match in found if match), None)
+
+
+def _named_line(source: Source, class_name: str, message: str) -> int:
+    """rumoca gives no position for most other errors: where a name that it quotes stands first in the class, else in the file."""
+    code, start = _code(source), max(_class_header(source, class_name), 0)
+    for name in re.findall(r"['`]([A-Za-z_][\w.]*)['`]|(\w+) is not a state|\b(\w+)\(", message):
+        pattern = re.compile(r"(?<![\w.])" + re.escape("".join(name)) + r"(?!\w)")
+        if "`function" in message:
+            pattern = re.compile(r"function\s+" + pattern.pattern)
+        elif "is not a state" in message:
+            pattern = re.compile(r"reinit\s*\(\s*" + pattern.pattern)
+        if match := pattern.search(code, start) or pattern.search(code):
+            return code.count("\n", 0, match.start()) + 1
+    return code.count("\n", 0, start) + 1
+
+
+def _class_header(source: Source, class_name: str) -> int:
+    """Where the class begins in the text; -1: nowhere."""
+    short = class_name.rsplit(".", 1)[-1]
+    match = re.search(rf"\b(model|block|class|package)\s+{re.escape(short)}\b", _code(source))
+    return match.start() if match else -1
+
+
+def _code(source: Source) -> str:
+    """The text with comments and strings blanked, line by line as it was."""
+    return re.sub(r'"(?:\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', lambda m: re.sub(r"[^\n]", " ", m.group()), source.text, flags=re.DOTALL)
 
 
 def _variable(flat: Tree, name: str, tree: Tree) -> FlatVariable:

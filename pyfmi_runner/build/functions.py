@@ -39,6 +39,7 @@ class FunctionScope:
 class FunctionLibrary:
     def __init__(self, source: Source, functions: dict[str, Tree], literals: dict[str, int]) -> None:
         self.source, self.functions, self.literals = source, functions, literals
+        self._open: list[str] = []  # functions being run
 
     def call(self, name: str, args: list[Value], tree: Tree) -> Value:
         function = self.functions.get(name) or self.functions.get(name.rsplit(".", 1)[-1])
@@ -46,6 +47,15 @@ class FunctionLibrary:
             raise self.source.refuse(f"not supported: the function {name}", tree, mend="write it in Modelica")
         if len(function["outputs"]) != 1:
             raise self.source.refuse(f"not supported: {name} has {len(function['outputs'])} outputs", tree)
+        if name in self._open:
+            raise self.source.refuse(f"not supported: {name} calls itself", tree, mend="use a loop")
+        self._open.append(name)
+        try:
+            return self._run(name, function, args, tree)
+        finally:
+            self._open.pop()
+
+    def _run(self, name: str, function: Tree, args: list[Value], tree: Tree) -> Value:
         scope = FunctionScope(self)
         run = _Run(self, scope)
         inputs = function["inputs"]

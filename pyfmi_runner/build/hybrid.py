@@ -184,7 +184,7 @@ def build_system(model: FlatModel) -> HybridSystem:
             system.residuals.append((residual, scalar.variable.tree))
     for number, chain in enumerate(model.when_chains):
         for tree in [chain["first"], *chain["else_when"]]:
-            system.branches.append(_branch(system, translate, number, tree))
+            system.branches += _branches(system, translate, number, tree)
     for tree in model.asserts:
         system.assertions.append(_assertion(translate, tree))
     constants = table.of("constant")
@@ -199,12 +199,12 @@ def _element(value: Value, subscripts: tuple[int, ...]) -> ca.SX:
     return value
 
 
-def _branch(system: HybridSystem, translate: Translator, chain: int, tree: Tree) -> Branch:
-    condition = translate(tree["condition"])
-    merged = flatten(condition)[0]
-    for other in flatten(condition)[1:]:
-        merged = ca.logic_or(merged, other)
-    branch = Branch(chain, merged, ca.SX.sym(f"fired_{len(system.branches)}"))
+def _branches(system: HybridSystem, translate: Translator, chain: int, tree: Tree) -> list[Branch]:
+    """One branch for each condition of `when {a, b} then`: it fires when any of them rises."""
+    first = len(system.branches)
+    conditions = flatten(translate(tree["condition"]))
+    branches = [Branch(chain, condition, ca.SX.sym(f"fired_{first + i}")) for i, condition in enumerate(conditions)]
+    branch = branches[0]
     inside = translate.without_events()
     source = translate.source
     for equation in tree["equations"]:
@@ -220,13 +220,15 @@ def _branch(system: HybridSystem, translate: Translator, chain: int, tree: Tree)
             branch.reinits[node["state"]] = inside.scalar(node["value"])
         else:
             raise source.refuse(f"not supported: {kind} in a when-clause", tree)
-    return branch
+    for other in branches[1:]:
+        other.assigns, other.reinits = branch.assigns, branch.reinits
+    return branches
 
 
 def _assertion(translate: Translator, tree: Tree) -> Assertion:
     message = tree["message"]["Literal"]["value"].get("String", "assertion failed") if "Literal" in tree["message"] else "assertion failed"
-    level = str(tree.get("level") or "")
-    return Assertion(translate.without_events().scalar(tree["condition"]), message, "warning" in level)
+    level = float(translate.scalar(tree["level"])) if tree.get("level") else 2  # AssertionLevel.warning is 1, .error 2
+    return Assertion(translate.without_events().scalar(tree["condition"]), message, warning=level == 1)
 
 
 def _put_constants(system: HybridSystem, old: list[ca.SX], new: list[ca.SX | None]) -> None:

@@ -18,7 +18,14 @@ from pathlib import Path
 
 from pyfmi_runner.build.compiled import CompiledModel
 from pyfmi_runner.build.description import FmiVersion, model_description
-from pyfmi_runner.build.toolchain import Platform, compile_library, find_compiler, find_platform, flags_for, host_platform
+from pyfmi_runner.build.toolchain import (
+    Platform,
+    compile_library,
+    find_compiler,
+    find_platform,
+    flags_for,
+    host_platform,
+)
 from pyfmi_runner.errors import InputError
 
 CSRC = Path(__file__).parent / "csrc"
@@ -37,8 +44,8 @@ def package_fmu(
 ) -> Path:
     """Writes the FMU and its manifest; returns the FMU's path.
 
-    `platforms`: names of `toolchain.PLATFORMS`, this machine's if None. `csrc`: the folder of the solver core and wrappers.
-    `provenance`: entries to add to the manifest, such as the hash of the Modelica file.
+    `platforms`: names of `toolchain.PLATFORMS`, this machine's if None. `csrc`: the folder of the solver core and
+    wrappers. `provenance`: entries to add to the manifest, such as the hash of the Modelica file.
     """
     out = Path(out_path)
     if fmi not in _WRAPPERS:
@@ -92,7 +99,7 @@ def _build_description(compiled: CompiledModel, files: Sequence[str]) -> bytes:
     for name in files:
         ElementTree.SubElement(file_set, "SourceFile", name=name)
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+    return bytes(ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
 
 
 def _documentation(compiled: CompiledModel, token: str) -> bytes:
@@ -104,7 +111,7 @@ def _documentation(compiled: CompiledModel, token: str) -> bytes:
     ElementTree.SubElement(body, "h1").text = compiled.name
     for text in (compiled.description, *compiled.notes, f"Made by {compiled.tool}; build {token}."):
         ElementTree.SubElement(body, "p").text = text
-    return b"<!DOCTYPE html>\n" + ElementTree.tostring(html, encoding="utf-8", method="html") + b"\n"
+    return b"<!DOCTYPE html>\n" + bytes(ElementTree.tostring(html, encoding="utf-8", method="html")) + b"\n"
 
 
 def _binaries(

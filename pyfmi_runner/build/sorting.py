@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import casadi as ca
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from pyfmi_runner.build.frontend import Source, Tree
 from pyfmi_runner.build.hybrid import HybridSystem
+from pyfmi_runner.errors import InputError
 
 LARGEST_BLOCK = 6  # linear algebraic loops up to this size are solved symbolically
 
@@ -28,7 +32,7 @@ def solve(system: HybridSystem) -> dict[str, ca.SX]:
     pattern = ca.jacobian_sparsity(ca.vertcat(*residuals), symbols)
     n_blocks, rows, columns, row_starts, column_starts, *_ = pattern.btf()
     if n_blocks < 0 or ca.sprank(ca.DM(pattern, 1)) < len(unknowns):
-        raise source.refuse("the equations are structurally singular", mend="check that each unknown has an equation of its own")
+        raise _singular(system, pattern, [name for name, _ in unknowns])
     solved: dict[str, ca.SX] = {}
     old: list[ca.SX] = []
     new: list[ca.SX] = []
@@ -44,6 +48,19 @@ def solve(system: HybridSystem) -> dict[str, ca.SX]:
             old.append(symbol)
             new.append(value)
     return solved
+
+
+def _singular(system: HybridSystem, pattern: ca.Sparsity, names: list[str]) -> InputError:
+    """The equation that is too many and the unknown that lacks one."""
+    rows, columns = pattern.get_triplet()
+    graph = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=pattern.shape)
+    unknown_of_equation = maximum_bipartite_matching(graph, perm_type="column")
+    lacking = sorted(set(range(len(names))) - set(unknown_of_equation.tolist()))
+    return system.table.model.source.refuse(
+        f"the equations are structurally singular: none is left for {', '.join(names[j] for j in lacking)}, this one is too many",
+        system.residuals[int(np.argmax(unknown_of_equation < 0))][1],
+        mend="write an equation for each unknown",
+    )
 
 
 def _solve_block(source: Source, residuals: list[ca.SX], unknowns: list[tuple[str, ca.SX]], trees: list[Tree]) -> list[ca.SX]:

@@ -184,13 +184,14 @@ def _names_under(model: FlatModel, function: str) -> set[str]:
                 walk(child)
 
     walk(model.equations)
-    if function == "Pre":
+    if function != "Der":
         walk(model.when_chains)
     return found
 
 
 def names_under_pre(model: FlatModel) -> set[str]:
-    return _names_under(model, "Pre")
+    """Variables whose value before the event is asked for."""
+    return _names_under(model, "Pre") | _names_under(model, "Edge") | _names_under(model, "Change")
 
 
 def _assigned_in_when(model: FlatModel) -> set[str]:

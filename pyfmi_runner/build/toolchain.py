@@ -1,4 +1,4 @@
-"""Finds and runs a C compiler: the system's ($CC or cc) for this machine, else and for other platforms `python -m ziglang cc`."""
+"""Finds and runs a C compiler: $CC or cc for this machine, else and for other platforms `python -m ziglang cc`."""
 
 from __future__ import annotations
 
@@ -82,14 +82,12 @@ def find_compiler(target: Platform) -> Compiler:
             if words and shutil.which(words[0]):
                 return Compiler(tuple(words), _version(words), zig=False)
         if command:
-            raise InputError(f"the compiler {command!r} was not found", field="CC", mend="correct or unset the variable CC")
+            raise InputError(f"no compiler {command!r}", field="CC", mend="correct or unset the variable CC")
     if importlib.util.find_spec("ziglang"):
         words = [sys.executable, "-m", "ziglang", "cc"]
         return Compiler(tuple(words), "zig " + _version(words), zig=True)
-    raise InputError(
-        f"no C compiler for {target.fmi3}",
-        mend="pip install ziglang" + ("" if target != host_platform() else ", or install gcc or clang (Debian: apt install gcc)"),
-    )
+    system = ", or install gcc or clang (Debian: apt install gcc)" if target == host_platform() else ""
+    raise InputError(f"no C compiler for {target.fmi3}", mend="pip install ziglang" + system)
 
 
 def _version(words: Sequence[str]) -> str:

@@ -1,7 +1,7 @@
 """Modelica unit strings as exponents of the SI base units that FMI knows.
 
-Modelica 3.6, section 19.1: factors joined by ".", at most one "/" (the rest is the denominator), exponents written behind the
-symbol ("m2", "s-1"). A string that does not parse has no BaseUnit, which FMI allows.
+Modelica 3.6, section 19.1: factors joined by ".", at most one "/" (the rest is the denominator), exponents written
+behind the symbol ("m2", "s-1"). A string that does not parse has no BaseUnit, which FMI allows.
 """
 
 from __future__ import annotations
@@ -83,7 +83,8 @@ def _product(text: str) -> BaseUnit | None:
         power = int(match["exponent"] or 1)
         exponents = [e + power * f for e, f in zip(exponents, unit.exponents, strict=True)]
         factor *= unit.factor**power
-        offset = unit.offset if len(factors) == 1 and power == 1 else 0.0  # an offset means something for the plain unit only
+        if len(factors) == 1 and power == 1:  # an offset means something for the plain unit only
+            offset = unit.offset
     return BaseUnit(tuple(exponents), factor, offset)
 
 

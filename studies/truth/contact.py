@@ -8,7 +8,7 @@ from numba import njit
 
 from studies.truth.workpiece import edge_at
 
-APART, PRESSED, PULLED = 0, 1, 2  # PULLED: still within reach, but the force law would pull more than the contact can
+APART, PRESSED, PULLED = 0, 1, 2  # PULLED: deflected, but the force law would pull
 
 
 @njit
@@ -27,24 +27,25 @@ def law_force(c, x, depth, rate, creep):
         spring *= 1.0 - c.soft_depth * math.exp(-(((x - c.soft_at) / c.soft_width) ** 2))
     if c.harden_at > 0.0 and depth > 0.0:
         spring *= 1.0 + (depth / c.harden_at) ** c.harden_power
+    if c.loss != 0.0:
+        spring *= 1.0 + c.loss * math.tanh(rate / c.loss_rate)
     return spring + creep + (c.damping + c.impact_damping * max(depth, 0.0)) * rate
 
 
 @njit
-def contact_mode(c, x, depth, rate, creep, before):
-    """Discrete mode of the contact; a sticky contact (`adhesion`) remembers that it touched."""
-    touching = depth > 0.0 or (before != APART and depth > -c.adhesion)
-    if not touching:
+def contact_mode(c, x, depth, rate, creep):
+    """Discrete mode of the contact."""
+    if depth <= 0.0:
         return APART
-    return PRESSED if law_force(c, x, depth, rate, creep) > -c.stiffness * c.adhesion else PULLED
+    return PRESSED if law_force(c, x, depth, rate, creep) > 0.0 else PULLED
 
 
 @njit
 def contact_force(c, mode, x, depth, rate, creep, v_x, v_z, cosine, sine):
-    """(f_n, f_x, f_z) [N] of the robot on the workpiece; drag f_t opposes nothing but follows v_t: f_t = mu f_n sgn v_t."""
-    if mode == APART:
+    """(f_n, f_x, f_z) [N] of the robot on the workpiece; the drag follows v_t: f_t = mu f_n sgn v_t."""
+    if mode != PRESSED:
         return 0.0, 0.0, 0.0
-    f_n = law_force(c, x, depth, rate, creep) if mode == PRESSED else -c.stiffness * c.adhesion
+    f_n = law_force(c, x, depth, rate, creep)
     f_t = 0.0
     if c.drag != 0.0:
         v_t = v_x * cosine + v_z * sine

@@ -35,6 +35,11 @@ def _set_force_cell(name: str, signed: bool = False):
     return build
 
 
+def _saturation(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
+    rig.sensor["full"][4:6] = 1.0 / size
+    return {"full": 1.0 / size}
+
+
 def _spool_oscillates(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
     omega, zeta = 1.0 / size, rng.uniform(0.08, 0.4)
     rig.axis["spool_omega"][i], rig.axis["spool_zeta"][i] = omega, zeta
@@ -99,7 +104,7 @@ UNKNOWN_FORMS = [
     _form("sticking_spool", "valve", AXES, 0.008, 0.08, "V", _set("axis", "spool_stick")),
     _form("oscillating_spool", "valve", AXES, 1 / 120, 1 / 12, "s/rad", _spool_oscillates),
     _form("chamber_leak", "valve", AXES, 0.08, 1.0, "of the lag rate", _set("axis", "leak", leak_from=(5.0, 20.0))),
-    _form("slew_limit", "valve", AXES, 1 / 400, 1 / 25, "s/N", _slew),
+    _form("slew_limit", "valve", AXES, 1 / 150, 1 / 25, "s/N", _slew),
     _form("spool_overlap", "valve", AXES, 0.01, 0.12, "V", _dead_band),
     _form("dwell_friction", "friction", AXES, 0.06, 0.6, "per decade", _set("axis", "dwell", dwell_from=(0.02, 0.2))),
     _form("cubic_viscous", "friction", AXES, 100.0, 3000.0, "N s^3/m^3", _set("axis", "cubic")),
@@ -108,7 +113,7 @@ UNKNOWN_FORMS = [
     _form("warming_by_work", "friction", AXES, 0.08, 0.6, "fraction", _set("axis", "warm", warm_work=(0.3, 3.0))),
     _form("hose_spring", "friction", AXES, 0.5, 8.0, "N", _hose_spring),
     _form("impact_damping", "contact", NO_AXIS, 3e3, 1.5e5, "N s/m^2", _set("contact", "impact_damping")),
-    _form("adhesion", "contact", NO_AXIS, 2e-4, 2e-3, "m", _set("contact", "adhesion")),
+    _form("elastic_loss", "contact", NO_AXIS, 0.01, 0.3, "relative", _set("contact", "loss", loss_rate=(3e-4, 3e-3))),
     _form("creep_of_tool", "contact", NO_AXIS, 8e2, 2e4, "N/m", _set("contact", "creep_stiffness", creep_time=(0.1, 1.5))),
     _form(
         "soft_spot", "contact", NO_AXIS, 0.08, 0.7, "fraction",
@@ -116,10 +121,10 @@ UNKNOWN_FORMS = [
     ),
     _form("force_drift", "sensors", NO_AXIS, 0.01, 0.3, "N/s", _set_force_cell("drift", True)),
     _form("force_cubic", "sensors", NO_AXIS, 0.02, 0.3, "relative at 50 N", _set_force_cell("cubic", True)),
-    _form("force_dead_zone", "sensors", NO_AXIS, 0.3, 5.0, "N", _set_force_cell("dead")),
-    _form("dropout", "sensors", NO_AXIS, 1e-3, 3e-2, "per sample", _dropout),
+    _form("force_saturation", "sensors", NO_AXIS, 1 / 80, 1 / 25, "1/N", _saturation),
+    _form("dropout", "sensors", NO_AXIS, 3e-3, 1e-1, "per sample", _dropout),
     _form("excess_noise", "sensors", NO_AXIS, 0.5, 6.0, "relative", _noisy),
-    _form("jitter", "timing", NO_AXIS, 1.0, 20.0, "samples", _whole("jitter")),
+    _form("jitter", "timing", NO_AXIS, 2.0, 30.0, "samples", _whole("jitter")),
     _form("missed_samples", "timing", NO_AXIS, 0.05, 0.9, "per sample", _set("timing", "miss")),
     _form("clock_drift", "timing", NO_AXIS, 0.01, 0.12, "relative", _clock),
     _form("slow_controller", "timing", NO_AXIS, 1.0, 30.0, "samples", _whole("divider")),

@@ -80,7 +80,7 @@ def advance(y, modes, time, span, demand, clamped, tolerance, max_step, axis, co
     """Advance state and modes in place by `span` seconds under constant valve demand; returns the number of located events."""
     k, trial, ahead = np.empty((7, STATES)), np.empty(STATES), np.empty(MODES, np.int64)
     end, events = time + span, 0
-    plant_modes(y, time, clamped, modes, axis, contact, profile, edge, standoff, ahead)
+    plant_modes(y, time, clamped, axis, contact, profile, edge, standoff, ahead)
     modes[:] = ahead
     settle(y, axis, modes, clamped)
     h = min(max_step, _first_step(y, axis, modes, span))
@@ -95,7 +95,7 @@ def advance(y, modes, time, span, demand, clamped, tolerance, max_step, axis, co
             h *= max(0.2, 0.9 * error**-0.2)
             continue
         grow = min(4.0, 0.9 * max(error, 1e-6) ** -0.2)
-        plant_modes(trial, time + h, clamped, modes, axis, contact, profile, edge, standoff, ahead)
+        plant_modes(trial, time + h, clamped, axis, contact, profile, edge, standoff, ahead)
         if _changed(ahead, modes) and events < MAX_EVENTS:
             events += 1
             low, high = 0.0, h
@@ -104,13 +104,13 @@ def advance(y, modes, time, span, demand, clamped, tolerance, max_step, axis, co
                     break
                 middle = 0.5 * (low + high)
                 _stages(y, time, middle, demand, clamped, modes, axis, contact, profile, edge, standoff, k, trial)
-                plant_modes(trial, time + middle, clamped, modes, axis, contact, profile, edge, standoff, ahead)
+                plant_modes(trial, time + middle, clamped, axis, contact, profile, edge, standoff, ahead)
                 if _changed(ahead, modes):
                     high = middle
                 else:
                     low = middle
             _stages(y, time, high, demand, clamped, modes, axis, contact, profile, edge, standoff, k, trial)
-            plant_modes(trial, time + high, clamped, modes, axis, contact, profile, edge, standoff, ahead)
+            plant_modes(trial, time + high, clamped, axis, contact, profile, edge, standoff, ahead)
             time += high
         else:
             time += h

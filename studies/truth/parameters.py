@@ -93,7 +93,8 @@ _CONTACT = [
     ("pivot", 0.95, "x about which it is tilted [m]"),
     ("tilt_bow", 0.0, "share of the tilt that comes from a bow: the angle changes by this share over the edge"),
     ("impact_damping", 0.0, "Hunt-Crossley damping [N s/m^2]"),
-    ("adhesion", 0.0, "stretch at which a sticky contact lets go [m]"),
+    ("loss", 0.0, "relative difference of the spring force between loading and unloading, halved"),
+    ("loss_rate", 1e-3, "deflection rate over which it turns [m/s]"),
     ("creep_stiffness", 0.0, "stiffness of a Maxwell branch in parallel (Zener) [N/m]"),
     ("creep_time", 0.3, "its time constant [s]"),
     ("soft_depth", 0.0, "relative loss of stiffness at the soft spot of the edge"),
@@ -116,7 +117,7 @@ _SENSOR = [  # one entry per channel
     ("noise", 1.0, "factor on the noise"),
     ("dropout", 0.0, "chance per sample that a hold begins"),
     ("hold", 0.0, "length of a hold [samples]"),
-    ("dead", 0.0, "readings below this size read 0 [its unit]"),
+    ("full", 0.0, "reading at which the channel saturates softly [its unit]; 0: never"),
 ]
 _TIMING = [
     ("sense_delay", 0.0, "samples by which the controller sees the sensors late"),

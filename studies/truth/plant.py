@@ -106,11 +106,11 @@ def axis_modes(a, profile, y, o, f_c, f_n, other, time, clamped):
 
 
 @njit
-def plant_modes(y, time, clamped, before, axis, contact, profile, edge, standoff, modes):
-    """Write the discrete modes of state y; the mode `before` is needed by a contact that remembers."""
+def plant_modes(y, time, clamped, axis, contact, profile, edge, standoff, modes):
+    """Write the discrete modes of state y."""
     depth, rate, cosine, sine = deflection(edge, standoff, y[0], y[WIDTH], y[1], y[WIDTH + 1])
     c = contact[0]
-    modes[TOUCH] = contact_mode(c, y[0], depth, rate, y[CREEP], before[TOUCH])
+    modes[TOUCH] = contact_mode(c, y[0], depth, rate, y[CREEP])
     f_n, f_x, f_z = contact_force(c, modes[TOUCH], y[0], depth, rate, y[CREEP], y[1], y[WIDTH + 1], cosine, sine)
     modes[0], modes[3] = axis_modes(axis[0], profile[0], y, 0, f_x, f_n, 0.0, time, clamped[0])
     a_x = 0.0

@@ -54,10 +54,10 @@ def sense(sensor, true, noise, chance, k, period, memory, history, hold, last, o
         value *= s.gain * (s.gain_negative if value < 0.0 else 1.0)
         if s.cubic != 0.0:
             value += s.cubic * s.cubic_at * (value / s.cubic_at) ** 3
+        if s.full > 0.0:
+            value /= (1.0 + (value / s.full) ** 8) ** 0.125
         built = 1.0 - math.exp(-time / s.bias_time) if s.bias_time > 0.0 else 1.0
         value += s.bias * built + s.drift * time + s.noise * noise[i]
-        if abs(value) < s.dead:
-            value = 0.0
         if s.step > 0.0:
             value = s.step * (math.floor(value / s.step) if s.step_floor > 0.0 else math.floor(value / s.step + 0.5))
         if s.dropout > 0.0:

@@ -8,11 +8,11 @@ from controllers.nn_inputs import checked_inputs, command_input, force_inputs
 
 def test_14_inputs_are_those_of_figure_5_12():
     p = np.zeros(14)
-    f_n = [1.0, 2.0, 4.0, 8.0, 16.0, 17.0]
+    f_n = [1.0, 2.0, 4.0, 8.0, 16.0, 19.0]
     for k, f in enumerate(f_n):
         force_inputs(p, 30.0 + k, f)
     e = [30.0 + k - f for k, f in enumerate(f_n)]
-    assert p.tolist() == [e[5], e[4], e[3], e[5] - e[4], 35, 34, 33, 32, 31, 17, 16, 8, 4, 2]
+    assert p.tolist() == [e[5], e[4], e[3], e[5] - e[4], 35, 34, 33, 32, 31, 19, 16, 8, 4, 2]
 
 
 def test_5_inputs_are_those_of_figure_5_21():

@@ -1,0 +1,5 @@
+"""`python -m pneugantry`."""
+
+from pneugantry.cli import main
+
+raise SystemExit(main())

@@ -1,0 +1,85 @@
+"""The command line: `pneugantry COMMAND`. One file per command under `commands/`; here parsing, exit codes and JSON."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from pyfmi_runner.errors import InputError, RunError
+from pyfmi_runner.log import write_atomically
+
+COMMANDS = ("demo", "build", "run", "replay")  # each a module of `commands` with HELP, add_arguments, execute
+
+
+def parser() -> argparse.ArgumentParser:
+    top = argparse.ArgumentParser(
+        prog="pneugantry",
+        description="Pneumatic gantry robot: Modelica model, FMU, closed-loop co-simulation, diagnosis of the sim-to-real gap.",
+        epilog="Exit codes: 0 done, 1 a failed check or a run that could not finish, 2 unusable input.",
+    )
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name in COMMANDS:
+        module = importlib.import_module(f"pneugantry.commands.{name}")
+        summary = module.HELP.strip().splitlines()[0]
+        command = commands.add_parser(name, help=summary, description=module.HELP, formatter_class=argparse.RawDescriptionHelpFormatter)
+        command.add_argument("--json", metavar="FILE", help="write the result as JSON, - for standard output")
+        module.add_arguments(command)
+        command.set_defaults(execute=module.execute)
+    return top
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs one command; returns its exit code."""
+    options = parser().parse_args(arguments)
+    to_stdout = options.json == "-"
+    stdout = sys.stdout
+    try:
+        if to_stdout:
+            sys.stdout = sys.stderr  # what a command prints for people stays out of the JSON
+        result, code = options.execute(options)
+        if options.json:
+            _write_json(result, options.json, stdout)
+        return int(code)
+    except InputError as error:
+        print(f"pneugantry: {error}", file=sys.stderr)
+        return 2
+    except RunError as error:
+        print(f"pneugantry: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("pneugantry: cancelled", file=sys.stderr)
+        return 1
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 1
+    finally:
+        sys.stdout = stdout
+
+
+def _write_json(result: dict[str, Any], target: str, stdout: Any) -> None:
+    text = json.dumps(_plain(result), indent=2, allow_nan=False) + "\n"
+    if target == "-":
+        stdout.write(text)
+        stdout.flush()
+        return
+    path = Path(target)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def _plain(value: Any) -> Any:
+    """JSON values: numpy numbers and arrays unpacked, NaN and infinities as null."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
+        return None
+    return value

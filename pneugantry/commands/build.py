@@ -1,0 +1,35 @@
+"""`pneugantry build`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.build.toolchain import PLATFORMS
+
+HELP = """Compile a Modelica class to an FMU (co-simulation and model exchange in one).
+
+Rebuilds only if the Modelica file, the compiler or the platforms have changed.
+
+  pneugantry build                                       the gantry, FMI 2.0, this machine, into fmus/
+  pneugantry build --fmi 3.0
+  pneugantry build --class PneuGantry.Valve              one block
+  pneugantry build --platform linux64 --platform win64   needs the extra [zig]"""
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--model", metavar="FILE.mo", type=Path, help="Modelica file (default: models/PneuGantry.mo)")
+    command.add_argument("--class", dest="class_name", metavar="NAME", default="PneuGantry.Gantry", help="class to compile (default: %(default)s)")
+    command.add_argument("--fmi", choices=("2.0", "3.0"), default="2.0", help="FMI version (default: %(default)s)")
+    names = ", ".join(p.fmi3 for p in PLATFORMS)
+    command.add_argument("--platform", action="append", metavar="NAME", help=f"platform of the binary, may be repeated (default: this machine): {names}")
+    command.add_argument("--out", metavar="DIR", type=Path, help="folder of the FMU (default: fmus/)")
+    command.add_argument("--force", action="store_true", help="build even if nothing has changed")
+
+
+def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    result = build_fmu(options.class_name, options.model, options.fmi, options.out, options.platform, options.force)
+    print(f"{'built' if result.rebuilt else 'up to date'}: {result.path}")
+    return {"schema": "build/1", "fmu": str(result.path), "manifest": str(result.manifest), "rebuilt": result.rebuilt}, 0

@@ -1,0 +1,92 @@
+"""`pneugantry run`."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from analysis.metrics import tracking_metrics
+from controllers.catalogue import controller_names
+from pneugantry.progress import loop_progress
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.errors import InputError
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import write_log
+from pyfmi_runner.run import run_scenario
+from pyfmi_runner.scenario import Scenario, read_scenario, short_phases
+from pyfmi_runner.workpiece import check_workpiece
+
+HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of f_n and v_t over the contouring phase.
+
+  pneugantry run                                   the curved edge, PI force/velocity controller
+  pneugantry run --workpiece incline_16 --set contact.K_c=2e4 --plot out/run.png
+  pneugantry run --workpiece my_edge.csv           columns x, z_w in metres
+  pneugantry run scenario.toml --out out/run.parquet"""
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument("scenario", nargs="?", metavar="SCENARIO.toml", help="scenario file (default: the campaigns' contouring run)")
+    command.add_argument("--workpiece", metavar="NAME|FILE.csv", help="straight, incline_7, incline_16, incline_30, curved or a CSV of x, z_w")
+    command.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(controller_names())}")
+    command.add_argument("--set", action="append", default=[], metavar="PARAM=VALUE", help="plant parameter, may be repeated")
+    command.add_argument("--seed", type=int, help="of sensor noise and jitter")
+    command.add_argument("--out", metavar="LOG", type=Path, help="write the log, .parquet or .csv")
+    command.add_argument("--plot", metavar="FILE.png", type=Path, help="draw f_n, v_t, theta and z over x")
+    command.add_argument("--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface")
+
+
+def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    scenario = chosen_scenario(options)
+    fmu = FmuFile.read(options.fmu or build_fmu().path)
+    result = run_scenario(scenario, fmu, progress=loop_progress(scenario.name))
+    if options.out:
+        write_log(result.log, options.out)
+        print(f"log: {options.out} ({len(result.log)} rows)")
+    if options.plot:
+        from analysis.plots import save, tracking_figure  # matplotlib loads only when something is drawn
+
+        save(tracking_figure(result.log, scenario.name), options.plot)
+        print(f"picture: {options.plot}")
+    steps = len(result.log)
+    simulated = steps * scenario.timing.period
+    report: dict[str, Any] = {"schema": "run/1", "outcome": result.outcome, "reason": result.reason, "steps": steps,
+                              "seconds": result.seconds, "realtime_factor": simulated / result.seconds if result.seconds else 0.0}  # fmt: skip
+    if result.outcome != "done":
+        print(f"the run {result.outcome}: {result.reason}")
+        return report | {"metrics": None}, 1
+    metrics = tracking_metrics(result.log)
+    print(f"{scenario.workpiece}, {scenario.controller}: f_n RMSE {metrics.rmse_fn:.2f} N, ME {metrics.me_fn:.1f} N;"
+          f" v_t RMSE {metrics.rmse_vt:.3f} m/s, ME {metrics.me_vt:.3f} m/s  ({simulated:.0f} s in {result.seconds:.2f} s)")  # fmt: skip
+    return report | {"metrics": metrics._asdict()}, 0
+
+
+def chosen_scenario(options: argparse.Namespace) -> Scenario:
+    """The scenario of the file, with what the options change."""
+    scenario = read_scenario(options.scenario) if options.scenario else Scenario()
+    changes: dict[str, Any] = {"plant": scenario.plant | _settings(options.set)}
+    if options.workpiece:
+        check_workpiece(options.workpiece)
+        changes |= {"workpiece": options.workpiece, "standoff": None}
+        if scenario.phases == short_phases(scenario.workpiece):
+            changes["phases"] = short_phases(options.workpiece)
+    if options.controller:
+        changes["controller"] = options.controller
+    if options.seed is not None:
+        if options.seed < 0:
+            raise InputError(f"is {options.seed}, expected >= 0", field="--seed", mend="choose a whole number from 0 on")
+        changes["seed"] = options.seed
+    return replace(scenario, **changes)
+
+
+def _settings(texts: list[str]) -> dict[str, float]:
+    words = {"true": 1.0, "false": 0.0}
+    settings = {}
+    for text in texts:
+        name, _, value = (part.strip() for part in text.partition("="))
+        try:
+            settings[name] = words[value.lower()] if value.lower() in words else float(value)
+        except ValueError:
+            raise InputError(f"{text!r} is no PARAM=VALUE", field="--set", mend="write for example --set contact.K_c=2e4") from None
+    return settings

@@ -1,0 +1,39 @@
+"""FMUs for the tests of the build: the stub and the real model, in both FMI versions."""
+
+import sys
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent / "stub"))
+
+from stub_model import stub_fmu  # noqa: E402  # the path comes first
+
+from pyfmi_runner.build import build_fmu  # noqa: E402
+
+
+@cache
+def real_fmu(fmi: str) -> Path:
+    return build_fmu(fmi=fmi, out=Path(mkdtemp(prefix="real-fmu-"))).path
+
+
+@pytest.fixture(params=["2.0", "3.0"])
+def fmi(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture
+def stub(fmi: str) -> Path:
+    return stub_fmu(fmi)
+
+
+@pytest.fixture(params=[stub_fmu, real_fmu], ids=["stub", "real"])
+def fmu(request: pytest.FixtureRequest, fmi: str) -> Path:
+    return request.param(fmi)
+
+
+@pytest.fixture(params=[stub_fmu, real_fmu], ids=["stub", "real"])
+def fmu2(request: pytest.FixtureRequest) -> Path:
+    return request.param("2.0")
