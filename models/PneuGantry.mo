@@ -199,9 +199,9 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Angle incline(min = -1.5, max = 1.5) = 0 "Slope angle of the inclined edge";
     parameter Angle extra_angle(min = -1.5, max = 1.5) = 0 "Workpiece mounted at this extra angle; neutral 0";
     parameter Position x_0 = 0.95 "Datum: z_w(x_0) = 0";
-    parameter Position A[3](each min = -0.1, each max = 0.1) = {0, 0, 0} "Surface finish, amplitudes; neutral 0; medium finish {0.2, 0.08, 0.03} mm [A]";
-    parameter Position lambda[3](each min = 1e-4, each max = 10) = {0.060, 0.027, 0.013} "Surface finish, wavelengths [A]";
-    parameter Angle phi[3](each min = -10, each max = 10) = {0.3, 1.1, 2.0} "Surface finish, phases [A]";
+    parameter Position A[8](each min = -0.1, each max = 0.1) = {0, 0, 0, 0, 0, 0, 0, 0} "Surface finish, amplitudes; neutral 0; medium finish {0.2, 0.08, 0.03, 0, ...} mm [A]";
+    parameter Position lambda[8](each min = 1e-4, each max = 100) = {0.060, 0.027, 0.013, 0.1, 0.1, 0.1, 0.1, 0.1} "Surface finish, wavelengths; the first three [A]";
+    parameter Angle phi[8](each min = -10, each max = 10) = {0.3, 1.1, 2.0, 0, 0, 0, 0, 0} "Surface finish, phases; the first three [A]";
     input Position x "Position along the x axis";
     input Position profile_at "Own profile: position about which it is expanded";
     input Position profile_height "Own profile: z_w at profile_at";
@@ -215,12 +215,14 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     constant Real rise_c[17] = {-9.2067333862646275e-02, 5.1457933093609805e-03, -8.8846531639971053e-04, 1.1571778609130270e-04, -1.9984557470923936e-05, 3.1944419080708004e-06, -5.6035756983612813e-07, 9.6832991927037695e-08, -1.7334778208216939e-08, 3.1083691031805854e-09, -5.6634680184172490e-10, 1.0371034914713043e-10, -1.9158700363434505e-11, 3.5568005875569990e-12, -6.6406377022582335e-13, 1.2449892726505681e-13, -2.3436304328503938e-14} "its cosine coefficients / (2 pi k)";
     constant Ratio dip_mean = -0.08782564314072659 "mean of tan(-10 deg sin^2)";
     constant Real dip_c[8] = {1.4022526617908586e-02, -2.6850468486211090e-05, 3.0404902901525346e-06, -1.7260308597737895e-08, 1.4391041359498592e-09, -1.2625943955454048e-11, 8.2946695360982402e-13, -9.5917034616943022e-15};
+    Boolean rough "Any surface finish";
     Ratio s_rise "Position within the 50 deg bump, 0..1";
     Ratio s_dip "Position within the -10 deg bump, 0..1";
     Position h_shape, d;
     Ratio t_shape, t_finish;
     Position h_finish;
   equation
+    rough = noEvent(sum(abs(A[i]) for i in 1:8) > 0);
     s_rise = noEvent(min(max((0.78 - x)/0.16, 0), 1));
     s_dip = noEvent(min(max((0.52 - x)/0.10, 0), 1));
     h_shape = noEvent(if shape == EdgeShape.curved then
@@ -231,8 +233,8 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
         (if s_rise > 0 and s_rise < 1 then tan(50*pi/180*sin(pi*s_rise)^2)
          elseif s_dip > 0 and s_dip < 1 then tan(-10*pi/180*sin(pi*s_dip)^2) else 0)
       elseif shape == EdgeShape.inclined then tan(incline) else 0);
-    h_finish = noEvent(if A[1] == 0 and A[2] == 0 and A[3] == 0 then 0 else sum(A[i]*sin(2*pi*x/lambda[i] + phi[i]) for i in 1:3));
-    t_finish = noEvent(if A[1] == 0 and A[2] == 0 and A[3] == 0 then 0 else sum(A[i]*2*pi/lambda[i]*cos(2*pi*x/lambda[i] + phi[i]) for i in 1:3));
+    h_finish = noEvent(if rough then sum(A[i]*sin(2*pi*x/lambda[i] + phi[i]) for i in 1:8) else 0);
+    t_finish = noEvent(if rough then sum(A[i]*2*pi/lambda[i]*cos(2*pi*x/lambda[i] + phi[i]) for i in 1:8) else 0);
     d = x - profile_at;
     height = h_shape + h_finish + tan(extra_angle)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
     slope = t_shape + t_finish + tan(extra_angle) + profile_slope + d*profile_curvature;
@@ -551,7 +553,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     end InclinedForce;
 
     model CurvedEdge "The height of the curved edge is the integral of its slope"
-      Workpiece workpiece(shape = EdgeShape.curved, A = {2e-4, 8e-5, 3e-5});
+      Workpiece workpiece(shape = EdgeShape.curved, A = {2e-4, 8e-5, 3e-5, 0, 0, 0, 0, 0});
       parameter Real tolerance = 5e-9;
       output Position error;
     protected

@@ -63,8 +63,8 @@ class FmuSession:
     """One instance of an FMU, initialised and ready between `with` and its end.
 
     kind: "cs" co-simulation or "me" model exchange; parameters: parameters, inputs and start values by name, set
-    before the initialisation; start_time, stop_time: s. In the `with` statement: InputError for a file or parameter that
-    cannot be used. Any call: RunError with the FMU's message when the FMU fails; then the phase is "failed".
+    before the initialisation; start_time, stop_time: s. In the `with` statement: InputError for a file or parameter
+    that cannot be used. Any call: RunError with the FMU's message when the FMU fails; then the phase is "failed".
     """
 
     def __init__(
@@ -186,6 +186,11 @@ class FmuSession:
         words = ("SetReal", "SetBoolean", "DoStep", "GetReal")
         return RawInstance(int(self._fmu.component or 0), *(self._fmu.address(word) for word in words))
 
+    def address(self, word: str) -> int:
+        """Address of an FMI function by the word behind its prefix, "Reset" for fmi2Reset."""
+        self._require("raw")
+        return self._fmu.address(word)
+
     def references(self, names: Sequence[str]) -> NDArray[np.uint32]:
         """Value references for compiled loops; InputError for an unknown name."""
         return np.array([self._values.variable(name).reference for name in names], dtype=np.uint32)
@@ -268,7 +273,8 @@ class FmuSession:
         return self._vector("states", "GetContinuousStates", len(self.file.description.states))
 
     def derivatives(self) -> NDArray[np.float64]:
-        return self._vector("derivatives", self._fmu.derivatives_word, len(self.file.description.states))
+        word = "GetDerivatives" if self.file.description.fmi == "2.0" else "GetContinuousStateDerivatives"
+        return self._vector("derivatives", word, len(self.file.description.states))
 
     def nominals(self) -> NDArray[np.float64]:
         return self._vector("nominals", "GetNominalsOfContinuousStates", len(self.file.description.states))

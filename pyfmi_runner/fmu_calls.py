@@ -162,7 +162,6 @@ def _collector(messages: list[Message], with_name: bool) -> Callable[..., None]:
 class Fmi2(Instance):
     prefix = "fmi2"
     state_word = "FMUstate"
-    derivatives_word = "GetDerivatives"
     getters = MappingProxyType(
         {
             "Real": ("Real", c_double),
@@ -232,7 +231,6 @@ class _EventInfo2(ctypes.Structure):
 class Fmi3(Instance):
     prefix = "fmi3"
     state_word = "FMUState"
-    derivatives_word = "GetContinuousStateDerivatives"
     getters = MappingProxyType(
         {
             "Float64": ("Float64", c_double),

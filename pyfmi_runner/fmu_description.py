@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from lxml import etree  # type: ignore[import-untyped]  # lxml ships no types
+from lxml import etree
 
 from pyfmi_runner.errors import InputError
 
@@ -76,7 +76,7 @@ def _root(text: bytes, file: Path) -> Any:
         root = etree.fromstring(text, parser)
     except etree.XMLSyntaxError as error:
         raise InputError(f"not well-formed XML ({error})", file=file, field=_FIELD, mend=_MEND) from None
-    if root.getroottree().docinfo.doctype:
+    if getattr(root.getroottree().docinfo, "doctype", ""):
         what = "a document type declaration is refused"
         raise InputError(what, file=file, field=_FIELD, mend="remove the DOCTYPE")
     return root
@@ -105,13 +105,12 @@ class _Reader:
         try:
             return float(text)
         except ValueError:
-            what = f"line {element.sourceline}: {name}={text!r} is no number"
-            raise self.fail(what, str(element.get("name"))) from None
+            raise self.fail(f"line {element.sourceline}: {name}={text!r} is no number", _owner(element)) from None
 
     def integer(self, element: Any, name: str) -> int:
         text = self.required(element, name)
         if not text.strip().isascii() or not text.strip().isdigit():
-            raise self.fail(f"line {element.sourceline}: {name}={text!r} is no reference", str(element.get("name")))
+            raise self.fail(f"line {element.sourceline}: {name}={text!r} is no reference", _owner(element))
         return int(text)
 
     def description(self) -> Description:
@@ -213,6 +212,12 @@ class _Reader:
         if state not in listed:
             raise self.fail(f"the state of {variable.name} does not exist", variable.name)
         return listed[state][0].name
+
+
+def _owner(element: Any) -> str:
+    """The name of the nearest element that has one."""
+    named = next((e for e in (element, *element.iterancestors()) if e.get("name")), None)
+    return _FIELD if named is None else str(named.get("name"))
 
 
 def _capabilities(element: Any) -> frozenset[str]:

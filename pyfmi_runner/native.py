@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-__all__ = ["call_step", "call_values"]
+__all__ = ["call_plain", "call_setup", "call_step", "call_values"]
 
 _POINTER = ir.IntType(8).as_pointer()
 
@@ -39,5 +39,30 @@ def call_step(typingctx: Any, function: Any, component: Any, time: Any, step: An
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         f, c, time, step = args
         return _call(builder, f, [builder.inttoptr(c, _POINTER), time, step, ir.Constant(ir.IntType(32), 1)])
+
+    return signature, generate
+
+
+@intrinsic
+def call_plain(typingctx: Any, function: Any, component: Any) -> Any:
+    """fmi2Reset, fmi2EnterInitializationMode, fmi2ExitInitializationMode: status = f(component)."""
+    signature = types.int32(types.uintp, types.uintp)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        f, c = args
+        return _call(builder, f, [builder.inttoptr(c, _POINTER)])
+
+    return signature, generate
+
+
+@intrinsic
+def call_setup(typingctx: Any, function: Any, component: Any, start: Any) -> Any:
+    """fmi2SetupExperiment without tolerance and stop time: status = f(component, fmi2False, 0, start, fmi2False, 0)."""
+    signature = types.int32(types.uintp, types.uintp, types.float64)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        f, c, start = args
+        no, zero = ir.Constant(ir.IntType(32), 0), ir.Constant(ir.DoubleType(), 0.0)
+        return _call(builder, f, [builder.inttoptr(c, _POINTER), no, zero, start, no, zero])
 
     return signature, generate

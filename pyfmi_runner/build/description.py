@@ -232,7 +232,7 @@ def _dependencies(known: tuple[int, ...], shift: int) -> dict[str, str]:
 
 
 def _unknowns(compiled: CompiledModel) -> dict[str, list[tuple[int, tuple[int, ...]]]]:
-    """(unknown, knowns it depends on) by kind. Where the compiler does not say, all knowns: some importers want a list."""
+    """(unknown, knowns it depends on) by kind; all knowns where the compiler does not say: some importers want a list."""
     variables = compiled.variables
     inputs = {reference for reference, v in enumerate(variables) if v.causality == "input"}
     running = tuple(sorted(inputs | set(compiled.states)))

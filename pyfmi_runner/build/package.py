@@ -126,9 +126,8 @@ def _binaries(
             (folder / name).write_text(text, encoding="utf-8")
         for target in targets:
             compiler = find_compiler(target)
-            library = folder / f"{target.fmi3}{target.extension}"
-            compile_library(compiler, target, folder, files, library)
-            binaries[f"binaries/{target.folder(fmi)}/{compiled.identifier}{target.extension}"] = library.read_bytes()
+            name = f"binaries/{target.folder(fmi)}/{compiled.identifier}{target.extension}"
+            binaries[name] = compile_library(compiler, target, folder, files, name).read_bytes()
             compilers[target.folder(fmi)] = {"version": compiler.version, "flags": list(flags_for(compiler, target))}
     return binaries, compilers
 

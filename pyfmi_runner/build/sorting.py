@@ -74,5 +74,6 @@ def _solve_block(source: Source, residuals: list[ca.SX], unknowns: list[tuple[st
     if len(unknowns) == 1:
         return [right / matrix]
     if len(unknowns) > LARGEST_BLOCK:
-        raise source.refuse(f"not supported: an algebraic loop of {len(unknowns)} variables ({names})", trees[0], mend="break it with a state")
+        message = f"not supported: an algebraic loop of {len(unknowns)} variables ({names})"
+        raise source.refuse(message, trees[0], mend="break it with a state")
     return list(ca.vertsplit(ca.solve(matrix, right)))

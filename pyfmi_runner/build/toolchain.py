@@ -97,16 +97,20 @@ def _version(words: Sequence[str]) -> str:
 
 def flags_for(compiler: Compiler, target: Platform) -> tuple[str, ...]:
     flags = FLAGS if target.extension == ".dll" else (*FLAGS, "-fPIC")
-    return (*flags, "-target", target.zig_target) if compiler.zig else flags
+    # zig adds debug information, which holds the build's folder and time, unless told not to
+    return (*flags, "-g0", "-s", "-target", target.zig_target) if compiler.zig else flags
 
 
-def compile_library(compiler: Compiler, target: Platform, folder: Path, sources: Sequence[str], output: Path) -> None:
-    """Compiles and links `sources` (names inside `folder`) to the shared library `output`."""
+def compile_library(compiler: Compiler, target: Platform, folder: Path, sources: Sequence[str], output: str) -> Path:
+    """Compiles and links `sources` to the shared library `output`; all are names inside `folder`, which is left out of it."""
     command = [*compiler.command, *flags_for(compiler, target), "-I", str(fmi_headers()), "-I", ".", *sources]
-    command += ["-o", str(output.resolve())]
+    command += ["-o", output]
     if target.extension != ".dll":
         command.append("-lm")
+    library = folder / output
+    library.parent.mkdir(parents=True, exist_ok=True)
     result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if result.returncode != 0 or not output.is_file():
+    if result.returncode != 0 or not library.is_file():
         message = result.stderr.strip() or result.stdout.strip() or f"exit code {result.returncode}"
         raise InputError(f"{compiler.command[-1]} could not compile the model for {target.fmi3}: {message}")
+    return library

@@ -9,7 +9,7 @@ import pandas as pd
 
 from studies.truth.parameters import CHANNELS, COMMAND_ROUNDING, ROUNDING, Rig
 from studies.truth.run import Outcome, draws, run
-from studies.truth.setup import Setup, campaign_setups
+from studies.truth.setups import Setup, campaign_setups
 
 Campaign = dict[str, pd.DataFrame]
 

@@ -9,9 +9,10 @@ import numpy as np
 from studies.truth.campaign import Campaign, log_frame
 from studies.truth.effects import KNOWN_FORMS, UNKNOWN_FORMS, draw_cause, names
 from studies.truth.form import Cause
+from studies.truth.loop import Luck
 from studies.truth.parameters import Rig, nominal
-from studies.truth.run import Draws, Outcome, draws, run
-from studies.truth.setup import campaign_setups
+from studies.truth.run import Outcome, draws, run
+from studies.truth.setups import campaign_setups
 from studies.truth.tolerance import with_tolerance
 from studies.truth.visibility import visibility
 
@@ -31,7 +32,9 @@ class Case:
     causes: tuple[Cause, ...]
 
 
-def plan_case(seed: int, kind: str | None = None, rms: float = 0.02, effects: tuple[tuple[str, str], ...] | None = None) -> Case:
+def plan_case(
+    seed: int, kind: str | None = None, rms: float = 0.02, effects: tuple[tuple[str, str], ...] | None = None
+) -> Case:
     """Draw kind, tolerance and causes. `kind` or `effects`, (effect, axis) pairs, fix what the mixture would draw."""
     rng = np.random.default_rng([seed, 1])
     if effects is None:
@@ -53,7 +56,7 @@ def _apply(rig: Rig, causes: tuple[Cause, ...]) -> Rig:
     return rig
 
 
-def _run_all(rig: Rig, drawn: dict[str, Draws]) -> dict[str, Outcome]:
+def _run_all(rig: Rig, drawn: dict[str, Luck]) -> dict[str, Outcome]:
     return {name: run(rig, setup, draw=drawn[name]) for name, setup in campaign_setups().items()}
 
 
@@ -84,7 +87,8 @@ def _label(case: Case, causes: list[Cause], seen: list[dict[str, float]]) -> dic
     for j, (cause, logs) in enumerate(zip(causes, seen, strict=True)):
         before = _apply(case.rig, tuple(causes[:j]))
         best = max(logs.values())
-        entries.append({**cause.entry(before), "visibility": best, "visibility_rms": _rms(logs), "visibility_logs": logs})
+        shows = {"visibility": best, "visibility_rms": _rms(logs), "visibility_logs": logs}
+        entries.append({**cause.entry(before), **shows})
     return {
         "seed": case.seed,
         "kind": case.kind,

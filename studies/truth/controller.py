@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -22,13 +23,22 @@ def gain_array(gains: dict[str, float] | None = None) -> np.ndarray:
     return np.array([[g[f"Kp_{name}"], g[f"Ki_{name}"]] for name in ("vx", "fx", "fz", "vz")])
 
 
+class Errors(NamedTuple):
+    """Two control errors of an axis: rows in the gains, and values [m/s or N]."""
+
+    first: int
+    second: int
+    e_first: float
+    e_second: float
+
+
 @njit
-def _drive(gains, first, second, integral, e_first, e_second, base, sense):
+def _drive(gains: np.ndarray, integral: np.ndarray, e: Errors, base: float, sense: float) -> float:
     """Command [V] of an axis from two PI terms; their integrals [error s] advance by the forward rectangle rule."""
-    c = gains[first, 0] * e_first + gains[first, 1] * integral[first]
-    c += gains[second, 0] * e_second + gains[second, 1] * integral[second]
+    c = gains[e.first, 0] * e.e_first + gains[e.first, 1] * integral[e.first]
+    c += gains[e.second, 0] * e.e_second + gains[e.second, 1] * integral[e.second]
     u = base + sense * c
-    for row, error in ((first, e_first), (second, e_second)):
+    for row, error in ((e.first, e.e_first), (e.second, e.e_second)):
         above, below = u > U_MAX, u < 0.0
         if (not above and not below) or (above and sense * error < 0.0) or (below and sense * error > 0.0):
             integral[row] += PERIOD * error
@@ -36,8 +46,10 @@ def _drive(gains, first, second, integral, e_first, e_second, base, sense):
 
 
 @njit
-def control(gains, integral, f_nd, v_td, sensed):
-    """(u_x, u_z) [V] from the eight sensed channels; `integral` is the controller's state, 0 when the contact phase starts."""
+def control(
+    gains: np.ndarray, integral: np.ndarray, f_nd: float, v_td: float, sensed: np.ndarray
+) -> tuple[float, float]:
+    """(u_x, u_z) [V] from the eight sensed channels; `integral` is the state, 0 when the contact phase starts."""
     f_x, f_z = sensed[4], sensed[5]
     cosine, sine = 1.0, 0.0
     if math.hypot(f_x, f_z) >= LEAST_FORCE:
@@ -45,6 +57,6 @@ def control(gains, integral, f_nd, v_td, sensed):
         cosine, sine = math.cos(theta), math.sin(theta)
     e_fn = f_nd - (-f_x * sine + f_z * cosine)
     e_vt = v_td - (sensed[2] * cosine + sensed[3] * sine)
-    u_x = _drive(gains, 0, 1, integral, e_vt * cosine, -e_fn * sine, U_ZERO[0], -1.0)
-    u_z = _drive(gains, 2, 3, integral, e_fn * cosine, e_vt * sine, U_ZERO[1], 1.0)
+    u_x = _drive(gains, integral, Errors(0, 1, e_vt * cosine, -e_fn * sine), U_ZERO[0], -1.0)
+    u_z = _drive(gains, integral, Errors(2, 3, e_fn * cosine, e_vt * sine), U_ZERO[1], 1.0)
     return u_x, u_z

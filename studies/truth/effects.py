@@ -24,6 +24,6 @@ def draw_cause(rng: np.random.Generator, effect: str, axis: str, form: str | Non
     """A cause of the given effect and axis; its form (one of the effect's, evenly), size and shape are drawn."""
     offered = [f for f in ALL_FORMS if f.effect == effect and axis in f.axes and form in (None, f.form)]
     if not offered:
-        raise ValueError(f"effect must be one of the truth plant's with that axis and form, got {effect}/{axis} form {form}")
+        raise ValueError(f"effect must be one of the truth plant's, got {effect}/{axis} form {form}")
     chosen = offered[int(rng.integers(len(offered)))]
     return Cause(chosen, axis, chosen.draw_size(rng), int(rng.integers(2**31)))

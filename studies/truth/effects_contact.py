@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from studies.truth.form import Form, Parameters, either, relative
+from studies.truth.form import Build, Form, Parameters, either, relative
 from studies.truth.parameters import Rig
 
 REACH = 3e-3  # m, deflection at the usual 30 N
@@ -40,7 +40,7 @@ def _stiffness_and_damping(rig: Rig, i: int, size: float, rng: np.random.Generat
     return {"factor": factor}
 
 
-def _hardening(low: float, high: float):
+def _hardening(low: float, high: float) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         power = rng.uniform(low, high)
         rig.contact["harden_power"], rig.contact["harden_at"] = power, REACH / size ** (1.0 / power)
@@ -49,7 +49,7 @@ def _hardening(low: float, high: float):
     return build
 
 
-def _drag(stribeck: bool):
+def _drag(stribeck: bool) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         rig.contact["drag"], rig.contact["drag_speed"] = size, 10 ** rng.uniform(-3.0, -2.0)
         rig.contact["drag_stribeck"] = rng.uniform(0.2, 1.0) if stribeck else 0.0
@@ -58,7 +58,7 @@ def _drag(stribeck: bool):
     return build
 
 
-def _waviness(kind: str):
+def _waviness(kind: str) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         if kind == "sines":
             count = int(rng.integers(1, 6))
@@ -81,10 +81,11 @@ def _waviness(kind: str):
     return build
 
 
-def _angle(kind: str):
+def _angle(kind: str) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         sense = either(rng)
-        angle = np.radians(sense * min(size, 1.5) if sense < 0 else size)  # a larger negative angle leaves the stroke of z
+        # a larger negative angle leaves the stroke of z
+        angle = np.radians(sense * min(size, 1.5) if sense < 0 else size)
         rig.contact["tilt"] = angle
         rig.contact["pivot"] = 0.95 + (rng.uniform(-0.02, 0.02) if kind == "pivot" else 0.0)
         rig.contact["tilt_bow"] = rng.uniform(-0.5, 0.5) if kind == "bow" else 0.0
@@ -93,7 +94,7 @@ def _angle(kind: str):
     return build
 
 
-def _forms(effect: str, low: float, high: float, unit: str, **builds) -> list[Form]:
+def _forms(effect: str, low: float, high: float, unit: str, **builds: Build) -> list[Form]:
     return [Form(effect, name, "contact", ("",), low, high, unit, build) for name, build in builds.items()]
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from studies.truth.form import AXES, Form, Parameters, either, relative
+from studies.truth.form import AXES, Build, Form, Parameters, either, relative
 from studies.truth.parameters import DAHL, FORCE, IWAN, LEVEL, LUGRE, Rig
 
 
-def _factor(name: str):
+def _factor(name: str) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         factor = relative(rng, size)
         rig.axis[name][i] *= factor
@@ -17,7 +17,7 @@ def _factor(name: str):
     return build
 
 
-def _coulomb(uneven: bool):
+def _coulomb(uneven: bool) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         factor = relative(rng, size)
         ripple, waves = (rng.uniform(0.05, 0.15) if uneven else 0.0), rng.uniform(2.0, 6.0)
@@ -28,7 +28,7 @@ def _coulomb(uneven: bool):
     return build
 
 
-def _stribeck(shape: float | None):
+def _stribeck(shape: float | None) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         power = rng.uniform(0.5, 2.0) if shape is None else shape
         rig.axis["stribeck"][i], rig.axis["stribeck_shape"][i] = size, power
@@ -37,23 +37,26 @@ def _stribeck(shape: float | None):
     return build
 
 
-def _presliding(law: int, ddfm: bool = False):
+def _presliding(law: int, ddfm: bool = False) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         a = rig.axis
-        a["law"][i], a["stiffness"][i], a["limit_ratio"][i] = law, 1.0 / size, rng.uniform(0.7, 1.05)
+        ratio = 1.0 if rng.random() < 0.4 else rng.uniform(0.75, 1.1)
+        a["law"][i], a["stiffness"][i], a["limit_ratio"][i] = law, 1.0 / size, ratio
         drawn = {"sigma": 1.0 / size, "beta": a["limit_ratio"][i] * a["dynamic"][i]}
         if law == DAHL:
             drawn["exponent"] = a["dahl_exponent"][i] = 2.0 if ddfm else rng.uniform(0.8, 1.6)
         if law == LUGRE:
             damping = rng.uniform(0.0, 0.4) * np.sqrt(a["mass"][i] / size)
             drawn["sigma_1"] = a["bristle_damping"][i] = damping
-            drawn["v_s"] = a["stribeck"][i] = rng.uniform(0.005, 0.03)
+            if rng.random() < 0.5 and a["stribeck"][i] == 0.0:
+                a["stribeck"][i] = rng.uniform(0.005, 0.03)
+            drawn["v_s"] = a["stribeck"][i]
         return drawn
 
     return build
 
 
-def _position(shape: str):
+def _position(shape: str) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         place = np.linspace(0.0, 1.0, rig.profile.shape[2])
         sense, centre, width = either(rng), rng.uniform(0.15, 0.85), rng.uniform(0.06, 0.25)
@@ -77,7 +80,7 @@ def _direction(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Param
     return {"asymmetry": rig.axis["direction"][i]}
 
 
-def _load(low: float, high: float):
+def _load(low: float, high: float) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         rig.axis["load"][i], rig.axis["load_exponent"][i] = size, rng.uniform(low, high)
         return {"growth_at_10_n": size, "exponent": rig.axis["load_exponent"][i]}
@@ -85,7 +88,7 @@ def _load(low: float, high: float):
     return build
 
 
-def _cable(slope: bool):
+def _cable(slope: bool) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         change = either(rng) * size
         rig.axis["cable"][i] += change
@@ -96,7 +99,7 @@ def _cable(slope: bool):
     return build
 
 
-def _coupling(saturates: bool):
+def _coupling(saturates: bool) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         rig.axis["coupling"][i] = either(rng) * size
         rig.axis["coupling_limit"][i] = rng.uniform(3.0, 12.0) if saturates else 0.0
@@ -105,7 +108,9 @@ def _coupling(saturates: bool):
     return build
 
 
-def _forms(effect: str, low: float, high: float, unit: str, axes: tuple[str, ...] = AXES, **builds) -> list[Form]:
+def _forms(
+    effect: str, low: float, high: float, unit: str, axes: tuple[str, ...] = AXES, **builds: Build
+) -> list[Form]:
     return [Form(effect, name, "friction", axes, low, high, unit, build) for name, build in builds.items()]
 
 
@@ -122,10 +127,14 @@ FRICTION_FORMS = [
     ),
     *_forms(
         "friction_position", 0.10, 1.0, "relative",
-        exponential=_position("exponential"), quadratic=_position("quadratic"), spot=_position("spot"), wave=_position("wave"),
+        exponential=_position("exponential"), quadratic=_position("quadratic"),
+        spot=_position("spot"), wave=_position("wave"),
     ),
     *_forms("friction_direction", 0.05, 0.5, "relative", ("z",), factor=_direction),
-    *_forms("friction_load", 0.04, 0.5, "relative", linear=_load(1.0, 1.0), sublinear=_load(0.5, 0.9), superlinear=_load(1.1, 1.6)),
+    *_forms(
+        "friction_load", 0.04, 0.5, "relative",
+        linear=_load(1.0, 1.0), sublinear=_load(0.5, 0.9), superlinear=_load(1.1, 1.6),
+    ),
     *_forms("payload_mass", 0.10, 1.0, "relative", factor=_factor("mass")),
     *_forms("cable_force", 0.5, 8.0, "N", constant=_cable(False), coiled=_cable(True)),
     *_forms("axis_coupling", 0.3, 5.0, "kg", ("z",), inertial=_coupling(False), saturating=_coupling(True)),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from studies.truth.form import AXES, Form, Parameters, either, relative
+from studies.truth.form import AXES, Build, Form, Parameters, either, relative
 from studies.truth.parameters import CHANNELS, Rig
 
 FULL_SCALE = np.array([1.0, 0.1, 1.0, 1.0, 100.0, 100.0, 500.0, 200.0])  # m, m, m/s, m/s, N, N, N, N
-FORCE_CHANNEL, PRESSURE_CHANNEL, SPEED_CHANNEL = (4, 5), (6, 7), (2, 3)
-assert CHANNELS[4] == "f_x" and CHANNELS[6] == "f_ax" and CHANNELS[2] == "v_x"
+FORCE_CHANNEL, PRESSURE_CHANNEL, SPEED_CHANNEL = (
+    tuple(CHANNELS.index(name) for name in pair) for pair in (("f_x", "f_z"), ("f_ax", "f_az"), ("v_x", "v_z"))
+)
 
 
 def _bias(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
@@ -18,7 +19,7 @@ def _bias(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters
     return {"bias": bias}
 
 
-def _scale(channels: tuple[int, int]):
+def _scale(channels: tuple[int, ...]) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         factor = relative(rng, size)
         rig.sensor["gain"][channels[i]] *= factor
@@ -27,7 +28,7 @@ def _scale(channels: tuple[int, int]):
     return build
 
 
-def _crosstalk(kind: str):
+def _crosstalk(kind: str) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         into_x = either(rng) * size
         into_z = {"mutual": into_x, "rotation": -into_x, "unequal": into_x * rng.uniform(-1.0, 1.0)}[kind]
@@ -37,7 +38,7 @@ def _crosstalk(kind: str):
     return build
 
 
-def _velocity_lag(stages: int):
+def _velocity_lag(stages: int) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         rig.sensor["lag"][SPEED_CHANNEL[i]], rig.sensor["lag_stages"][SPEED_CHANNEL[i]] = size, stages
         return {"lag": size, "stages": stages}
@@ -45,7 +46,7 @@ def _velocity_lag(stages: int):
     return build
 
 
-def _converter(channels: slice, cut: bool):
+def _converter(channels: slice, cut: bool) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         rig.sensor["step"][channels] = size * FULL_SCALE[channels]
         rig.sensor["step_floor"][channels] = float(cut)
@@ -54,7 +55,7 @@ def _converter(channels: slice, cut: bool):
     return build
 
 
-def _loop_delay(kind: str):
+def _loop_delay(kind: str) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         samples = max(round(1000.0 * size), 1)
         sense = {"sense": samples, "act": 0, "both": samples // 2}[kind]
@@ -64,7 +65,9 @@ def _loop_delay(kind: str):
     return build
 
 
-def _forms(effect: str, part: str, axes: tuple[str, ...], low: float, high: float, unit: str, **builds) -> list[Form]:
+def _forms(
+    effect: str, part: str, axes: tuple[str, ...], low: float, high: float, unit: str, **builds: Build
+) -> list[Form]:
     return [Form(effect, name, part, axes, low, high, unit, build) for name, build in builds.items()]
 
 
@@ -82,9 +85,11 @@ SENSING_FORMS = [
     ),
     *_forms(
         "quantisation", "sensors", ("",), 2.0**-10, 2.0**-6, "of full scale",
-        rounding=_converter(slice(0, 8), False), cutting=_converter(slice(0, 8), True), forces=_converter(slice(4, 8), False),
+        rounding=_converter(slice(0, 8), False), cutting=_converter(slice(0, 8), True),
+        forces=_converter(slice(4, 8), False),
     ),
     *_forms(
-        "loop_delay", "timing", ("",), 0.001, 0.04, "s", sense=_loop_delay("sense"), act=_loop_delay("act"), both=_loop_delay("both")
+        "loop_delay", "timing", ("",), 0.001, 0.04, "s",
+        sense=_loop_delay("sense"), act=_loop_delay("act"), both=_loop_delay("both"),
     ),
 ]  # fmt: skip

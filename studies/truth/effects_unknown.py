@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from studies.truth.form import AXES, Form, Parameters, either
+from studies.truth.form import AXES, Build, Form, Parameters, either
 from studies.truth.parameters import FORCE, Rig
 
 NO_AXIS = ("",)
 
 
-def _set(record: str, name: str, signed: bool = False, **beside: tuple[float, float]):
+def _set(record: str, name: str, signed: bool = False, **beside: tuple[float, float]) -> Build:
     """Build that puts the size into one field of `record` and uniform draws into the fields beside it."""
 
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
@@ -24,7 +24,7 @@ def _set(record: str, name: str, signed: bool = False, **beside: tuple[float, fl
     return build
 
 
-def _set_force_cell(name: str, signed: bool = False):
+def _set_force_cell(name: str, signed: bool = False) -> Build:
     """Build that puts the size into one field of both force channels."""
 
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
@@ -68,7 +68,7 @@ def _dropout(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Paramet
     length = rng.integers(5, 60)
     hit = rng.choice(8, size=int(rng.integers(1, 4)), replace=False)
     rig.sensor["dropout"][hit], rig.sensor["hold"][hit] = size, length
-    return {"chance": size, "hold": length, "channels": len(hit)}
+    return {"chance": size, "hold": float(length), "channels": len(hit)}
 
 
 def _noisy(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
@@ -77,7 +77,7 @@ def _noisy(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameter
     return {"factor": 1.0 + size, "channels": len(hit)}
 
 
-def _whole(name: str):
+def _whole(name: str) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         rig.timing[name] = max(round(size), 1) if name != "divider" else 1 + max(round(size), 1)
         return {name: rig.timing[name][0]}
@@ -95,7 +95,7 @@ def _dead_band(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Param
     return {"width": size, "centre": rig.axis["dead_centre"][i]}
 
 
-def _form(effect: str, part: str, axes: tuple[str, ...], low: float, high: float, unit: str, build) -> Form:
+def _form(effect: str, part: str, axes: tuple[str, ...], low: float, high: float, unit: str, build: Build) -> Form:
     return Form(effect, "out_of_catalogue", part, axes, low, high, unit, build, known=False)
 
 
@@ -113,8 +113,10 @@ UNKNOWN_FORMS = [
     _form("warming_by_work", "friction", AXES, 0.08, 0.6, "fraction", _set("axis", "warm", warm_work=(0.3, 3.0))),
     _form("hose_spring", "friction", AXES, 0.5, 8.0, "N", _hose_spring),
     _form("impact_damping", "contact", NO_AXIS, 3e3, 1.5e5, "N s/m^2", _set("contact", "impact_damping")),
-    _form("elastic_loss", "contact", NO_AXIS, 0.01, 0.3, "relative", _set("contact", "loss", loss_rate=(3e-4, 3e-3))),
-    _form("creep_of_tool", "contact", NO_AXIS, 8e2, 2e4, "N/m", _set("contact", "creep_stiffness", creep_time=(0.1, 1.5))),
+    _form("elastic_loss", "contact", NO_AXIS, 0.005, 0.15, "relative", _set("contact", "loss", loss_rate=(1e-3, 5e-3))),
+    _form(
+        "creep_of_tool", "contact", NO_AXIS, 8e2, 2e4, "N/m", _set("contact", "creep_stiffness", creep_time=(0.1, 1.5))
+    ),
     _form(
         "soft_spot", "contact", NO_AXIS, 0.08, 0.7, "fraction",
         _set("contact", "soft_depth", soft_at=(0.5, 0.9), soft_width=(0.02, 0.12)),

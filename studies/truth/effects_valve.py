@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from studies.truth.form import AXES, Form, Parameters, either, relative
+from studies.truth.form import AXES, Build, Form, Parameters, either, relative
 from studies.truth.parameters import LAG, Rig
 
 
@@ -20,14 +20,15 @@ def _lag_two_stage(rig: Rig, i: int, size: float, rng: np.random.Generator) -> P
     return {"tau": tau * (1.0 + size), "second_stage": rig.axis["second_lag"][i]}
 
 
-def _lag_along(shape: str):
+def _lag_along(shape: str) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         place = np.linspace(0.0, 1.0, rig.profile.shape[2])
         sense, centre = either(rng), rng.uniform(0.3, 0.7)
         if shape == "exponential":
             factor = np.exp(sense * size * (place - centre))
         elif shape == "quadratic":
-            factor = 1.0 + size * ((place - centre) ** 2 / max(centre, 1.0 - centre) ** 2 if sense > 0 else 1.0 - place**2)
+            bowl = ((place - centre) / max(centre, 1.0 - centre)) ** 2
+            factor = 1.0 + size * (bowl if sense > 0 else 1.0 - place**2)
         else:
             factor = np.exp(sense * size * 0.5 * np.tanh(4.0 * (place - centre)))
         rig.profile[i, LAG] *= factor
@@ -36,7 +37,7 @@ def _lag_along(shape: str):
     return build
 
 
-def _lag_asymmetry(blend: bool):
+def _lag_asymmetry(blend: bool) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         factor = relative(rng, size)
         lean = rng.uniform(0.3, 0.7)
@@ -53,7 +54,7 @@ def _delay(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameter
     return {"delay": size}
 
 
-def _play(elements: bool):
+def _play(elements: bool) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         rig.axis["play"][i] = size
         rig.axis["play_elements"][i] = rng.integers(3, 9) if elements else 1
@@ -74,7 +75,7 @@ def _offset(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Paramete
     return {"shift": shift}
 
 
-def _sag(exponent: tuple[float, float]):
+def _sag(exponent: tuple[float, float]) -> Build:
     def build(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
         drawn = {
             "sag": size,
@@ -97,7 +98,7 @@ def _reservoir(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Param
     return {"flow": flow, "steady": rig.axis["sag"][i], "recover_time": pace}
 
 
-def _forms(effect: str, low: float, high: float, unit: str, **builds) -> list[Form]:
+def _forms(effect: str, low: float, high: float, unit: str, **builds: Build) -> list[Form]:
     return [Form(effect, name, "valve", AXES, low, high, unit, build) for name, build in builds.items()]
 
 
@@ -112,5 +113,8 @@ VALVE_FORMS = [
     *_forms("valve_hysteresis", 0.008, 0.15, "V", play=_play(False), graded=_play(True)),
     *_forms("valve_gain", 0.07, 0.45, "relative", factor=_gain),
     *_forms("valve_offset", 0.006, 0.12, "V", shift=_offset),
-    *_forms("supply_droop", 0.06, 0.6, "fraction", proportional=_sag((0.8, 1.2)), progressive=_sag((1.5, 2.2)), reservoir=_reservoir),
+    *_forms(
+        "supply_droop", 0.06, 0.6, "fraction",
+        proportional=_sag((0.8, 1.2)), progressive=_sag((1.5, 2.2)), reservoir=_reservoir,
+    ),
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What an effect is: a named change of a rig with one size, drawn log-uniformly, and shape parameters drawn beside it."""
+"""What an effect is: a named change of a rig with one size, drawn log-uniformly, and shape parameters beside it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from studies.truth.parameters import Rig
 
 AXES = ("x", "z")
 Parameters = dict[str, float]
-Build = Callable[[Rig, int, float, np.random.Generator], Parameters]  # changes the rig in place; axis index (0 when there is none)
+# A build changes the rig in place, given axis index (0 when there is none), size and the draws of the shape.
+Build = Callable[[Rig, int, float, np.random.Generator], Parameters]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Friction of a piston, compiled: VDFM as a hybrid system (Eq. 3-18/3-19) and three smooth laws with bristle states.
 
-VDFM modes. STUCK: F cancels the drive, so m a = -C v; BREAK_UP/DOWN: inside the band with F = +-F_s; SLIDE_UP/DOWN: outside it.
+VDFM modes. STUCK: F cancels the drive, so m a = -C v; BREAK_UP/DOWN: inside the band with F = +-F_s;
+SLIDE_UP/DOWN: outside it.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from studies.truth.parameters import DAHL, FORCE, IWAN, LEVEL, LUGRE, NODES, VDFM
+from studies.truth.parameters import DAHL, FORCE, IWAN, LEVEL, LUGRE, NODES, VDFM, Record
 
 STUCK, BREAK_UP, BREAK_DOWN, SLIDE_UP, SLIDE_DOWN, SMOOTH = 0, 1, 2, 3, 4, 5
 IWAN_SHARE = np.array([0.35, 0.30, 0.20, 0.15])  # shares of the limit force
@@ -18,7 +19,7 @@ IWAN_SOFT = np.array([0.4, 1.0, 2.5, 6.0])  # yield deflections relative to one 
 
 
 @njit
-def along_stroke(profile, kind, position, stroke):
+def along_stroke(profile: np.ndarray, kind: int, position: float, stroke: float) -> float:
     """Linear interpolation in a stroke profile."""
     place = min(max(position / stroke, 0.0), 1.0) * (NODES - 1)
     k = min(int(place), NODES - 2)
@@ -27,7 +28,7 @@ def along_stroke(profile, kind, position, stroke):
 
 
 @njit
-def coulomb_level(a, profile, position, f_n, work, time):
+def coulomb_level(a: Record, profile: np.ndarray, position: float, f_n: float, work: float, time: float) -> float:
     """Factor on F_s and F_d."""
     level = along_stroke(profile, LEVEL, position, a.stroke)
     if a.load != 0.0:
@@ -39,13 +40,13 @@ def coulomb_level(a, profile, position, f_n, work, time):
 
 
 @njit
-def pull_force(a, profile, position):
+def pull_force(a: Record, profile: np.ndarray, position: float) -> float:
     """Cable and other forces towards -axis [N]."""
     return a.cable + along_stroke(profile, FORCE, position, a.stroke)
 
 
 @njit
-def sliding_force(a, speed):
+def sliding_force(a: Record, speed: float) -> float:
     """Coulomb force [N] at |v| outside the band, level 1."""
     if a.stribeck <= 0.0:
         return a.dynamic
@@ -55,7 +56,7 @@ def sliding_force(a, speed):
 
 
 @njit
-def breakaway(a, level, rest, sense):
+def breakaway(a: Record, level: float, rest: float, sense: float) -> float:
     """F_s [N] against a drive of the given sign after `rest` seconds of standstill."""
     force = a.static * level * (1.0 + a.direction * sense)
     if a.dwell != 0.0:
@@ -64,7 +65,7 @@ def breakaway(a, level, rest, sense):
 
 
 @njit
-def friction_mode(a, drive, v, level, rest):
+def friction_mode(a: Record, drive: float, v: float, level: float, rest: float) -> int:
     """Discrete mode at drive f_a - f_c - F_w [N] and speed v [m/s]."""
     if a.law != VDFM:
         return SMOOTH
@@ -80,7 +81,7 @@ def friction_mode(a, drive, v, level, rest):
 
 
 @njit
-def vdfm_force(a, mode, drive, v, level, rest):
+def vdfm_force(a: Record, mode: int, drive: float, v: float, level: float, rest: float) -> float:
     """F [N] of the velocity-dependent law with its mode frozen."""
     if mode == SLIDE_UP:
         return sliding_force(a, v) * level * (1.0 + a.direction)
@@ -94,18 +95,21 @@ def vdfm_force(a, mode, drive, v, level, rest):
 
 
 @njit
-def smooth_force(a, v, level, bristle, rate):
+def smooth_force(a: Record, v: float, level: float, bristle: np.ndarray, rate: np.ndarray) -> float:
     """F [N] of a smooth law; writes the rates of the four bristle states (forces at unit level, N/s)."""
     sense = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
     level *= 1.0 + a.direction * sense
     limit = a.dynamic * a.limit_ratio
+    if a.law != LUGRE and a.stribeck > 0.0:
+        level *= sliding_force(a, abs(v) + a.band) / a.dynamic
     if a.law == DAHL:
         rest = max(1.0 - bristle[0] / limit * sense, 0.0)
         rate[0] = a.stiffness * v * rest**a.dahl_exponent
         return bristle[0] * level
     if a.law == LUGRE:
-        speed = a.stribeck if a.stribeck > 0.0 else a.band
-        steady = limit + (a.static - a.dynamic) * a.limit_ratio * math.exp(-((v / speed) ** 2))
+        steady = limit
+        if a.stribeck > 0.0:
+            steady += (a.static - a.dynamic) * a.limit_ratio * math.exp(-((v / a.stribeck) ** 2))
         rate[0] = a.stiffness * (v - abs(v) * bristle[0] / steady)
         return level * (bristle[0] + a.bristle_damping * rate[0] / a.stiffness)
     total = 0.0
@@ -123,6 +127,6 @@ def smooth_force(a, v, level, bristle, rate):
 
 
 @njit
-def bristle_rate(a, v):
+def bristle_rate(a: Record, v: float) -> float:
     """Fastest rate [1/s] of the smooth law's bristles at speed v."""
     return a.stiffness * abs(v) / max(a.dynamic * a.limit_ratio, 1e-9)

@@ -1,15 +1,18 @@
-"""Dormand-Prince 5(4) with error control over one command segment; every change of a discrete mode is located by bisection.
+"""Dormand-Prince 5(4) with error control over one command segment; each change of a discrete mode is located.
 
-Within a step the modes are frozen, so the rates are smooth; a step whose end has other modes is cut back to where they change.
+Within a step the modes are frozen, so the rates are smooth; a step whose end has other modes is cut back by bisection
+to where they change.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from studies.truth.friction import SMOOTH, bristle_rate
-from studies.truth.plant import CREEP, MODES, STATES, WIDTH, plant_modes, plant_rates, settle
+from studies.truth.plant import CREEP, MODES, STATES, WIDTH, Plant, plant_modes, plant_rates, settle
 
 _A = np.zeros((7, 6))
 _A[1, :1] = 1 / 5
@@ -33,20 +36,53 @@ BISECTIONS = 24  # 1 ms / 2^24 = 6e-11 s
 MAX_EVENTS = 200  # per segment; past them the segment goes on without locating
 
 
+class Accuracy(NamedTuple):
+    """tolerance: local error allowed, in units of `_SCALE`; max_step [s]."""
+
+    tolerance: float
+    max_step: float
+
+
+class Acting(NamedTuple):
+    """Constant over a segment: settled force of each valve [N], and which axes are clamped."""
+
+    demand: np.ndarray
+    clamped: np.ndarray
+
+
+class Scratch(NamedTuple):
+    """Stage rates (7, STATES), end state and end modes of the step under trial."""
+
+    k: np.ndarray
+    trial: np.ndarray
+    ahead: np.ndarray
+
+
 @njit
-def _stages(y, time, h, demand, clamped, modes, axis, contact, profile, edge, standoff, k, trial):
-    """One step of size h from y: writes the end state to `trial`, the stage rates to `k` (k[0] must hold the rates at y)."""
+def scratch() -> Scratch:
+    """Working arrays of `advance`."""
+    return Scratch(np.empty((7, STATES)), np.empty(STATES), np.empty(MODES, np.int64))
+
+
+@njit
+def _step(y: np.ndarray, time: float, h: float, modes: np.ndarray, act: Acting, plant: Plant, w: Scratch) -> bool:
+    """One step of size h from y (w.k[0]: rates at y) to w.trial; true when its end has other modes, w.ahead."""
     for stage in range(1, 7):
         for i in range(STATES):
             total = 0.0
             for j in range(stage):
-                total += _A[stage, j] * k[j, i]
-            trial[i] = y[i] + h * total
-        plant_rates(trial, time + _C[stage] * h, demand, clamped, modes, axis, contact, profile, edge, standoff, k[stage])
+                total += _A[stage, j] * w.k[j, i]
+            w.trial[i] = y[i] + h * total
+        plant_rates(w.trial, time + _C[stage] * h, act.demand, act.clamped, modes, plant, w.k[stage])
+    plant_modes(w.trial, time + h, act.clamped, plant, w.ahead)
+    changed = False
+    for i in range(MODES):
+        changed = changed or w.ahead[i] != modes[i]
+    return changed
 
 
 @njit
-def _error(h, k):
+def _error(h: float, k: np.ndarray) -> float:
     """Largest local error over its scale."""
     worst = 0.0
     for i in range(STATES):
@@ -58,15 +94,7 @@ def _error(h, k):
 
 
 @njit
-def _changed(one, other):
-    for i in range(MODES):
-        if one[i] != other[i]:
-            return True
-    return False
-
-
-@njit
-def _first_step(y, axis, modes, span):
+def _first_step(y: np.ndarray, axis: np.ndarray, modes: np.ndarray, span: float) -> float:
     """Step that the bristles of a smooth friction law allow."""
     h = span
     for i in range(2):
@@ -76,47 +104,54 @@ def _first_step(y, axis, modes, span):
 
 
 @njit
-def advance(y, modes, time, span, demand, clamped, tolerance, max_step, axis, contact, profile, edge, standoff):
-    """Advance state and modes in place by `span` seconds under constant valve demand; returns the number of located events."""
-    k, trial, ahead = np.empty((7, STATES)), np.empty(STATES), np.empty(MODES, np.int64)
+def _locate(y: np.ndarray, time: float, h: float, modes: np.ndarray, act: Acting, plant: Plant, w: Scratch) -> float:
+    """Shortest step, by bisection, whose end has other modes; leaves that end in w."""
+    low, high = 0.0, h
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if _step(y, time, middle, modes, act, plant, w):
+            high = middle
+        else:
+            low = middle
+    _step(y, time, high, modes, act, plant, w)
+    return high
+
+
+@njit
+def advance(
+    y: np.ndarray,
+    modes: np.ndarray,
+    time: float,
+    span: float,
+    act: Acting,
+    accuracy: Accuracy,
+    plant: Plant,
+    w: Scratch,
+) -> int:
+    """Advance state and modes in place by `span` seconds under constant valve demand; returns the located events."""
     end, events = time + span, 0
-    plant_modes(y, time, clamped, axis, contact, profile, edge, standoff, ahead)
-    modes[:] = ahead
-    settle(y, axis, modes, clamped)
-    h = min(max_step, _first_step(y, axis, modes, span))
+    plant_modes(y, time, act.clamped, plant, modes)
+    settle(y, plant.axis, modes, act.clamped)
+    h = _first_step(y, plant.axis, modes, span)
     while end - time > 1e-12:
-        h = min(h, max_step)
+        h = min(h, accuracy.max_step)
         if h > 0.999999 * (end - time):
             h = end - time
-        plant_rates(y, time, demand, clamped, modes, axis, contact, profile, edge, standoff, k[0])
-        _stages(y, time, h, demand, clamped, modes, axis, contact, profile, edge, standoff, k, trial)
-        error = _error(h, k) / tolerance
+        plant_rates(y, time, act.demand, act.clamped, modes, plant, w.k[0])
+        changed = _step(y, time, h, modes, act, plant, w)
+        error = _error(h, w.k) / accuracy.tolerance
         if error > 1.0 and h > 1e-7:
             h *= max(0.2, 0.9 * error**-0.2)
             continue
-        grow = min(4.0, 0.9 * max(error, 1e-6) ** -0.2)
-        plant_modes(trial, time + h, clamped, axis, contact, profile, edge, standoff, ahead)
-        if _changed(ahead, modes) and events < MAX_EVENTS:
+        taken = h
+        if changed and events < MAX_EVENTS:
             events += 1
-            low, high = 0.0, h
-            for _ in range(BISECTIONS):
-                if high - low < 1e-11:
-                    break
-                middle = 0.5 * (low + high)
-                _stages(y, time, middle, demand, clamped, modes, axis, contact, profile, edge, standoff, k, trial)
-                plant_modes(trial, time + middle, clamped, axis, contact, profile, edge, standoff, ahead)
-                if _changed(ahead, modes):
-                    high = middle
-                else:
-                    low = middle
-            _stages(y, time, high, demand, clamped, modes, axis, contact, profile, edge, standoff, k, trial)
-            plant_modes(trial, time + high, clamped, axis, contact, profile, edge, standoff, ahead)
-            time += high
+            taken = _locate(y, time, h, modes, act, plant, w)
         else:
-            time += h
-            h *= grow
-        y[:] = trial
-        if _changed(ahead, modes):
-            modes[:] = ahead
-            settle(y, axis, modes, clamped)
+            h *= min(4.0, 0.9 * max(error, 1e-6) ** -0.2)
+        time += taken
+        y[:] = w.trial
+        if changed:
+            modes[:] = w.ahead
+            settle(y, plant.axis, modes, act.clamped)
     return events

@@ -2,107 +2,128 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from studies.truth.controller import control
-from studies.truth.integrate import advance
-from studies.truth.plant import MODES, STATES, WIDTH, loads
-from studies.truth.sensors import STAGES, WINDOW, sense
+from studies.truth.integrate import Accuracy, Acting, Scratch, advance, scratch
+from studies.truth.parameters import Record
+from studies.truth.plant import MODES, STATES, TOUCH, WIDTH, Plant, load
+from studies.truth.sensors import Memory, memory, sense
 from studies.truth.valve import PLAYS, spool_command, steady_force
 
 PERIOD = 1e-3  # s, sample period by the rig's own clock
-LONGEST = 512  # samples, longest delay
 NEVER = 2**62
 
 
+class Task(NamedTuple):
+    """What a log prescribes."""
+
+    start: np.ndarray  # x, z [m]
+    release: np.ndarray  # sample at which each axis is let go
+    commands: np.ndarray  # (n, 2) [V], acting before `contact_row`
+    reference: np.ndarray  # (n, 2): f_nd [N], v_td [m/s]
+    contact_row: int  # sample at which the controller takes over
+    gains: np.ndarray
+
+
+class Luck(NamedTuple):
+    """Random numbers: noise (n, 8) in the channels' units, chance (n, 10) uniform."""
+
+    noise: np.ndarray
+    chance: np.ndarray
+
+
+class Switch(NamedTuple):
+    """Command of a valve within a sample: `before` until `at` [s], then `after` [V]."""
+
+    before: float
+    after: float
+    at: float
+
+
 @njit
-def _delayed(a, axis_index, u_true, k, period):
-    """(command before the switch, command after it, when it switches [s into the sample]) of a pure transport delay."""
+def delayed(a: Record, u: np.ndarray, k: int, period: float) -> Switch:
+    """Pure transport delay of the commands u [V] up to sample k; before the first one the valve is shut."""
     samples = a.delay / period
     whole = int(samples)
-    part = (samples - whole) * period
-    after = u_true[max(k - whole, 0), axis_index]
-    before = u_true[max(k - whole - 1, 0), axis_index]
-    if k - whole < 0:
-        after = a.offset if a.delay > 0.0 else after
-    if k - whole - 1 < 0:
-        before = a.offset
-    return before, after, part
+    after = u[k - whole] if k >= whole else a.offset
+    before = u[k - whole - 1] if k > whole else a.offset
+    return Switch(before, after, (samples - whole) * period)
 
 
 @njit
-def _valves(y, modes, k, period, u, plays, clamped, tolerance, max_step, axis, contact, profile, edge, standoff):
-    """One sample of valve and plant: at most three segments of constant valve demand."""
-    cuts = np.array([0.0, 0.0, 0.0, period])
-    demand = np.empty(2)
-    values = np.empty((2, 2))
-    for i in range(2):
-        values[i, 0], values[i, 1], cuts[1 + i] = _delayed(axis[i], i, u, k, period)
-    first = min(cuts[1], cuts[2])
-    second = max(cuts[1], cuts[2])
-    switch = (cuts[1], cuts[2])
-    cuts[1], cuts[2] = first, second
-    events = 0
+def actuate(
+    y: np.ndarray, modes: np.ndarray, k: int, period: float, u: np.ndarray, plays: np.ndarray, clamped: np.ndarray,
+    accuracy: Accuracy, plant: Plant, w: Scratch,
+) -> int:  # fmt: skip
+    """One sample of valves and plant: at most three segments of constant valve demand; returns the located events."""
+    s_x = delayed(plant.axis[0], u[:, 0], k, period)
+    s_z = delayed(plant.axis[1], u[:, 1], k, period)
+    cuts = (0.0, min(s_x.at, s_z.at), max(s_x.at, s_z.at), period)
+    demand, events = np.empty(2), 0
     for part in range(3):
-        span = cuts[part + 1] - cuts[part]
+        begin, span = cuts[part], cuts[part + 1] - cuts[part]
         if span < 1e-9:
             continue
         for i in range(2):
-            raw = values[i, 1] if cuts[part] >= switch[i] - 1e-9 else values[i, 0]
-            demand[i] = steady_force(axis[i], spool_command(axis[i], raw, plays[i]), k * period)
-        events += advance(
-            y, modes, k * period + cuts[part], span, demand, clamped, tolerance, max_step, axis, contact, profile, edge, standoff
-        )
+            s = s_z if i == 1 else s_x
+            raw = s.after if begin >= s.at - 1e-9 else s.before
+            demand[i] = steady_force(plant.axis[i], spool_command(plant.axis[i], raw, plays[i]), k * period)
+        events += advance(y, modes, k * period + begin, span, Acting(demand, clamped), accuracy, plant, w)
     return events
 
 
 @njit
-def _controlled(timing, gains, integral, readings, u, k, k_contact, f_nd, v_td, chance, kept):
-    """The command pair that acts from sample k; `kept` remembers computed commands, row k, and the last command."""
-    t = timing[0]
-    late = int(t.sense_delay + t.jitter * chance[8] + 0.5) if t.jitter > 0.0 else int(t.sense_delay + 0.5)
-    stalled = t.burst > 0.0 and (k % 1000) < t.burst
-    if (k - k_contact) % max(int(t.divider), 1) == 0 and not chance[9] < t.miss and not stalled:
-        kept[k, 0], kept[k, 1] = control(gains, integral, f_nd, v_td, readings[max(k - late, 0)])
+def command(
+    timing: Record, task: Task, integral: np.ndarray, readings: np.ndarray, u: np.ndarray, k: int, chance: np.ndarray,
+    kept: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the command pair that acts from sample k; `kept` holds the commands as computed."""
+    late = timing.sense_delay + timing.jitter * chance[8]
+    stalled = timing.burst > 0.0 and (k % 1000) < timing.burst
+    due = (k - task.contact_row) % max(int(timing.divider), 1) == 0
+    if due and not stalled and not chance[9] < timing.miss:
+        seen = readings[max(k - int(late + 0.5), 0)]
+        kept[k, 0], kept[k, 1] = control(task.gains, integral, task.reference[k, 0], task.reference[k, 1], seen)
     else:
         kept[k] = kept[k - 1]
-    source = k - int(t.act_delay + 0.5)
-    u[k] = kept[source] if source >= k_contact else u[k_contact - 1]
+    source = k - int(timing.act_delay + 0.5)
+    u[k] = kept[source] if source >= task.contact_row else u[task.contact_row - 1]
+
+
+@njit
+def read(y: np.ndarray, modes: np.ndarray, plant: Plant, true: np.ndarray) -> None:
+    """Write the true values of the eight channels."""
+    f = load(y, modes[TOUCH], plant)
+    true[0], true[1], true[2], true[3] = y[0], y[WIDTH], y[1], y[WIDTH + 1]
+    true[4], true[5], true[6], true[7] = f.f_x, f.f_z, y[2], y[WIDTH + 2]
 
 
 @njit
 def run_loop(
-    start, release, commands, reference, k_contact, gains, noise, chance, tolerance, max_step, axis, contact, sensor, timing, profile, edge,
-    standoff,
-):  # fmt: skip
-    """Run one log. start: s of x, z [m]; release[i]: sample at which axis i is let go; commands (n, 2) [V]: used before `k_contact`;
-    reference (n, 2): f_nd [N], v_td [m/s]; noise (n, 8); chance (n, 10) uniform draws.
-    Returns (true channels (n, 8), readings (n, 8), commands (n, 2), located events)."""
-    n = commands.shape[0]
-    true, readings, u, kept = np.empty((n, 8)), np.empty((n, 8)), commands.copy(), commands.copy()
+    task: Task, luck: Luck, sensor: np.ndarray, timing: np.ndarray, accuracy: Accuracy, plant: Plant
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Run one log; returns (true channels (n, 8), readings (n, 8), commands (n, 2), located events)."""
+    n = task.commands.shape[0]
+    true, readings, u, kept = np.empty((n, 8)), np.empty((n, 8)), task.commands.copy(), task.commands.copy()
     y, modes, clamped = np.zeros(STATES), np.zeros(MODES, np.int64), np.empty(2, np.bool_)
-    y[0], y[WIDTH] = start[0], start[1]
-    integral = np.zeros(4)
-    plays = np.zeros((2, PLAYS + 1))
-    memory, history = np.zeros((8, 2 * STAGES)), np.zeros((8, WINDOW))
-    hold, last = np.zeros(8, np.int64), np.zeros(8)
+    y[0], y[WIDTH] = task.start[0], task.start[1]
+    integral, plays = np.zeros(4), np.empty((2, PLAYS + 1))
+    m: Memory = memory()
+    w = scratch()
     period = PERIOD * (1.0 + timing[0].clock)
     events = 0
     for i in range(2):
-        plays[i, :] = commands[0, i] if n > 0 else 0.0
+        plays[i, :] = u[0, i]
     for k in range(n):
         for i in range(2):
-            clamped[i] = k < release[i]
-        _, f_x, f_z, _, _ = loads(y, axis, contact, edge, standoff, modes)
-        true[k, 0], true[k, 1], true[k, 2], true[k, 3] = y[0], y[WIDTH], y[1], y[WIDTH + 1]
-        true[k, 4], true[k, 5], true[k, 6], true[k, 7] = f_x, f_z, y[2], y[WIDTH + 2]
-        sense(sensor, true[k], noise[k], chance[k], k, period, memory, history, hold, last, readings[k])
-        if k >= k_contact:
-            _controlled(timing, gains, integral, readings, u, k, k_contact, reference[k, 0], reference[k, 1], chance[k], kept)
-        events += _valves(
-            y, modes, k, period, u, plays, clamped, tolerance, max_step, axis, contact, profile, edge, standoff
-        )
+            clamped[i] = k < task.release[i]
+        read(y, modes, plant, true[k])
+        sense(sensor, true[k], luck.noise[k], luck.chance[k], k, period, m, readings[k])
+        if k >= task.contact_row:
+            command(timing[0], task, integral, readings, u, k, luck.chance[k], kept)
+        events += actuate(y, modes, k, period, u, plays, clamped, accuracy, plant, w)
     return true, readings, u, events
-
-

@@ -1,16 +1,19 @@
 """Every number of the rig, as plain structured arrays that the compiled plant reads by field name.
 
-Source: docs "plant" sheet after Abu Mallouh 2008 (Tables 3.3, 3.13, C.1, C.2, 4.1-4.6, section 4.1). SI units. Index 0 is the
-x axis, 1 the z axis. Fields marked (effect) are neutral here and are set by `effects` only.
+Source: docs "plant" sheet after Abu Mallouh 2008 (Tables 3.3, 3.13, C.1, C.2, 4.1-4.6, section 4.1). SI units. Index 0
+is the x axis, 1 the z axis. Fields marked (effect) are neutral here and are set by `effects` only.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+Record = Any  # one entry of a structured array, read by field name in compiled code
 X, Z = 0, 1
 CHANNELS = ("x", "z", "v_x", "v_z", "f_x", "f_z", "f_ax", "f_az")
 SIGMA = np.array([3e-4, 1e-4, 1e-3, 5e-4, 0.05, 0.05, 0.05, 0.05])  # m, m, m/s, m/s, N, N, N, N; Table 3.3, RMS
@@ -18,7 +21,7 @@ ROUNDING = np.array([5e-5, 2e-5, 2e-4, 1e-4, 0.01, 0.01, 0.01, 0.01])  # grid of
 COMMAND_ROUNDING = 1e-4  # V
 
 VDFM, DAHL, LUGRE, IWAN = 0, 1, 2, 3  # friction laws; DDFM (Eq. 4-8) is DAHL with exponent 2
-LAG, LEVEL, FORCE = 0, 1, 2  # rows of Rig.profile: factor on tau, factor on Coulomb friction, force [N] pulling towards -axis
+LAG, LEVEL, FORCE = 0, 1, 2  # rows of Rig.profile: factor on tau, on Coulomb friction; force [N] towards -axis
 NODES = 401  # nodes of a stroke profile, evenly spaced from 0 to the end of stroke
 
 # name, x, z, meaning [unit]; source
@@ -66,7 +69,7 @@ _AXIS = [
     ("bristle_damping", 0.0, 0.0, "sigma_1 of LuGre [N s/m]"),
     ("limit_ratio", 1.0, 0.8, "limit force of a smooth law over F_d: beta = 12 N on z, Fig. 4.14/4.17"),
     ("dahl_exponent", 2.0, 2.0, "exponent of the Dahl law; Eq. 4-8 has 2"),
-    ("stribeck", 0.0, 0.0, "v_s, Stribeck speed [m/s]; 0: step from F_s to F_d"),
+    ("stribeck", 0.0, 0.0, "v_s, Stribeck speed [m/s]; 0: none"),
     ("stribeck_shape", 1.0, 1.0, "> 0: exp(-(v/v_s)^shape); 0: 1/(1 + (v/v_s)^2)"),
     ("direction", 0.0, 0.0, "Coulomb level times 1 + this towards +axis, 1 - this towards -axis"),
     ("load", 0.0, 0.0, "growth of the Coulomb level at 10 N of contact force"),
@@ -145,15 +148,15 @@ def _flat_profile() -> np.ndarray:
 
 @dataclass
 class Rig:
-    """One rig. `axis`: 2 records; `contact`, `timing`: 1; `sensor`: 8, in the order of CHANNELS; `profile[axis, kind, node]`: factor
-    or force along the stroke; `edge`: extra profile of the workpiece, a function x [m] -> z [m], or None."""
+    """One rig. `axis`: 2 records; `contact`, `timing`: 1; `sensor`: 8, in the order of CHANNELS; `profile[axis, kind,
+    node]`: factor or force along the stroke; `edge`: extra profile of the workpiece, x [m] -> z [m], or None."""
 
     axis: np.ndarray = field(default_factory=lambda: _record(_AXIS, 2))
     contact: np.ndarray = field(default_factory=lambda: _record(_CONTACT, 1))
     sensor: np.ndarray = field(default_factory=lambda: _record(_SENSOR, 8))
     timing: np.ndarray = field(default_factory=lambda: _record(_TIMING, 1))
     profile: np.ndarray = field(default_factory=_flat_profile)
-    edge: object = None
+    edge: Callable[[np.ndarray], np.ndarray] | None = None
 
     def copy(self) -> Rig:
         """A rig that shares nothing with this one."""

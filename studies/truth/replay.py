@@ -5,13 +5,14 @@ from __future__ import annotations
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from studies.truth.parameters import CHANNELS, SIGMA, Rig
 from studies.truth.run import run
-from studies.truth.setup import Setup
+from studies.truth.setups import Setup
 
 
 def read_campaign(folder: Path) -> dict[str, tuple[Setup, pd.DataFrame]]:
@@ -31,8 +32,8 @@ def _setup(name: str, entry: dict, rows: int) -> Setup:
         axis, _, phase = item.partition(" until ")
         release["xz".index(axis)] = phases[phase][0] if phase else np.inf
     setup = Setup(
-        name, rows / 1000.0, (entry["start"]["x"], entry["start"]["z"]), ((), ()), tuple(release), entry["workpiece"],
-        entry.get("standoff", 0.0), entry["loop"], phases,
+        name, rows / 1000.0, (entry["start"]["x"], entry["start"]["z"]), ((), ()), (release[0], release[1]),
+        entry["workpiece"], entry.get("standoff", 0.0), entry["loop"], phases,
     )  # fmt: skip
     if entry["loop"] == "closed":
         u = entry["approach_command"]
@@ -41,7 +42,7 @@ def _setup(name: str, entry: dict, rows: int) -> Setup:
     return setup
 
 
-def residuals(rig: Rig, setup: Setup, frame: pd.DataFrame, **options) -> np.ndarray:
+def residuals(rig: Rig, setup: Setup, frame: pd.DataFrame, **options: Any) -> np.ndarray:
     """(measured - simulated) / sigma, shape (rows, 8), with the recorded commands acting on `rig`."""
     outcome = run(rig, setup, commands=frame[["u_x", "u_z"]].to_numpy(float), **options)
     return (frame[list(CHANNELS)].to_numpy(float) - outcome.readings) / SIGMA

@@ -7,21 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from studies.truth.controller import gain_array
-from studies.truth.loop import NEVER, run_loop
+from studies.truth.integrate import Accuracy
+from studies.truth.loop import NEVER, Luck, Task, run_loop
 from studies.truth.parameters import SIGMA, Rig
-from studies.truth.setup import Setup
+from studies.truth.plant import Plant
+from studies.truth.setups import Setup
 from studies.truth.workpiece import edge_table
 
 FAR = 1e3  # m, stand-off of a workpiece that is not there
 TOLERANCE = 1.0  # times the error scales of `integrate`
-
-
-@dataclass(frozen=True)
-class Draws:
-    """Random numbers of one log: noise (rows, 8) in the channels' units, chance (rows, 10) uniform."""
-
-    noise: np.ndarray
-    chance: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -34,28 +28,27 @@ class Outcome:
     events: int
 
 
-def draws(rows: int, seed: int | None) -> Draws:
+def draws(rows: int, seed: int | np.random.SeedSequence | None) -> Luck:
     """Noise and chance of a log; without a seed no noise, and chances that never strike."""
     if seed is None:
-        return Draws(np.zeros((rows, 8)), np.full((rows, 10), 0.999999))
+        return Luck(np.zeros((rows, 8)), np.full((rows, 10), 0.999999))
     rng = np.random.default_rng(seed)
-    return Draws(rng.standard_normal((rows, 8)) * SIGMA, rng.random((rows, 10)))
+    return Luck(rng.standard_normal((rows, 8)) * SIGMA, rng.random((rows, 10)))
 
 
 def run(
-    rig: Rig, setup: Setup, *, draw: Draws | None = None, commands: np.ndarray | None = None, edge: np.ndarray | None = None,
-    tolerance: float = TOLERANCE, max_step: float = 1e-3,
+    rig: Rig, setup: Setup, *, draw: Luck | None = None, commands: np.ndarray | None = None,
+    edge: np.ndarray | None = None, tolerance: float = TOLERANCE, max_step: float = 1e-3,
 ) -> Outcome:  # fmt: skip
-    """Simulate a log. `commands` (rows, 2) [V]: replay these, whatever the loop was. `edge`: ready table of the workpiece, else made."""
+    """Simulate a log. `commands` (rows, 2) [V]: replay these, whatever the loop was. `edge`: ready table of
+    the workpiece, else made from the setup."""
     replay = commands is not None
     u = np.ascontiguousarray(commands, dtype=float) if replay else setup.commands()
     draw = draws(setup.rows, None) if draw is None else draw
     if edge is None:
         edge = edge_table(setup.workpiece, rig)
     standoff = FAR if setup.workpiece == "none" else setup.standoff
-    result = run_loop(
-        np.array(setup.start), setup.release_rows(), u, setup.references(), NEVER if replay else setup.contact_row,
-        gain_array(setup.gains), draw.noise, draw.chance, tolerance, max_step, rig.axis, rig.contact, rig.sensor, rig.timing,
-        rig.profile, edge, standoff,
-    )  # fmt: skip
-    return Outcome(*result)
+    row = NEVER if replay else setup.contact_row
+    task = Task(np.array(setup.start), setup.release_rows(), u, setup.references(), row, gain_array(setup.gains))
+    plant = Plant(rig.axis, rig.contact, rig.profile, edge, standoff)
+    return Outcome(*run_loop(task, draw, rig.sensor, rig.timing, Accuracy(tolerance, max_step), plant))

@@ -1,7 +1,7 @@
 """Tolerance: each parameter of a rig is off by a few percent, and that is no cause.
 
-The labelled example campaigns, refitted with this plant, show u_0, v_th and the strokes at their nominal values and all of
-`SPREAD_AXIS` and `SPREAD_CONTACT` off; `valve_offset_too` adds u_0.
+The labelled example campaigns, refitted with this plant, show u_0, v_th and the strokes at their nominal values, and
+all of `SPREAD_AXIS` and `SPREAD_CONTACT` off; `valve_offset_too` adds u_0.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ SPREAD_CONTACT = ("stiffness", "damping")
 def with_tolerance(
     rig: Rig, rng: np.random.Generator, rms: float = 0.02, valve_offset_too: bool = False
 ) -> tuple[Rig, dict[str, float]]:
-    """(a rig whose parameters are each off by a normal draw of `rms`, relative; the factors by name). F_s >= F_d is kept."""
+    """(a rig whose parameters are each off by a normal draw of `rms`, relative; the factors). F_s >= F_d is kept."""
     if not 0.0 <= rms < 0.3:
         raise ValueError(f"rms must be >= 0 and < 0.3, got {rms}")
     out, factors = rig.copy(), {}

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from studies.truth.friction import along_stroke
-from studies.truth.parameters import LAG
+from studies.truth.parameters import LAG, Record
 
 PLAYS = 8  # most plays in parallel
 
 
 @njit
-def spool_command(a, u, plays):
-    """Rate-independent part between command and spool [V]; `plays` (PLAYS + 1) holds the play operators and, last, a stuck spool."""
+def spool_command(a: Record, u: float, plays: np.ndarray) -> float:
+    """Rate-independent part between command and spool [V]; `plays`: play operators and, last, a stuck spool."""
     if a.play > 0.0:
         count = int(a.play_elements)
         total = 0.0
@@ -37,7 +38,7 @@ def spool_command(a, u, plays):
 
 
 @njit
-def steady_force(a, u, time):
+def steady_force(a: Record, u: float, time: float) -> float:
     """Size of the force [N] that the chamber settles to at full supply."""
     over = u - a.offset
     if a.drift != 0.0:
@@ -50,8 +51,10 @@ def steady_force(a, u, time):
 
 
 @njit
-def valve_rates(a, profile, demand, position, y, o, rates):
-    """Rates of [f_a, stage, stage rate, supply loss] at y[o + 2 .. o + 5]; `demand` [N] is `steady_force`, signs go on here."""
+def valve_rates(
+    a: Record, profile: np.ndarray, demand: np.ndarray, position: float, y: np.ndarray, o: int, rates: np.ndarray
+) -> None:
+    """Rates of [f_a, stage, stage rate, supply loss] at y[o + 2 .. o + 5]; `demand` [N] is `steady_force`, unsigned."""
     f_a, stage, stage_rate, loss = y[o + 2], y[o + 3], y[o + 4], y[o + 5]
     target = a.sign * demand * (1.0 - loss)
     if a.spool_omega > 0.0:

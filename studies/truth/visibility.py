@@ -1,16 +1,17 @@
-"""How far an effect shows: change of the readings, in sigma, against the same rig without it under the same commands and noise."""
+"""How far an effect shows: change of the readings, in sigma, against the same rig without it, same commands."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from studies.truth.controller import control, gain_array
+from studies.truth.loop import Luck
 from studies.truth.parameters import SIGMA, Rig
-from studies.truth.run import Draws, Outcome, run
-from studies.truth.setup import Setup
+from studies.truth.run import Outcome, run
+from studies.truth.setups import Setup
 
 
-def replay_change(outcome: Outcome, without: Rig, setup: Setup, draw: Draws) -> np.ndarray:
+def replay_change(outcome: Outcome, without: Rig, setup: Setup, draw: Luck) -> np.ndarray:
     """RMS over time of the change of each channel, in sigma, shape (8,)."""
     plain = run(without, setup, commands=outcome.commands, draw=draw)
     return np.sqrt(np.mean(((outcome.readings - plain.readings) / SIGMA) ** 2, axis=0))
@@ -31,7 +32,7 @@ def command_change(outcome: Outcome, setup: Setup) -> float:
 
 
 def visibility(
-    outcomes: dict[str, Outcome], without: Rig, setups: dict[str, Setup], drawn: dict[str, Draws], timing: bool
+    outcomes: dict[str, Outcome], without: Rig, setups: dict[str, Setup], drawn: dict[str, Luck], timing: bool
 ) -> dict[str, float]:
     """Per log the visibility on its best channel; `timing`: also how the commands give the effect away."""
     out = {}

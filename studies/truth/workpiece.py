@@ -14,7 +14,8 @@ DATUM = 0.95  # m, x at which every edge has z_w = 0
 X_FIRST, X_STEP, X_COUNT = -0.1, 1e-4, 12001
 INCLINES = {"straight": 0.0, "incline_7": 7.0, "incline_16": 16.0, "incline_30": 30.0}  # deg
 STANDOFF = {"straight": 0.040, "incline_7": 0.090, "incline_16": 0.092, "incline_30": 0.092, "curved": 0.090}  # m
-FINISH = ((0.20e-3, 60e-3, 0.3), (0.08e-3, 27e-3, 1.1), (0.03e-3, 13e-3, 2.0))  # A [m], lambda [m], phi [rad]; section 4.1.5
+# A [m], lambda [m], phi [rad]; section 4.1.5
+FINISH = ((0.20e-3, 60e-3, 0.3), (0.08e-3, 27e-3, 1.1), (0.03e-3, 13e-3, 2.0))
 
 
 def curved_angle(x: np.ndarray) -> np.ndarray:
@@ -48,7 +49,8 @@ def edge_table(workpiece: str, rig: Rig, finish: bool = False) -> np.ndarray:
     if contact["tilt"] != 0.0:
         arm = x - contact["pivot"]
         angle = contact["tilt"] * (1.0 + contact["tilt_bow"] * arm)
-        height, slope = height + np.tan(angle) * arm, slope + np.tan(angle) + contact["tilt"] * contact["tilt_bow"] * arm
+        height = height + np.tan(angle) * arm
+        slope = slope + np.tan(angle) + contact["tilt"] * contact["tilt_bow"] * arm
     extra = np.zeros_like(x) if rig.edge is None else rig.edge(x)
     if finish:
         extra = extra + sum(a * np.sin(2 * np.pi * x / wave + phase) for a, wave, phase in FINISH)
@@ -56,7 +58,7 @@ def edge_table(workpiece: str, rig: Rig, finish: bool = False) -> np.ndarray:
 
 
 @njit
-def edge_at(table, x):
+def edge_at(table: np.ndarray, x: float) -> tuple[float, float]:
     """(z_w [m], tan theta) at x [m]; beyond the table the edge goes on straight."""
     place = (x - X_FIRST) / X_STEP
     if place < 0.0:

@@ -9,9 +9,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent / "stub"))
 
-from stub_model import stub_fmu  # noqa: E402  # the path comes first
+from stub_model import stub_fmu
 
-from pyfmi_runner.build import build_fmu  # noqa: E402
+from pyfmi_runner.build import build_fmu
 
 
 @cache

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a model with one fault stays on one line
 """Modelica → C: what the compiler takes gives the right numbers, what it does not take is refused in one line with file and line.
 
 The models are tiny; they are compiled with the simulation core to a shared library and driven through core.h. Whole FMUs are tested in
@@ -11,9 +12,11 @@ import math
 import subprocess
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 
+from pyfmi_runner.build import build_fmu
 from pyfmi_runner.build.compiler import compile_model
 from pyfmi_runner.errors import InputError
 
@@ -69,8 +72,8 @@ def library_of(text: str, folder: Path, name: str = "M") -> Tiny:
     compiled = compile_model(file, name)
     for source, content in compiled.sources.items():
         (folder / source).write_text(content)
-    command = ["cc", "-std=c11", "-O0", "-Wall", "-Werror", "-Wno-unused", "-ffp-contract=off", "-shared", "-fPIC", "-I.", f"-I{CSRC}", "-o", "m.so", "model.c"]
-    done = subprocess.run([*command, str(CSRC / "core.c"), "-lm"], cwd=folder, capture_output=True, text=True, check=False)
+    flags = ["-std=c11", "-O0", "-Wall", "-Werror", "-Wno-unused", "-ffp-contract=off", "-shared", "-fPIC", "-I.", f"-I{CSRC}"]
+    done = subprocess.run(["cc", *flags, "-o", "m.so", "model.c", str(CSRC / "core.c"), "-lm"], cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     library = ctypes.CDLL(str(folder / "m.so"))
     library.core_new.restype = P
@@ -386,10 +389,10 @@ equation
   heat = T < 0.4 or pre(heat) and not T > 1;
 end M;
 """)
-    time, T, heat = m.start().run(3.0, "T", "heat", step=0.013)
+    time, T = m.start().run(3.0, "T", step=0.013)
     phase = np.mod(time - 0.5, 0.9)  # falls 0.3 s, rises 0.6 s
     expected = np.where(time < 0.5, 0.5 + time, np.where(phase < 0.3, 1 - 2 * phase, 0.4 + phase - 0.3))
-    assert T == pytest.approx(expected, abs=1e-8)
+    assert pytest.approx(expected, abs=1e-8) == T
     assert T.max() <= 1 + 1e-8
     assert T.min() >= 0.4 - 1e-8
 
@@ -491,6 +494,25 @@ end M;
     assert m.get("integral") == pytest.approx(0.05 * (1 + 3), abs=1e-9)
     assert m.get("t_high") == pytest.approx(0.1123, abs=1e-9)
     assert m.get("late") == pytest.approx(0.3 - 0.1123, abs=1e-9)
+
+
+def test_what_jumps_at_an_event_is_delayed_as_a_jump(tiny):
+    m = tiny("""
+model M
+  discrete Real n(start = 0, fixed = true);
+  Boolean high = time > 0.1234;
+  Real a(start = 0, fixed = true), b(start = 0, fixed = true);
+equation
+  when sample(0.0555, 1) then
+    n = 1;
+  end when;
+  der(a) = delay(n, 0.033);
+  der(b) = delay(if high then 1 else 0, 0.033);
+end M;
+""")
+    m.set(**{"solver.max_step": 0.01}).start().run(0.3, step=0.02)
+    assert m.get("a") == pytest.approx(0.3 - 0.0885, abs=1e-9)
+    assert m.get("b") == pytest.approx(0.3 - 0.1564, abs=1e-9)
 
 
 def test_two_jumps_within_one_delay_arrive_one_after_the_other(tiny):
@@ -748,3 +770,41 @@ def test_a_missing_file_and_one_that_is_no_text(tmp_path):
     (tmp_path / "bytes.mo").write_bytes(b"\xff\xfe\x00model")
     with pytest.raises(InputError, match=r"bytes\.mo: cannot be read as UTF-8"):
         compile_model(tmp_path / "bytes.mo", "M")
+
+
+# ---- model exchange of what the gantry's validation does not use -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+def test_model_exchange_takes_samples_reinit_and_delays_as_co_simulation_does(fmi, tmp_path):
+    file = tmp_path / "m.mo"
+    file.write_text("""
+model M
+  output Real h(start = 1, fixed = true), v(start = 0, fixed = true);
+  discrete Integer n(start = 0, fixed = true);
+  output Real count = n;
+  output Real late;
+  output Real integral(start = 0, fixed = true);
+equation
+  der(h) = v;
+  der(v) = -9.81;
+  late = delay(count, 0.033);
+  der(integral) = late;
+  when h <= 0 then
+    reinit(v, -0.8*pre(v));
+  end when;
+  when sample(0.05, 0.1) then
+    n = pre(n) + 1;
+  end when;
+end M;
+""")
+    path = build_fmu("M", file, fmi, tmp_path).path
+    names = ["h", "v", "count", "late", "integral"]
+    common = {"stop_time": 1.2, "output_interval": 0.01, "output": names, "record_events": False}
+    cs = fmpy.simulate_fmu(str(path), fmi_type="CoSimulation", **common)
+    me = fmpy.simulate_fmu(str(path), fmi_type="ModelExchange", relative_tolerance=1e-9, **common)
+    for name in names:
+        # at a communication point that is a tick, co-simulation takes the tick at the start of the next step
+        quiet = np.abs(np.mod(cs["time"] - 0.05 + 1e-6, 0.1) - 1e-6) > 1e-3
+        assert me[name][quiet] == pytest.approx(cs[name][quiet], abs=1e-6), name
+    assert cs["integral"][-1] == pytest.approx(sum(1.2 - (0.083 + 0.1 * k) for k in range(12)), abs=1e-6)

@@ -52,7 +52,11 @@ def test_attributes_of_every_kind_of_variable():
     root = description("2.0")
     for name, attributes, typed in (
         ("time", {"causality": "independent", "variability": "continuous"}, {"unit": "s"}),
-        ("m", {"causality": "parameter", "initial": "exact"}, {"min": "0.1", "max": "100.0", "start": "1.0", "unit": "kg"}),
+        (
+            "m",
+            {"causality": "parameter", "initial": "exact"},
+            {"min": "0.1", "max": "100.0", "start": "1.0", "unit": "kg"},
+        ),
         ("medium", {"variability": "fixed"}, {"declaredType": "Stub.Medium", "start": "2", "min": "1", "max": "2"}),
         ("n", {"variability": "tunable"}, {"start": "1", "min": "1", "max": "3"}),
         ("weight", {"causality": "calculatedParameter", "initial": "calculated"}, {"unit": "N"}),
@@ -112,7 +116,8 @@ def test_capability_flags_are_those_of_the_wrapper():
 def test_declared_log_categories_are_the_wrappers():
     declared = [e.get("name") for e in description("2.0").iter("Category")]
     text = (Path(__file__).parents[2] / "pyfmi_runner/build/csrc/wrapper.c").read_text()
-    assert declared == re.findall(r'"(log\w+)"', text.split("log_categories[] = {")[1].split("};")[0]) + ["logAll"]
+    names = re.findall(r'"(log\w+)"', text.split("log_categories[] = {")[1].split("};")[0])
+    assert declared == [*names, "logAll"]
 
 
 def test_text_from_the_model_is_escaped():

@@ -86,8 +86,8 @@ static inline double model_max(double a, double b) {{ return a > b ? a : b; }}
 """
     prepare = "void prepare(ModelData *q) {\n" + "\n".join(hoist.statements) + "\n}\n"
     (folder / "f.c").write_text(head + prepare + _silence_unused("\n".join(texts)))
-    command = ["cc", "-std=c11", "-O1", "-ffp-contract=off", "-shared", "-fPIC", "-Wall", "-Werror", "-Wno-unused", "-o", "f.so", "f.c", "-lm"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    flags = ["-std=c11", "-O1", "-ffp-contract=off", "-shared", "-fPIC", "-Wall", "-Werror", "-Wno-unused"]
+    done = subprocess.run(["cc", *flags, "-o", "f.so", "f.c", "-lm"], cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     library = ctypes.CDLL(str(folder / "f.so"))
     return reference, texts, library

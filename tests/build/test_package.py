@@ -75,7 +75,7 @@ def test_the_manifest_says_what_it_was_made_of(stub, fmi):
 def test_a_failed_build_leaves_the_old_file(tmp_path):
     path = package_fmu(STUB, "2.0", tmp_path / "Stub.fmu")
     before = path.read_bytes()
-    with pytest.raises(InputError, match="could not compile the model.*no_such_thing"):
+    with pytest.raises(InputError, match=r"could not compile the model.*no_such_thing"):
         package_fmu(replace(STUB, sources=STUB.sources | {"model.c": "int x = no_such_thing;"}), "2.0", path)
     assert path.read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["Stub.fmu", "Stub.manifest.json"]
@@ -94,20 +94,20 @@ def test_no_compiler_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", "")
     find_spec = toolchain.importlib.util.find_spec
     monkeypatch.setattr(toolchain.importlib.util, "find_spec", lambda n: None if n == "ziglang" else find_spec(n))
-    with pytest.raises(InputError, match="no C compiler for .*pip install ziglang, or install gcc"):
+    with pytest.raises(InputError, match=r"no C compiler for .*pip install ziglang, or install gcc"):
         package_fmu(STUB, "2.0", tmp_path / "Stub.fmu")
 
 
 def test_a_wrong_cc_variable_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv("CC", "no-such-cc")
-    with pytest.raises(InputError, match="CC: no compiler 'no-such-cc'"):
+    with pytest.raises(InputError, match=r"CC: no compiler 'no-such-cc'"):
         package_fmu(STUB, "2.0", tmp_path / "Stub.fmu")
 
 
 def test_an_unknown_platform_or_version_is_refused(tmp_path):
-    with pytest.raises(InputError, match="--platform: unknown platform 'amiga'; use one of x86_64-linux"):
+    with pytest.raises(InputError, match=r"--platform: unknown platform 'amiga'; use one of x86_64-linux"):
         package_fmu(STUB, "2.0", tmp_path / "Stub.fmu", ["amiga"])
-    with pytest.raises(InputError, match="--fmi: unknown FMI version '1.0'"):
+    with pytest.raises(InputError, match=r"--fmi: unknown FMI version '1.0'"):
         package_fmu(STUB, "1.0", tmp_path / "Stub.fmu")
 
 

@@ -398,12 +398,12 @@ static CoreStatus settle_now(Instance *s) {
     if (N_DELAYS) invalidate(s);
     if (take_due_ticks(s) || s->c.events_possible) {
         s->c.events_possible = 0;
-        status = iterate_events(s);
     } else {
         rates(s);
-        status = contradicted(s->c.q.m, s->c.z) ? iterate_events(s) : check_finite(s);
+        if (!contradicted(s->c.q.m, s->c.z)) return check_finite(s);
     }
-    return status;
+    status = iterate_events(s);
+    return status == CORE_OK ? record_delays(s) : status; /* what the event changed jumps here */
 }
 
 CoreStatus core_step(Instance *s, double time, double step) {
@@ -419,7 +419,10 @@ CoreStatus core_step(Instance *s, double time, double step) {
         if (status != CORE_OK) break;
         if (event && ++events == MAX_EVENTS)
             say(s, CORE_WARNING, "logEvents", "more than %d events before t = %.9g s: modes stay frozen to the end of this step", MAX_EVENTS, end);
-        if (event) status = iterate_events(s);
+        if (event) {
+            status = record_delays(s); /* what led up to it; what it changes is recorded below, as a jump */
+            if (status == CORE_OK) status = iterate_events(s);
+        }
         if (N_DELAYS && status == CORE_OK) {
             double jump = s->c.q.time;
             status = record_delays(s);
@@ -622,6 +625,7 @@ CoreStatus core_update_discrete(Instance *s, EventInfo *info) {
     take_due_ticks(s);
     s->c.events_possible = 0;
     status = iterate_events(s);
+    if (status == CORE_OK) status = record_delays(s); /* what the event changed jumps here */
     memset(info, 0, sizeof *info);
     info->states_changed = memcmp(before, s->c.q.x, N_STATES * sizeof *before) != 0;
     info->next_time = next_time_event(s);

@@ -16,8 +16,8 @@ STEP_SECONDS = 1.5
 
 @dataclass(frozen=True)
 class Setup:
-    """One log. `release`: time at which x, z are let go [s], inf: never. `phases`: name -> (from, to) [s], closed loop only.
-    `programme`: legs of u_x and of u_z, repeated until the log ends."""
+    """One log. `release`: time at which x, z are let go [s], inf: never. `phases`: name -> (from, to) [s], closed loop
+    only. `programme`: legs of u_x and of u_z, repeated until the log ends."""
 
     name: str
     seconds: float
@@ -79,10 +79,10 @@ def _there_and_back(levels: list[float]) -> list[float]:
     return levels + levels[-2::-1]
 
 
-def _valve_steps(x: float, z: float) -> Setup:
+def _valve_steps(name: str, x: float, z: float) -> Setup:
     u_x = stairs(_there_and_back([0.65, 0.90, 1.15, 1.35]), STEP_SECONDS)
     u_z = stairs(_there_and_back([0.85, 1.10, 1.35, 1.60]), STEP_SECONDS)
-    return Setup(f"valve_steps_{round(1000 * x) if x == 0.5 else (1000 if x > 0.5 else 0)}", 10.5, (x, z), (u_x, u_z), (np.inf, np.inf))
+    return Setup(name, 10.5, (x, z), (u_x, u_z), (np.inf, np.inf))
 
 
 def _contour(name: str, workpiece: str, standoff: float) -> Setup:
@@ -95,13 +95,14 @@ def campaign_setups() -> dict[str, Setup]:
     """The seven logs of a campaign by name."""
     ramps_x = ((2.0, 0.635, 0.935), (0.4, 0.935, 0.635), (1.1, 0.635, 0.635))
     ramps_z = ((2.0, 0.735, 1.135), (0.3, 1.135, 0.735), (1.2, 0.735, 0.735))
-    levels = [1.05] + _there_and_back([round(0.8 + 0.1 * i, 1) for i in range(9)])
+    levels = [1.05, *_there_and_back([round(0.8 + 0.1 * i, 1) for i in range(9)])]
+    pushes = ((1.0, 0.0, 0.0),), stairs(levels, 1.0)
     setups = [
-        _valve_steps(0.95, 0.095),
-        _valve_steps(0.5, 0.05),
-        _valve_steps(0.05, 0.005),
+        _valve_steps("valve_steps_1000", 0.95, 0.095),
+        _valve_steps("valve_steps_500", 0.5, 0.05),
+        _valve_steps("valve_steps_0", 0.05, 0.005),
         Setup("free_motion", 14.0, (0.95, 0.0), (ramps_x, ramps_z)),
-        Setup("contact_steps", 18.0, (0.95, 0.0), (((1.0, 0.0, 0.0),), stairs(levels, 1.0)), (np.inf, 0.0), "straight", 0.04),
+        Setup("contact_steps", 18.0, (0.95, 0.0), pushes, (np.inf, 0.0), "straight", 0.04),
         _contour("contour_straight", "straight", 0.04),
         _contour("contour_curved", "curved", 0.09),
     ]

@@ -1,0 +1,100 @@
+"""A campaign's logs as one table of rows, and what the sensors' own errors, once assumed, make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyfmi_runner.campaign import Campaign, LogSetup
+from pyfmi_runner.log import PERIOD, SIGMA
+from pyfmi_runner.smoothing import smooth_axis
+
+__all__ = ["SENSOR_NEUTRAL", "Signals", "Table", "corrected", "table_of"]
+
+Array = NDArray[np.float64]
+SENSOR_NEUTRAL = {
+    "sensors.bias_f_x": 0.0, "sensors.bias_f_z": 0.0, "sensors.gain_f_x": 1.0, "sensors.gain_f_z": 1.0,
+    "sensors.crosstalk_f_x": 0.0, "sensors.crosstalk_f_z": 0.0, "sensors.gain_f_ax": 1.0, "sensors.gain_f_az": 1.0,
+    "sensors.tau_v_x": 0.0, "sensors.tau_v_z": 0.0,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """All logs one below the other; `spans[i]` are the first row and the row after the last of log i."""
+
+    names: tuple[str, ...]
+    setups: tuple[LogSetup, ...]
+    spans: NDArray[np.int64]
+    columns: Mapping[str, Array]  # time, u_x, u_z and the eight measured channels
+    clamped: Mapping[str, NDArray[np.bool_]]  # by axis
+
+    @property
+    def rows(self) -> int:
+        return int(self.spans[-1, 1])
+
+    def log_of(self) -> NDArray[np.int64]:
+        """Index of each row's log."""
+        index = np.empty(self.rows, dtype=np.int64)
+        for i, (first, last) in enumerate(self.spans):
+            index[first:last] = i
+        return index
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """True signals as far as they can be known from the measured ones under assumed sensor errors; shape (rows,) each."""
+
+    position: Mapping[str, Array]  # m, by axis, smoothed with the speed
+    innovation: Mapping[str, Array]  # by axis, position against the integral of the speed, 1 RMS where they agree
+    speed: Mapping[str, Array]  # m/s, by axis; as measured (a tachometer's lag is not undone here)
+    force: Mapping[str, Array]  # N, contact force by axis
+    actuator: Mapping[str, Array]  # N, actuator force by axis
+
+
+def table_of(campaign: Campaign) -> Table:
+    """The rows of all logs of a campaign."""
+    spans, start = [], 0
+    for run in campaign:
+        spans.append((start, start + len(run.log)))
+        start += len(run.log)
+    names = ("time", "u_x", "u_z", *SIGMA)
+    columns = {name: np.concatenate([run.log[name] for run in campaign]) for name in names}
+    clamped = {axis: np.concatenate([run.setup.clamp_signal(axis, run.log.time) for run in campaign]) for axis in "xz"}
+    return Table(tuple(campaign.logs), tuple(run.setup for run in campaign), np.array(spans, dtype=np.int64), columns, clamped)
+
+
+def corrected(table: Table, sensors: Mapping[str, float]) -> Signals:
+    """Undoes scale, offset and crosstalk of the force channels, and lets a tachometer's lag count in the position's smoothing.
+
+    `sensors`: values that differ from SENSOR_NEUTRAL, by name.
+    """
+    value = {**SENSOR_NEUTRAL, **sensors}
+    c = table.columns
+    f_x, f_z = c["f_x"] - value["sensors.bias_f_x"], c["f_z"] - value["sensors.bias_f_z"]
+    g_x, g_z = value["sensors.gain_f_x"], value["sensors.gain_f_z"]
+    k_x, k_z = value["sensors.crosstalk_f_x"], value["sensors.crosstalk_f_z"]
+    determinant = g_x * g_z - k_x * k_z
+    force = {"x": (g_z * f_x - k_x * f_z) / determinant, "z": (g_x * f_z - k_z * f_x) / determinant}
+    position, innovation = {}, {}
+    for axis in "xz":
+        position[axis], innovation[axis] = _positions(table, axis, value[f"sensors.tau_v_{axis}"])
+    return Signals(
+        position, innovation, {axis: c[f"v_{axis}"] for axis in "xz"}, force,
+        {axis: c[f"f_a{axis}"] / value[f"sensors.gain_f_a{axis}"] for axis in "xz"},
+    )  # fmt: skip
+
+
+def _positions(table: Table, axis: str, tau: float) -> tuple[Array, Array]:
+    """Smoothed position and innovations, log by log. With v = v_m + tau dv_m/dt the lag adds tau v_m to the integral of v_m."""
+    position, innovation = np.empty(table.rows), np.empty(table.rows)
+    for first, last in table.spans:
+        rows = slice(first, last)
+        s, v = table.columns[axis][rows], table.columns[f"v_{axis}"][rows]
+        lead = tau * v
+        smoothed = smooth_axis(s - lead, v, SIGMA[axis], SIGMA[f"v_{axis}"], PERIOD)
+        position[rows], innovation[rows] = smoothed.position + lead, smoothed.innovation
+    return position, innovation

@@ -1,0 +1,110 @@
+"""A block's FMU driven by recorded inputs, whole or in windows that each start from measured values; no Python per sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pyfmi_runner.compiled_loop import FMI_WARNING, native_values
+from pyfmi_runner.errors import RunError
+from pyfmi_runner.fmu import FmuFile, FmuSession
+from pyfmi_runner.log import PERIOD
+from pyfmi_runner.native import call_plain, call_setup, call_step
+
+__all__ = ["BlockFmu"]
+
+Array = NDArray[np.float64]
+_WORDS = ("SetReal", "SetInteger", "SetBoolean", "GetReal", "DoStep", "Reset", "SetupExperiment", "EnterInitializationMode", "ExitInitializationMode")
+
+
+class BlockFmu:
+    """One instance of a block's FMU; used in a `with`."""
+
+    def __init__(self, file: FmuFile) -> None:
+        self.session = FmuSession(file)
+        self.file = file
+
+    def __enter__(self) -> BlockFmu:
+        self.session.__enter__()
+        self._component = self.session.raw().component
+        self._addresses = tuple(self.session.address(word) for word in _WORDS)
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self.session.close()
+
+    def run(
+        self,
+        parameters: Mapping[str, float],
+        inputs: Sequence[str],
+        values: Array,
+        outputs: Sequence[str],
+        windows: NDArray[np.int64] | None = None,
+        starts: Mapping[str, Array] | None = None,
+    ) -> Array:
+        """Outputs (N, len(outputs)) at each sample for inputs (N, len(inputs)) held over the millisecond behind it.
+
+        windows: (W, 2) first row and row after the last of each; the block is started again at each, with the start values
+        `starts[name][w]`. None: one window over all rows. Rows outside every window are NaN. Raises InputError for a value that the
+        FMU refuses, RunError where it fails.
+        """
+        self.session.reset(dict(parameters))  # checks names and bounds
+        windows = np.array([[0, len(values)]], dtype=np.int64) if windows is None else np.ascontiguousarray(windows, dtype=np.int64)
+        starts = starts or {}
+        start_values = np.column_stack([starts[name] for name in starts]) if starts else np.empty((len(windows), 0))
+        result = np.full((len(values), len(outputs)), np.nan)
+        status, row = _run_windows(
+            self._component, self._addresses, *self._settings(parameters), self.session.references(tuple(starts)),
+            np.ascontiguousarray(start_values, dtype=np.float64), windows,
+            self.session.references(inputs), np.ascontiguousarray(values, dtype=np.float64), self.session.references(outputs), PERIOD, result,
+        )  # fmt: skip
+        message = self.session.stepped_natively(0.0, status)
+        if message:
+            raise RunError(f"{self.file.path.name} failed at row {row}: {message}")
+        return result
+
+    def _settings(self, parameters: Mapping[str, float]) -> tuple[Any, ...]:
+        """References and values of the parameters by FMI type: Real, Integer (and enumerations), Boolean."""
+        variables = self.file.variables
+        by_type: dict[str, list[str]] = {"Real": [], "Integer": [], "Boolean": []}
+        for name in parameters:
+            kind = variables[name].type
+            by_type["Integer" if kind == "Enumeration" else kind].append(name)
+        real, integer, boolean = by_type.values()
+        return (
+            self.session.references(real), np.array([parameters[n] for n in real], dtype=np.float64),
+            self.session.references(integer), np.array([parameters[n] for n in integer], dtype=np.int32),
+            self.session.references(boolean), np.array([parameters[n] for n in boolean], dtype=np.int32),
+        )  # fmt: skip
+
+
+@njit(nogil=True)
+def _run_windows(  # type: ignore[no-untyped-def]
+    component, addresses, reals, real_values, integers, integer_values, booleans, boolean_values, start_refs, starts, windows,
+    input_refs, values, output_refs, period, result,
+):  # fmt: skip
+    set_real, set_integer, set_boolean, get_real, do_step, reset, setup, enter, leave = addresses
+    for w in range(len(windows)):
+        first, last = windows[w]
+        status = call_plain(reset, component)
+        status = max(status, native_values(set_real, component, reals, real_values))
+        status = max(status, native_values(set_integer, component, integers, integer_values))
+        status = max(status, native_values(set_boolean, component, booleans, boolean_values))
+        status = max(status, native_values(set_real, component, start_refs, starts[w]))
+        status = max(status, call_setup(setup, component, 0.0))
+        status = max(status, call_plain(enter, component))
+        status = max(status, native_values(set_real, component, input_refs, values[first]))
+        status = max(status, call_plain(leave, component))
+        if status > FMI_WARNING:
+            return status, first
+        for k in range(first, last):
+            status = native_values(set_real, component, input_refs, values[k])
+            status = max(status, native_values(get_real, component, output_refs, result[k]))
+            status = max(status, call_step(do_step, component, (k - first) * period, period))
+            if status > FMI_WARNING:
+                return status, k
+    return 0, len(values)
