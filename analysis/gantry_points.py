@@ -23,7 +23,9 @@ def _value(file: FmuFile, parameters: Parameters, name: str) -> float:
     return float(parameters.get(name, file.variables[name].start or 0.0))
 
 
-def axis_contact(file: FmuFile, axis: str = "z", angle: float = 0.0, f_n: float = 30.0, parameters: Parameters | None = None) -> OperatingPoint:
+def axis_contact(
+    file: FmuFile, axis: str = "z", angle: float = 0.0, f_n: float = 30.0, parameters: Parameters | None = None
+) -> OperatingPoint:
     """One axis at rest in contact with f_n [N] on an edge at `angle` [rad], no Coulomb friction, the other axis clamped.
 
     The plant of Fig. 5.6 and 5.7: without Coulomb friction, or while an axis slides one way, the friction force is constant and drops out

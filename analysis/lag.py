@@ -1,7 +1,7 @@
 """What the valve's lag costs the force loop, and what a Smith predictor (§5.3, Fig. 5.8) buys back when its model's lag is wrong.
 
-Loops are sampled as the controller is (1 ms, zero-order hold), from the linearised FMU and the controllers' own kernels. A loop is tuned for
-the largest integral gain at which |1/(1 + L)| <= PEAK at every frequency (at least 6 dB gain and 29 degrees phase margin): the least
+Loops are sampled as the controller is (1 ms, zero-order hold), from the linearised FMU and the controllers' own kernels. A PI loop is tuned
+for the largest integral gain at which |1/(1 + L)| <= PEAK at every frequency (at least 6 dB gain and 29 degrees phase margin): the least
 integrated force error after a step of the load. Bandwidth: the lowest frequency at which |1/(1 + L)| reaches 1/sqrt 2.
 """
 
@@ -20,7 +20,10 @@ from analysis.root_locus import loop_with_pi, pi_block, thesis_gains
 from controllers.smith import ForceLoop as SmithModel
 from controllers.smith import Smith
 
-__all__ = ["PEAK", "RATIOS", "LagRow", "SmithRow", "Tuning", "achievable", "force_gains", "lag_row", "smith_controller", "smith_reach", "smith_rows"]
+__all__ = [
+    "PEAK", "RATIOS", "LagRow", "SmithRow", "Tuning",
+    "achievable", "force_gains", "lag_row", "smith_controller", "smith_reach", "smith_rows",
+]  # fmt: skip
 
 PEAK = 2.0  # largest sensitivity allowed
 RATIOS = (0.5, 0.75, 1.0, 1.25, 1.5)  # lag of the predictor's model / lag of the plant

@@ -19,7 +19,7 @@ from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.fmu_file import Kind
 from pyfmi_runner.plant import COMMANDS, OUTPUTS, TASK
 
-__all__ = ["active_part", "linearise", "linearise_here", "sampled", "transition", "without_lag"]
+__all__ = ["active_part", "linearise", "linearise_here", "sampled", "signal", "transition", "without_lag"]
 
 Array = NDArray[np.float64]
 
@@ -29,17 +29,15 @@ def linearise(
 ) -> control.StateSpace:
     """State space at `point` through the model-exchange ("me") or the co-simulation interface ("cs").
 
-    inputs: inputs of the FMU, or states: a state named here becomes an input and its own equation is left out, so that
-    `valve_z.f_a` is the plant without its valve. outputs: outputs or local variables, not states. Modes (stick, slide, contact, valve
-    open) are those that hold at the point. Raises InputError for names the FMU lacks.
+    inputs: inputs of the FMU, or states: a state named here becomes an input and its own equation is left out, so that `valve_z.f_a` is
+    the plant without its valve (`signal` gives its label). outputs: outputs or local variables, not states. Modes (stick, slide, contact,
+    valve open) are those that hold at the point. Raises InputError for names the FMU lacks.
     """
     with open_at(file, point, kind) as session:
         return linearise_here(session, inputs, outputs)
 
 
-def linearise_here(
-    session: FmuSession, inputs: Sequence[str] = COMMANDS, outputs: Sequence[str] = (*OUTPUTS, *TASK)
-) -> control.StateSpace:
+def linearise_here(session: FmuSession, inputs: Sequence[str] = COMMANDS, outputs: Sequence[str] = (*OUTPUTS, *TASK)) -> control.StateSpace:
     """State space where a session stands; it goes on from there as if nothing had happened (its FMU state is saved and restored)."""
     description = session.file.description
     kept = [(s, d) for s, d in zip(description.states, description.derivatives, strict=True) if s not in inputs]
@@ -58,14 +56,19 @@ def linearise_here(
 def _named(
     a: Array, b: Array, c: Array, d: Array, states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str], dt: float = 0.0
 ) -> control.StateSpace:
-    labels = {"states": list(states), "inputs": list(inputs), "outputs": list(outputs)}
+    labels = {"states": list(states), "inputs": [signal(n) for n in inputs], "outputs": [signal(n) for n in outputs]}
     return control.StateSpace(a, b, c, d, dt, **labels, remove_useless_states=False)
+
+
+def signal(name: str) -> str:
+    """A variable's name as an input or output of a state space: python-control keeps the dot for systems, `valve_z/f_a`."""
+    return name.replace(".", "/")
 
 
 def active_part(model: control.StateSpace, inputs: Sequence[str], outputs: Sequence[str]) -> control.StateSpace:
     """The states on a way from `inputs` to `outputs`, by the pattern of the matrices: exact, no tolerance."""
-    columns = [model.input_labels.index(name) for name in inputs]
-    rows = [model.output_labels.index(name) for name in outputs]
+    columns = [model.input_labels.index(signal(name)) for name in inputs]
+    rows = [model.output_labels.index(signal(name)) for name in outputs]
     reached = _spread(model.A != 0, np.any(model.B[:, columns] != 0, axis=1))
     seen = _spread((model.A != 0).T, np.any(model.C[rows] != 0, axis=0))
     keep = np.flatnonzero(reached & seen)
@@ -116,29 +119,25 @@ def sampled(model: control.StateSpace, period: float = 1e-3, delay: float = 0.0)
     """
     if not period > 0 or not delay >= 0:
         raise ValueError(f"period must be > 0 s and delay >= 0 s, got {period} and {delay}")
-    whole = math.floor(delay / period + 1e-9)
-    part = max(delay - whole * period, 0.0) if delay - whole * period > 1e-12 else 0.0
-    n, m = model.nstates, model.ninputs
-    phi, late = transition(model.A, model.B, period)
-    if part > 0:
-        rest, late = transition(model.A, model.B, period - part)
-        early = rest @ transition(model.A, model.B, part)[1]
-    held = whole + (part > 0)  # commands on their way at a sample
-    a, b = np.zeros((n + held * m, n + held * m)), np.zeros((n + held * m, m))
-    taps = [b[:n], *(a[:n, n + j * m : n + (j + 1) * m] for j in range(held))]  # command of sample k - j
-    a[:n, :n] = phi
-    taps[whole][:] = late
-    if part > 0:
-        taps[whole + 1][:] = early
-    for j in range(held):
-        target = slice(n + j * m, n + (j + 1) * m)
-        if j == 0:
-            b[target] = np.eye(m)
-        else:
-            a[target, n + (j - 1) * m : n + j * m] = np.eye(m)
-    c, d = np.zeros((model.noutputs, n + held * m)), np.array(model.D)
-    c[:, :n] = model.C
-    if delay > 0 and np.any(d):
+    if delay > 0 and np.any(model.D):
         raise ValueError("a model whose outputs jump with its inputs cannot be delayed here")
+    whole = math.floor(delay / period + 1e-9)
+    taps = [np.zeros_like(model.B)] * whole + _shares(model, period, delay - whole * period)
+    n, m, held = model.nstates, model.ninputs, len(taps) - 1  # held: commands on their way at a sample
+    a, b = np.zeros((n + held * m, n + held * m)), np.zeros((n + held * m, m))
+    a[:n, :n], b[:n] = transition(model.A, model.B, period)[0], taps[0]
+    a[:n, n:] = np.hstack(taps[1:]) if held else a[:n, n:]
+    if held:
+        b[n : n + m] = np.eye(m)
+        a[n + m :, n : n + (held - 1) * m] = np.eye((held - 1) * m)
+    c = np.hstack([model.C, np.zeros((model.noutputs, held * m))])
     labels = [*model.state_labels, *(f"{name} {j + 1} samples ago" for j in range(held) for name in model.input_labels)]
-    return _named(a, b, c, d, labels, model.input_labels, model.output_labels, period)
+    return _named(a, b, c, model.D, labels, model.input_labels, model.output_labels, period)
+
+
+def _shares(model: control.StateSpace, period: float, part: float) -> list[Array]:
+    """What the commands of this sample and the one before add to the state over a period, the change coming `part` s into it."""
+    if part < 1e-12:
+        return [transition(model.A, model.B, period)[1]]
+    rest, late = transition(model.A, model.B, period - part)
+    return [late, rest @ transition(model.A, model.B, part)[1]]

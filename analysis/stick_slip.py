@@ -1,4 +1,4 @@
-"""Stick-slip of an axis under its PI velocity loop (Eq. 3-3, 3-5) with the stick band of the VDFM (Eq. 3-18, 3-19): predicted, then checked.
+"""Stick-slip of the x axis under its PI velocity loop (Eq. 3-3) with the stick band of the VDFM (Eq. 3-18, 3-19): predicted, checked.
 
 Prediction: the FMU is linearised in each of its modes (stick, break-away, sliding either way); between the modes' own switches the closed
 loop is affine, so that it is carried from switch to switch by the matrix exponential. Starting at break-away, where speed and actuator
@@ -182,12 +182,10 @@ def cosimulated_cycle(axis: StickSlip, duration: float = 12.0) -> LimitCycle | N
 
 
 def _scenario(axis: StickSlip, duration: float) -> Scenario:
-    names = ("v_x", "f_z", "f_x", "v_z")
-    gains = {f"K{kind}_{name.replace('_', '')}": 0.0 for name in names for kind in "pi"} | {"Kp_vx": axis.gains.k_p, "Ki_vx": axis.gains.k_i}
+    gains = {f"K{kind}_{loop}": 0.0 for loop in ("vx", "fz", "fx", "vz") for kind in "pi"}
+    gains |= {"Kp_vx": axis.gains.k_p, "Ki_vx": axis.gains.k_i}
     return Scenario(
         workpiece="straight", start_x=0.95, f_nd=0.0, v_td=axis.v_td, gains=gains, approach_u_z=0.0, clamped=("x until contour", "z"),
         phases={"approach": (0.0, 0.01), "contact": (0.01, 0.02), "contour": (0.02, 0.02 + duration)},
         plant={**dict(axis.parameters)}, sensors=SensorParams(noise=False),
     )  # fmt: skip
-
-

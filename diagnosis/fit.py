@@ -14,7 +14,8 @@ from diagnosis.catalogue import Parameter
 __all__ = ["Coordinate", "Fit", "effect_coordinate", "fit", "tolerance_coordinate"]
 
 Array = NDArray[np.float64]
-MAX_STEPS = 12
+MAX_STEPS = 10
+FARTHEST = 15.0  # standard deviations that tolerance may be off
 ENOUGH = 0.5  # fall of the objective below which a fit ends
 
 
@@ -57,7 +58,8 @@ class Coordinate:
 
 def tolerance_coordinate(name: str, nominal: float, share: float) -> Coordinate:
     """A nominal parameter that is off by `share` (RMS, relative) on any rig."""
-    return Coordinate(name, nominal, share, True, 1.0, 1e-12, math.inf, step=0.05)
+    reach = math.exp(FARTHEST * share)
+    return Coordinate(name, nominal, share, True, 1.0, nominal / reach, nominal * reach, step=0.05)
 
 
 def effect_coordinate(p: Parameter, nominal: float | None, start: float | None = None) -> Coordinate:

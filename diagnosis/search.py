@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from diagnosis.bench import Bench, Choice, Outcome
+from diagnosis.bench import FLOOR, Bench, Choice, Outcome
 from diagnosis.catalogue import Effect
 
 __all__ = ["Search", "Trial", "search"]
 
+SCATTER = 3.0  # standard deviations of the floor's sum of squares
 QUIET = 8.0  # what a view's misfit and strained tolerance may hold together without asking for an effect
 KEEP = 3  # single effects that pairs within the same views are built on
 
@@ -59,13 +61,22 @@ def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
 
 
 def _trouble(outcome: Outcome, view: str) -> float:
+    """What is left in a view under tolerance alone: misfit, and tolerance strained beyond its size."""
+    return misfit(outcome, view) + outcome.fit.penalty - len(outcome.fit.coordinates)
+
+
+def misfit(outcome: Outcome, view: str) -> float:
+    """Sum of squares beyond the floor and its own scatter, in independent samples."""
     n, length = outcome.counts[view], outcome.lengths[view]
-    return max(0.0, outcome.squares[view] - n) / length + outcome.fit.penalty - len(outcome.fit.coordinates)
+    if n == 0:
+        return 0.0
+    excess = outcome.squares[view] / FLOOR.get(view, 1.0) ** 2 - n
+    return max(0.0, excess - SCATTER * math.sqrt(2 * n * length)) / length
 
 
 def _kept(singles: list[Trial]) -> list[Trial]:
     best = [t for t in singles if t.gain > QUIET][:KEEP]
-    return [t for t in best if max(t.outcome.rms(v) for v in t.outcome.views) > 1.02]
+    return [t for t in best if any(misfit(t.outcome, v) > QUIET for v in t.outcome.views)]
 
 
 def try_effect(bench: Bench, effect: Effect, base: Choice, troubled: set[str], null: Mapping[str, Outcome], before: Outcome | None = None) -> Outcome | None:

@@ -193,6 +193,12 @@ def _acceleration(speed: Array, table: Table) -> Array:
     return result
 
 
+def _mean(values: Array, half: int = 4) -> Array:
+    """Mean over `half` samples either side: a speed's noise would bias the damping that multiplies it."""
+    width = 2 * half + 1
+    return np.convolve(np.pad(values, half, mode="edge"), np.full(width, 1.0 / width), mode="valid")
+
+
 class ContactView:
     """(s, v) → contact force, on the logs that have a workpiece."""
 
@@ -227,7 +233,7 @@ class ContactView:
         parameters = _own("", {**self._nominal, **given}, values, self._known)
         parameters["contact.z_0"] = given["contact.z_0"] + shift
         x, z = signals.position["x"][rows], signals.position["z"][rows]
-        names, columns = ["x", "z", "v_x", "v_z"], [x, z, signals.speed["x"][rows], signals.speed["z"][rows]]
+        names, columns = ["x", "z", "v_x", "v_z"], [x, z, _mean(signals.speed["x"][rows]), _mean(signals.speed["z"][rows])]
         profile = own_profile(setup)
         if profile is not None:
             names += list(PROFILE)

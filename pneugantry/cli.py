@@ -13,7 +13,7 @@ from typing import Any
 from pyfmi_runner.errors import InputError, RunError
 from pyfmi_runner.log import write_atomically
 
-COMMANDS = ("demo", "build", "run", "replay")  # each a module of `commands` with HELP, add_arguments, execute
+COMMANDS = ("demo", "build", "run", "replay", "thesis", "linearize", "rootlocus")  # each a module of `commands` with HELP, add_arguments, execute
 
 
 def parser() -> argparse.ArgumentParser:

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneugantry.commands.run import settings
+from pneugantry.commands.run import _settings as settings
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile
@@ -35,7 +35,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("--lag", default="own", metavar="none|x|z|SECONDS", help="of the valve (default: the axis' own)")
     command.add_argument("--delay", type=float, default=0.0, metavar="SECONDS", help="transport delay of the command")
     command.add_argument("--pade", type=int, default=3, metavar="N", help="order of the delay's Pade approximation, 1..10 (default 3)")
-    command.add_argument("--angle", type=float, metavar="DEG", help="slope angle of the edge (default: it faces the axis, 0 for z, 90 for x)")
+    command.add_argument("--angle", type=float, metavar="DEG", help="slope of the edge (default: it faces the axis, 0 for z, 90 for x)")
     command.add_argument("--set", action="append", default=[], metavar="PARAM=VALUE", help="plant parameter, may be repeated")
     command.add_argument("--verify", action="store_true", help="co-simulate the FMU's closed loop at 0.98 and 1.02 of the limit gains")
     command.add_argument("--plot", metavar="FILE.png", type=Path, help="draw root locus, Bode and Nyquist")
@@ -105,7 +105,9 @@ def _report(locus: RootLocus) -> dict[str, Any]:
 def _print(locus: RootLocus, others: dict[str, RootLocus]) -> None:
     loop, m = locus.loop, locus.margins
     lag = f"lag {loop.lag:g} s" if loop.lag else "no lag"
-    print(f"{loop.axis} force loop, {lag}, delay {loop.delay:g} s: u_{loop.axis} [V] -> force [N], K = {loop.valve_gain:g} N/V, from the FMU")
+    print(
+        f"{loop.axis} force loop from the FMU, {lag}, delay {loop.delay:g} s: {loop.command} [V] -> force [N], K = {loop.valve_gain:g} N/V"
+    )
     print("  poles  " + ", ".join(f"{p.real:.2f}{p.imag:+.2f}j" for p in locus.poles) + "   zeros  "
           + (", ".join(f"{z.real:.1f}{z.imag:+.1f}j" for z in locus.zeros) or "none"))  # fmt: skip
     if locus.pade:
@@ -135,8 +137,8 @@ def _verify(locus: RootLocus) -> dict[str, Any]:
         below, above, own = cosimulated_limit(locus.loop, limit.gain, period=period)
         holds = below.rate < 0 < above.rate
         checks[name] = {"period": period, "rate_at_0.98": below.rate, "rate_at_1.02": above.rate, "limit_gain": own, "holds": holds}
-        print(f"  FMU co-simulated, {name}, every {1e3 * period:g} ms: rate {below.rate:+.3f} 1/s at 0.98, {above.rate:+.3f} 1/s at 1.02 of the"
-              f" predicted gain; own limit {own:.5f} V/N ({'agrees' if holds else 'DISAGREES'})")  # fmt: skip
+        print(f"  FMU co-simulated, {name}, every {1e3 * period:g} ms: rate {below.rate:+.3f} 1/s at 0.98, {above.rate:+.3f} 1/s at 1.02"
+              f" of the predicted gain; own limit {own:.5f} V/N ({'agrees' if holds else 'DISAGREES'})")  # fmt: skip
     if not checks:
         print("  nothing to co-simulate: the FMU's valve always lags, at least by 1 ms")
     return checks

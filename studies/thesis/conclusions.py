@@ -16,6 +16,9 @@ __all__ = ["SIGNIFICANT", "Conclusion", "tracking_conclusions", "tracking_runs"]
 
 SIGNIFICANT = 0.30
 ANGLE_ERRORS = (0.0, 10.0, 30.0, 50.0)  # degrees, §4.3.3
+REASONS = {
+    4: "without the lag K_p K_z = 2 of the f_z loop acts at once and divides a friction reversal by 3; with it, only below 1 / tau_z",
+}
 INCLINES = ("incline_7", "incline_16")
 
 
@@ -27,6 +30,11 @@ class Conclusion:
     text: str
     holds: bool
     numbers: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def reason(self) -> str:
+        """Why it does not hold, where it does not and the reason was found (docs/thesis.md)."""
+        return "" if self.holds else REASONS.get(self.id, "not found")
 
 
 def improvement(before: float, after: float) -> float:
@@ -110,7 +118,8 @@ def _valves(results: Results) -> Conclusion:
     one, both = (DOWNHILL.errors(results.trace(run), run) for run in valve_runs())
     numbers = {"one-directional f_n": one[0], "bidirectional f_n": both[0], "one-directional v_t": one[1], "bidirectional v_t": both[1]}
     holds = improvement(one[0], both[0]) > SIGNIFICANT and improvement(one[1], both[1]) > SIGNIFICANT
-    return Conclusion(8, "where theta < 0 one-directional valves lose f_n and v_t, bidirectional ones hold them (RMSE there)", holds, numbers)
+    text = "where theta < 0 one-directional valves lose f_n and v_t, bidirectional ones hold them (RMSE there)"
+    return Conclusion(8, text, holds, numbers)
 
 
 def _vdfm(results: Results) -> Conclusion:
@@ -124,8 +133,9 @@ def _scheduler(results: Results) -> Conclusion:
 
 
 def _networks(results: Results) -> Conclusion:
-    pairs = [("straight", "ebpa_zero"), ("straight", "ebpa"), ("straight", "mbpm"), ("straight", "mbpm_5"), ("curved", "mbpm"), ("curved", "mbpm_5")]
-    cuts = {f"{name}, {piece}": improvement(results[Run(piece)].rmse_fn, results[Run(piece, f"pi_fv_{name}")].rmse_fn) for piece, name in pairs}
+    pairs = [("straight", name) for name in ("ebpa_zero", "ebpa", "mbpm", "mbpm_5")] + [("curved", name) for name in ("mbpm", "mbpm_5")]
+    rmse = {(piece, name): results[Run(piece, f"pi_fv_{name}")].rmse_fn for piece, name in pairs}
+    cuts = {f"{name}, {piece}": improvement(results[Run(piece)].rmse_fn, after) for (piece, name), after in rmse.items()}
     none, *significant = cuts.values()
     holds = none < SIGNIFICANT and min(significant) >= SIGNIFICANT
     return Conclusion(13, "EBPA: none from zero weights, significant from 0.1; MBPM: significant from zero weights", holds, cuts)

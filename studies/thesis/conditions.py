@@ -35,24 +35,30 @@ class Finish(NamedTuple):
         return {f"workpiece.{name}[{i}]": value for name, values in named for i, value in enumerate(values, start=1)}
 
 
+MODELLED = Finish((0.0e-6, 4.1e-6, 315.1e-6), (0.0800, 0.0030, 0.0452), (2.06, 2.93, -1.64))  # artificial theta, §4.1.5
+MEASURED = Finish((137.3e-6, 4.7e-6, 225.9e-6), (0.0779, 0.0030, 0.0452), (2.55, 1.98, -2.00))  # experimental theta, §4.2.5
+
+
 @dataclass(frozen=True)
 class Choice:
     """The values that the thesis does not print. `quiet` is the stretch of the scored window before the speed is asked for."""
 
-    contact_stiffness: float = 1.0e4  # N/m
-    ddfm_limit: float = 12.0  # N, beta
-    ddfm_stiffness: float = 1.0e5  # N/m, sigma
+    contact_stiffness: float = 5.0e4  # N/m
+    contact_damping: float = 150.0  # N s/m
+    ddfm_limit: float = 13.7  # N, beta
+    ddfm_stiffness: float = 1.7e5  # N/m, sigma
     cable_x: float = 5.0  # N
     cable_z: float = 5.0  # N
-    quiet: float = 0.0  # s
-    motion: float = 10.0  # s, or what the z stroke allows
-    modelled: Finish = Finish((0.20e-3, 0.08e-3, 0.03e-3), (0.060, 0.027, 0.013), (0.3, 1.1, 2.0))  # artificial theta, §4.1.5
-    measured: Finish = Finish((0.20e-3, 0.08e-3, 0.03e-3), (0.060, 0.027, 0.013), (0.3, 1.1, 2.0))  # experimental theta, §4.2.5
+    quiet: float = 4.00  # s
+    motion: float = 6.91  # s, or what the z stroke allows
+    modelled: Finish = MODELLED
+    measured: Finish = MEASURED
 
     def plant(self) -> dict[str, float]:
         """Parameters of the FMU: DDFM on z, VDFM on x."""
         return {
-            "contact.K_c": self.contact_stiffness, "axis_z.friction.law": DDFM, "axis_x.friction.law": VDFM,
+            "contact.K_c": self.contact_stiffness, "contact.C_c": self.contact_damping,
+            "axis_z.friction.law": DDFM, "axis_x.friction.law": VDFM,
             "axis_z.friction.beta": self.ddfm_limit, "axis_z.friction.sigma": self.ddfm_stiffness,
             "axis_x.F_w": self.cable_x, "axis_z.F_w": self.cable_z,
         }  # fmt: skip

@@ -11,7 +11,7 @@ from analysis.force_loop import force_loop
 from analysis.root_locus import root_locus
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from studies.thesis.conclusions import Conclusion
-from studies.thesis.conditions import DDFM, VDFM, Choice
+from studies.thesis.conditions import Choice
 
 __all__ = ["Hysteresis", "friction_conclusion", "hysteresis", "lag_conclusion", "locus_conclusion"]
 
@@ -67,8 +67,8 @@ def hysteresis(fmu: FmuFile, law: float, choice: Choice, **parameters: float) ->
             commands.append(level)
             session.set("u_z", level)
             session.step(period)
-    z, v_z, f_z, f_az = np.array(rows).T
-    return Hysteresis(np.arange(len(z)) * period, np.array(commands), z, v_z, f_z, f_az, f_az - f_z - choice.cable_z)
+    z, v_z, f_z, f_az = np.array(rows, dtype=np.float64).T
+    return Hysteresis(period * np.arange(len(z), dtype=np.float64), np.array(commands, dtype=np.float64), z, v_z, f_z, f_az, f_az - f_z - choice.cable_z)
 
 
 def friction_conclusion(ddfm: Hysteresis, vdfm: Hysteresis) -> Conclusion:

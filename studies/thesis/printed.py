@@ -37,10 +37,22 @@ _SPEED = {
 }
 # Tables 4.11-4.14: RMSE f_n, RMSE v_t, ME f_n, ME v_t of the five cases; Table 4.15 repeats their RMSE
 ABLATION = {
-    "straight": ("4.11", ((4.4, 0.042, 17.8, 0.119), (4.2, 0.042, 17.0, 0.119), (3.4, 0.037, 10.4, 0.061), (0.4, 0.042, 1.0, 0.121), (0.6, 0.031, 5.6, 0.061))),
-    "incline_7": ("4.12", ((1.4, 0.042, 10.4, 0.113), (1.4, 0.042, 10.4, 0.105), (1.2, 0.038, 6.4, 0.062), (1.4, 0.042, 10.4, 0.113), (0.6, 0.009, 5.2, 0.061))),
-    "incline_16": ("4.13", ((1.6, 0.045, 10.2, 0.118), (1.6, 0.045, 10.2, 0.117), (1.4, 0.040, 6.4, 0.062), (1.6, 0.045, 10.2, 0.118), (0.8, 0.010, 8.8, 0.061))),
-    "curved": ("4.14", ((3.2, 0.053, 16.4, 0.154), (3.0, 0.053, 21.4, 0.160), (2.6, 0.038, 19.6, 0.061), (1.8, 0.053, 21.6, 0.161), (1.0, 0.034, 20.4, 0.074))),
+    "straight": ("4.11", (
+        (4.4, 0.042, 17.8, 0.119), (4.2, 0.042, 17.0, 0.119), (3.4, 0.037, 10.4, 0.061),
+        (0.4, 0.042, 1.0, 0.121), (0.6, 0.031, 5.6, 0.061),
+    )),
+    "incline_7": ("4.12", (
+        (1.4, 0.042, 10.4, 0.113), (1.4, 0.042, 10.4, 0.105), (1.2, 0.038, 6.4, 0.062),
+        (1.4, 0.042, 10.4, 0.113), (0.6, 0.009, 5.2, 0.061),
+    )),
+    "incline_16": ("4.13", (
+        (1.6, 0.045, 10.2, 0.118), (1.6, 0.045, 10.2, 0.117), (1.4, 0.040, 6.4, 0.062),
+        (1.6, 0.045, 10.2, 0.118), (0.8, 0.010, 8.8, 0.061),
+    )),
+    "curved": ("4.14", (
+        (3.2, 0.053, 16.4, 0.154), (3.0, 0.053, 21.4, 0.160), (2.6, 0.038, 19.6, 0.061),
+        (1.8, 0.053, 21.6, 0.161), (1.0, 0.034, 20.4, 0.074),
+    )),
 }  # fmt: skip
 # Tables 3.14 (experiment), 5.2 and 5.5 (simulation): controller, printed line
 _CONTROLLERS = (
@@ -73,13 +85,12 @@ def printed_rows() -> list[Printed]:
     for piece, (table, cases) in ABLATION.items():
         for case, (rf, rv, mf, mv) in zip(CASES, cases, strict=True):
             rows.append(Printed(table, case, piece, "simulation", (mf, mv, rf, rv)))
-    for piece, (_, cases) in ABLATION.items():
-        rows += [Printed("4.15", f"{case}, {piece}", piece, "simulation", (None, None, c[0], c[1])) for case, c in zip(CASES, cases, strict=True)]
+        for case, (rf, rv, _, _) in zip(CASES, cases, strict=True):
+            rows.append(Printed("4.15", f"{case}, {piece}", piece, "simulation", (None, None, rf, rv)))
     for table, piece, controller, line in _CONTROLLERS:
         rows.append(Printed(table, controller, piece, "experiment" if table == "3.14" else "simulation", line))
     rows += _table_6_1()
-    order = {table: k for k, table in enumerate("3.9 3.10 3.12 3.14 4.7 4.8 4.9 4.10 4.11 4.12 4.13 4.14 4.15 5.2 5.5 6.1".split())}
-    return sorted(rows, key=lambda row: order[row.table])
+    return sorted(rows, key=lambda row: [int(part) for part in row.table.split(".")])
 
 
 def _table_6_1() -> list[Printed]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from controllers.catalogue import make_controller
 from pyfmi_runner.errors import RunError
@@ -15,18 +16,18 @@ from pyfmi_runner.run import run_scenario
 from studies.thesis.conditions import Run, scenario_of
 from studies.thesis.scores import Scores, Trace, score_log, trace_log
 
-__all__ = ["Done", "Results", "run_all", "run_one"]
+__all__ = ["Done", "Job", "Results", "Workers", "run_one"]
 
-BATCH = 40  # runs a task
-Tell = Callable[[int, int], None]  # (runs done, runs in all)
+BATCH = 30  # runs a task
+Tell = Callable[[int, int], None]  # (jobs done, jobs in all)
+Job = tuple[Callable[..., Any], tuple[Any, ...]]  # a function that the workers can import, and its arguments
 
 
 @dataclass(frozen=True)
 class Done:
-    """A run's scores, its trace where asked for, and the time of the loop."""
+    """A run's scores, and its trace where asked for."""
 
     scores: Scores
-    us_per_step: float  # plant, sensors and controller
     trace: Trace | None = None
 
 
@@ -54,40 +55,65 @@ def run_one(run: Run, fmu: FmuFile, *, trace: bool = False) -> Done:
     if result.outcome != "done":
         raise RunError(f"{scenario.name}: {result.reason}")
     scores = score_log(result.log, quiet=run.choice.quiet, v_td=run.v_td, f_nd=scenario.f_nd, true_angle=run.angle_error != 0.0)
-    return Done(scores, 1e6 * result.seconds / len(result.log), trace_log(result.log) if trace else None)
+    return Done(scores, trace_log(result.log) if trace else None)
 
 
-def run_all(runs: Iterable[Run], fmu: Path, *, traced: frozenset[Run] = frozenset(), workers: int = 2, tell: Tell | None = None) -> Results:
-    """Each run once, in `workers` processes (1: in this one)."""
-    todo = list(dict.fromkeys(runs))
-    results = Results()
-    if workers == 1:
-        file = FmuFile.read(fmu)
-        for count, run in enumerate(todo, start=1):
-            results.done[run] = run_one(run, file, trace=run in traced)
-            _tell(tell, count, len(todo))
-        return results
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        futures = [pool.submit(_batch, batch, str(fmu), traced & frozenset(batch)) for batch in _batches(todo)]
-        for future in as_completed(futures):
-            results.done |= future.result()
-            _tell(tell, len(results.done), len(todo))
-    return results
-
-
-def _tell(tell: Tell | None, done: int, total: int) -> None:
-    if tell is not None:
-        tell(done, total)
-
-
-def _batches(runs: list[Run]) -> list[list[Run]]:
-    by_controller: dict[str, list[Run]] = {}
-    for run in runs:
-        by_controller.setdefault(run.controller, []).append(run)
-    groups = sorted(by_controller.values(), key=len, reverse=True)
-    return [group[i : i + BATCH] for group in groups for i in range(0, len(group), BATCH)]
-
-
-def _batch(runs: list[Run], fmu: str, traced: frozenset[Run]) -> dict[Run, Done]:
+def run_batch(runs: list[Run], fmu: str, traced: frozenset[Run]) -> dict[Run, Done]:
     file = FmuFile.read(fmu)
     return {run: run_one(run, file, trace=run in traced) for run in runs}
+
+
+def batches(runs: Iterable[Run], size: int = BATCH) -> list[list[Run]]:
+    """Each run once; a batch holds one controller. Large batches first."""
+    by_controller: dict[str, list[Run]] = {}
+    for run in dict.fromkeys(runs):
+        by_controller.setdefault(run.controller, []).append(run)
+    groups = sorted(by_controller.values(), key=len, reverse=True)
+    return [group[i : i + size] for group in groups for i in range(0, len(group), size)]
+
+
+class Workers:
+    """Worker processes that live for the study, so that what they compiled serves again; count 1: this process."""
+
+    def __init__(self, fmu: Path, count: int = 2, tell: Tell | None = None) -> None:
+        self.fmu, self.tell = str(fmu), tell
+        self.pool = ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) if count > 1 else None
+        self.waiting: list[Future[Any]] = []
+        self.done = 0
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.pool is not None:
+            self.pool.shutdown(cancel_futures=True)
+
+    def start(self, jobs: Sequence[Job]) -> list[Future[Any]]:
+        """The jobs' results, to be asked for with `result()`."""
+        return [self._submit(function, *arguments) for function, arguments in jobs]
+
+    def start_runs(self, runs: Iterable[Run], traced: frozenset[Run] = frozenset()) -> list[Future[Any]]:
+        return self.start([(run_batch, (batch, self.fmu, traced & frozenset(batch))) for batch in batches(runs)])
+
+    def collect(self, futures: Sequence[Future[Any]]) -> Results:
+        """Results of `start_runs`."""
+        wait(futures)
+        results = Results()
+        for future in futures:
+            results.done |= future.result()
+        return results
+
+    def _submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        if self.pool is None:
+            future: Future[Any] = Future()
+            future.set_result(function(*arguments))
+        else:
+            future = self.pool.submit(function, *arguments)
+        self.waiting.append(future)
+        future.add_done_callback(self._finished)
+        return future
+
+    def _finished(self, _: Future[Any]) -> None:
+        self.done += 1
+        if self.tell is not None:
+            self.tell(self.done, len(self.waiting))

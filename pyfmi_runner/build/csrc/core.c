@@ -117,6 +117,13 @@ static double history_value(History *h, double time, int right) {
     return h->value[k] + (h->value[k + 1] - h->value[k]) * (share < 1 ? (share > 0 ? share : 0) : 1);
 }
 
+/* Whether the signal's last stretch is a slope: neither held nor a jump. */
+static int history_moves(const History *h) {
+    if (h->n < 2) return 0;
+    size_t last = h->n - 1;
+    return h->time[last] > h->time[last - 1] && h->value[last] != h->value[last - 1];
+}
+
 static void look_up_delays(Instance *s, int right) {
     for (int i = 0; i < N_DELAYS; i++)
         s->c.q.late[i] = history_value(&s->history[i], s->c.q.time - s->delay[i], right);
@@ -352,8 +359,8 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     memcpy(k1, c->dx, sizeof k1);
     memcpy(z0, c->z, sizeof z0);
     double h = c->step < longest ? c->step : longest;
-    for (int i = 0; i < N_DELAYS; i++)
-        if (s->delay[i] > 0 && h > s->delay[i]) h = s->delay[i] > 1e-5 ? s->delay[i] : 1e-5;
+    for (int i = 0; i < N_DELAYS; i++) /* a moving signal is not known further ahead than its delay; a held one is */
+        if (history_moves(&s->history[i]) && h > s->delay[i]) h = s->delay[i] > 1e-5 ? s->delay[i] : 1e-5;
     double left = end - time;
     int pieces = (int)ceil(left / h * (1 - 1e-9));
     int last = pieces <= 1;
