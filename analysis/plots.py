@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,11 +14,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.metrics import task_frame
+from pyfmi_runner.errors import InputError
 from pyfmi_runner.log import PHASES, Log, write_atomically
 
 __all__ = ["axes_grid", "figure_data_uri", "overlay_figure", "save", "tracking_figure"]
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "figure.dpi": 110, "font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "axes.spines.top": False, "axes.spines.right": False,
     "lines.linewidth": 1.0, "legend.frameon": False, "legend.fontsize": 8,
 }  # fmt: skip
@@ -70,7 +72,8 @@ def _shade_phases(ax: Axes, log: Log) -> None:
         end = time[starts[i + 1]] if i + 1 < len(starts) else time[-1]
         name = PHASES[int(phase[start])]
         ax.axvspan(time[start], end, color=PHASE_SHADE[name], zorder=0, linewidth=0)
-        ax.text(0.5 * (time[start] + end), 1.0, name, transform=ax.get_xaxis_transform(), ha="center", va="bottom", fontsize=7, color=REFERENCE)
+        place: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "ha": "center", "va": "bottom"}
+        ax.text(0.5 * (time[start] + end), 1.0, name, fontsize=7, color=REFERENCE, **place)
 
 
 def overlay_figure(time: NDArray[np.float64], measured: NDArray[np.float64], curves: dict[str, NDArray[np.float64]], title: str) -> Figure:
@@ -90,10 +93,12 @@ def overlay_figure(time: NDArray[np.float64], measured: NDArray[np.float64], cur
 
 
 def save(figure: Figure, path: str | Path) -> None:
-    """Writes a figure as its suffix says, whole or not at all."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, lambda temporary: figure.savefig(temporary, format=path.suffix.lstrip(".") or "png"))
+    """Writes a figure as its suffix says, whole or not at all. Raises InputError for an unknown suffix and an unwritable path."""
+    kind = Path(path).suffix.lower().lstrip(".")
+    known = figure.canvas.get_supported_filetypes()
+    if kind not in known:
+        raise InputError(f"unknown kind of picture {kind!r}", file=path, mend=f"end it in .png, .svg or .pdf ({', '.join(sorted(known))})")
+    write_atomically(path, lambda temporary: figure.savefig(temporary, format=kind))
 
 
 def figure_data_uri(figure: Figure) -> str:

@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.catalogue import Effect, Form
-from diagnosis.fit import Coordinate, Fit, effect_coordinate, fit, tolerance_coordinate
-from diagnosis.signals import Table, table_of
+from diagnosis.fit import Coordinate, Fit, effect_coordinate, fit, predict, tolerance_coordinate
+from diagnosis.mechanics import MechanicsView, robust_segments
+from diagnosis.signals import SENSOR_NEUTRAL, Table, table_of
 from diagnosis.views import ContactView, FrictionView, SensorView, SignalStore, TimingView, ValveView, View
 from diagnosis.whitening import correlation_length, innovations, robust_windows
 from pyfmi_runner.block_fmu import BlockFmu
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import SIGMA
 
 __all__ = ["FLOOR", "TOLERANCE", "Bench", "Choice", "Outcome", "nominal_values"]
 
@@ -30,12 +32,15 @@ TOLERANCE = 0.02  # RMS share by which a rig's parameters are off (gap.md, "Logs
 # Set by the valves' electronics and by the friction model's own regularisation, not by the rig's mechanics: seen exact on both labelled
 # example campaigns (within 0.01 % and 0.7 %), so hardly any tolerance. C_c: what the smoothed speed leaves of it is biased by a tenth.
 TIGHT = {"u_0": 0.003, "v_th": 0.005, "C_c": 0.15}
-KEPT = 64  # residual vectors
+JUDGED = ("valve_x", "valve_z", "mechanics", "contact", "sensors", "timing")
+GOOD_VALVE = 1.03  # RMS of a valve view whose output is taken for the force itself
+KEPT = 400  # residual vectors
+FOLD = 5  # samples averaged to one: what hypotheses differ in is slower
 CLASSES = {"valve": "PneuGantry.Valve", "friction": "PneuGantry.Cylinder", "contact": "PneuGantry.Edge"}
 # RMS of each view's white residual where its block is right: what rounding, window starts and the smoothed position's error leave.
 # Measured on tolerance-only campaigns of the truth plant's development seeds.
-FLOOR = {"valve_x": 1.002, "valve_z": 1.002, "friction_x": 1.02, "friction_z": 1.04, "contact": 1.36, "sensors": 1.002, "timing": 1.0}
-SMOOTHING = (1.6, 200.0)  # contact view: error of the smoothed position, in units of the force noise, and its length in samples
+FLOOR = {"valve_x": 1.003, "valve_z": 1.003, "friction_x": 1.06, "friction_z": 1.13, "contact": 1.01, "sensors": 1.004, "timing": 1.02, "mechanics": 1.02}
+SMOOTHING = (1.0, 200.0)  # contact view: error of the smoothed position, in units of the force noise, and its length in samples
 
 
 def nominal_values(gantry: FmuFile) -> dict[str, float]:
@@ -111,18 +116,41 @@ class Outcome:
         return float(-inverse)
 
 
+@dataclass(frozen=True)
+class _Problem:
+    """A hypothesis' views as the fit sees them."""
+
+    bench: Bench
+    views: tuple[str, ...]
+    settings: Mapping[str, float]
+
+    def residual(self, view: str, values: Mapping[str, float]) -> Array:
+        return self.bench.white(self.bench.all[view], {**self.settings, **values})
+
+    def depends(self, view: str, name: str) -> bool:
+        return self.bench.all[view].depends_on(name)
+
+
+def _folded(residual: Array) -> Array:
+    """Means of FOLD samples each, scaled so that white noise stays 1."""
+    n = len(residual) // FOLD * FOLD
+    return np.asarray(residual[:n].reshape(-1, FOLD).sum(axis=1) / math.sqrt(FOLD))
+
+
 class Bench:
     """Views of one campaign on the block FMUs; used in a `with`."""
 
     def __init__(self, campaign: Campaign, gantry: FmuFile, model: Path | None = None, out: Path | None = None) -> None:
         self.campaign = campaign
         self.nominal = nominal_values(gantry)
+        self.gantry = gantry
         self._files = {name: FmuFile.read(build_fmu(cls, model, out=out).path) for name, cls in CLASSES.items()}
         self._stack = ExitStack()
         self.table: Table = table_of(campaign)
         self.store = SignalStore(self.table)
         self.views: dict[str, View] = {}
         self.evaluations = 0
+        self.columns: dict[tuple[str, str], Array] = {}  # Jacobian of tolerance about the nominal fit
         self._kept: OrderedDict[tuple[Any, ...], Array] = OrderedDict()
 
     def __enter__(self) -> Bench:
@@ -131,20 +159,50 @@ class Bench:
         for axis in "xz":
             views.append(ValveView(axis, blocks["valve"], self.nominal, self.store))
             views.append(FrictionView(axis, blocks["friction"], self.nominal, self.store))
+        self.mechanics = MechanicsView(self._stack.enter_context(BlockFmu(self.gantry)), self.store)
         views += [ContactView(blocks["contact"], self.nominal, self.store), SensorView(self.store), TimingView(self.campaign, self.store)]
-        self.views = {view.name: view for view in views}
+        self.all = {view.name: view for view in [*views, self.mechanics]}
+        self.views = {name: self.all[name] for name in JUDGED}
         return self
+
+    def settle(self) -> dict[str, Outcome]:
+        """Tolerance alone, view by view: the valves first, whose fitted output then drives the mechanics; short windows of friction to
+        start the mechanics from; the open-loop logs before the contouring ones."""
+        null = {name: self.fit(Choice(), (name,)) for name in ("valve_x", "valve_z", "friction_x", "friction_z", "contact", "sensors", "timing")}
+        for axis in "xz":
+            outcome = null[f"valve_{axis}"]
+            if outcome.counts[outcome.views[0]] and outcome.rms(f"valve_{axis}") < GOOD_VALVE:
+                residual = self.all[f"valve_{axis}"].residual(outcome.values)[:, 0]
+                measured = self.table.columns[f"f_a{axis}"]
+                self.mechanics.actuator[axis] = measured - residual * SIGMA[f"f_a{axis}"]
+        self._forget("mechanics")
+        start = {k: v for name in ("friction_x", "friction_z", "contact") for k, v in null[name].values.items()}
+        every = list(self.mechanics.logs)
+        opened = [i for i in every if self.table.setups[i].loop == "open"]
+        if opened and len(opened) < len(every):
+            self.mechanics.logs = opened
+            start = self.fit(Choice(), ("mechanics",), start_values=start).values
+            self.mechanics.logs = every
+            self._forget("mechanics")
+        null["mechanics"] = self.fit(Choice(), ("mechanics",), start_values=start)
+        return {name: null[name] for name in JUDGED}
+
+    def _forget(self, view: str) -> None:
+        for key in [key for key in self._kept if key[0] == view]:
+            del self._kept[key]
+        self.columns = {key: column for key, column in self.columns.items() if key[0] != view}
 
     def __exit__(self, *error: Any) -> None:
         self._stack.close()
 
     def white(self, view: View, values: Mapping[str, float]) -> Array:
         """A view's residual as a vector of white noise 1, if the block is right. The last few are kept."""
-        key = (view.name, *sorted((name, value) for name, value in values.items() if view.depends_on(name)))
+        differing = ((name, value) for name, value in values.items() if view.depends_on(name) and self.neutral(name) != value)
+        key = (view.name, *sorted(differing))
         if key in self._kept:
             self._kept.move_to_end(key)
             return self._kept[key]
-        result = self._kept[key] = self._white(view, dict(key[1:]))
+        result = self._kept[key] = _folded(self._white(view, dict(key[1:])))
         if len(self._kept) > KEPT:
             self._kept.popitem(last=False)
         return result
@@ -154,12 +212,19 @@ class Bench:
         raw = view.residual(values)
         if isinstance(view, FrictionView):
             return robust_windows(raw[:, 0], view.windows)
+        if isinstance(view, MechanicsView):
+            logs = [raw[slice(*self.table.spans[i])] for i in view.logs]
+            return np.concatenate([robust_segments(log).T.ravel() for log in logs]) if logs else np.zeros(0)
         if isinstance(view, ContactView):
             parts = [innovations(np.ascontiguousarray(raw[slice(*self.table.spans[i]), column]), *SMOOTHING) for i in view.logs for column in range(2)]
             return np.concatenate(parts) if parts else np.zeros(0)
         if isinstance(view, TimingView):
             raw = raw / 0.7  # the log's own rounding makes 0.7 of its unit
         return np.asarray(raw[np.isfinite(raw)])
+
+    def neutral(self, name: str) -> float | None:
+        """Value of a parameter in the nominal model."""
+        return self.nominal.get(name, SENSOR_NEUTRAL.get(name, 0.0))
 
     def touched(self, parameters: Sequence[str]) -> tuple[str, ...]:
         """Views that depend on any of the parameters."""
@@ -170,31 +235,43 @@ class Bench:
         free = choice.parameter_names
         result = [
             tolerance_coordinate(name, self.nominal[name], TIGHT.get(name.rsplit(".", 1)[-1], TOLERANCE))
-            for view in views for name in self.views[view].tolerance if name not in free
+            for view in views for name in self.all[view].tolerance if name not in free
         ]  # fmt: skip
         for _, form in choice.effects:
             result += [effect_coordinate(p, self.nominal.get(p.name), (starts or {}).get(p.name)) for p in form.parameters]
         return result
 
-    def fit(self, choice: Choice, views: Sequence[str], starts: Mapping[str, float] | None = None, start_values: Mapping[str, float] | None = None) -> Outcome:
-        """Fits a hypothesis on some views. `starts`: of the effects' parameters; `start_values`: of everything, from an earlier fit."""
+    def fit(self, choice: Choice, views: Sequence[str], starts: Mapping[str, float] | None = None, start_values: Mapping[str, float] | None = None, base: Outcome | None = None) -> Outcome:
+        """Fits a hypothesis on some views. `starts`: of the effects' parameters; `start_values`: of everything, from an earlier fit;
+        `base`: the outcome that the hypothesis adds an effect to."""
         views = tuple(views)
         coordinates = self.coordinates(choice, views, starts)
         theta = None
         if start_values:
             theta = np.array([c.theta(start_values[c.name]) if c.name in start_values else c.start for c in coordinates])
-        settings = choice.settings
-
-        def residual(values: dict[str, float]) -> Array:
-            return np.concatenate([self.white(self.views[v], {**settings, **values}) for v in views]) if views else np.zeros(0)
-
-        fitted = fit(residual, coordinates, theta)
+        fitted = fit(_Problem(self, views, choice.settings), coordinates, theta, self._stale(choice, views, base))
+        if not choice.effects:
+            self.columns.update(fitted.columns)
         return self.outcome(choice, fitted, views)
+
+    def predict(self, choice: Choice, views: Sequence[str], starts: Mapping[str, float], start_values: Mapping[str, float], base: Outcome | None = None) -> float:
+        """What one step from `start_values` towards the hypothesis promises."""
+        coordinates = self.coordinates(choice, views, starts)
+        theta = np.array([c.theta(start_values[c.name]) if c.name in start_values else (c.start if choice.settings else 0.0) for c in coordinates])
+        return predict(_Problem(self, tuple(views), choice.settings), coordinates, theta, self._stale(choice, views, base))
+
+    def _stale(self, choice: Choice, views: Sequence[str], base: Outcome | None) -> dict[tuple[str, str], Array] | None:
+        """Tolerance columns of the nominal fit, for the views whose law the hypothesis leaves as it is."""
+        before = base.choice.settings if base else {}
+        new = tuple(name for name in choice.settings if name not in before)
+        changed = set(self.touched(new)) if new else set()
+        columns = {**self.columns, **(base.fit.columns if base else {})}
+        return {key: column for key, column in columns.items() if key[0] in views and key[0] not in changed} or None
 
     def outcome(self, choice: Choice, fitted: Fit, views: tuple[str, ...]) -> Outcome:
         squares, counts, lengths = {}, {}, {}
         values = {**choice.settings, **fitted.values}
         for view in views:
-            r = self.white(self.views[view], values)
+            r = self.white(self.all[view], values)
             squares[view], counts[view], lengths[view] = float(r @ r), len(r), correlation_length(r) if len(r) > 10 else 1.0
         return Outcome(choice, fitted, squares, counts, lengths, views)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.catalogue import Parameter
 
-__all__ = ["Coordinate", "Fit", "effect_coordinate", "fit", "tolerance_coordinate"]
+__all__ = ["Coordinate", "Fit", "Problem", "effect_coordinate", "fit", "predict", "tolerance_coordinate"]
 
 Array = NDArray[np.float64]
-MAX_STEPS = 10
+Columns = dict[tuple[str, str], Array]
+MAX_STEPS = 8
 FARTHEST = 15.0  # standard deviations that tolerance may be off
 ENOUGH = 0.5  # fall of the objective below which a fit ends
 
@@ -32,6 +34,7 @@ class Coordinate:
     high: float
     start: float = 0.0  # theta
     step: float = 0.02  # theta, of the difference quotient
+    effect: bool = False  # of an effect, not of tolerance
 
     def value(self, theta: float) -> float:
         raw = self.neutral * math.exp(self.scale * theta) if self.logarithmic else self.neutral + self.scale * theta
@@ -70,18 +73,18 @@ def effect_coordinate(p: Parameter, nominal: float | None, start: float | None =
     made = Coordinate(p.name, neutral, scale, logarithmic, 2.0, p.low, p.high)
     at_bound = not logarithmic and neutral in (p.low, p.high)
     theta = made.theta(start) if start is not None else (0.3 if at_bound else 0.0)
-    return Coordinate(p.name, neutral, scale, logarithmic, 2.0, p.low, p.high, start=theta)
+    return Coordinate(p.name, neutral, scale, logarithmic, 2.0, p.low, p.high, start=theta, effect=True)
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted hypothesis. `evidence` is -2 log evidence up to a constant of the data: smaller is better."""
+    """A fitted hypothesis."""
 
     coordinates: tuple[Coordinate, ...]
     theta: Array
     covariance: Array  # of theta
-    misfit: float  # sum of squares of the tempered residual
-    evidence: float
+    misfit: float  # sum of squares of the residual
+    columns: Columns  # last Jacobian columns, by view and coordinate
 
     @property
     def values(self) -> dict[str, float]:
@@ -98,54 +101,101 @@ class Fit:
         return math.sqrt(max(float(self.covariance[i, i]), 0.0))
 
 
-def fit(residual: Callable[[dict[str, float]], Array], coordinates: Sequence[Coordinate], start: Array | None = None) -> Fit:
-    """Minimises |residual|^2 + prior; `residual` takes values by name and gives a vector whose noise is 1.
+class Problem(Protocol):
+    """Residual vectors by view; a coordinate moves only the views that depend on it."""
 
-    Derivatives by differences, kept up to date by Broyden's rule while steps succeed. Always returns the best point seen.
+    views: Sequence[str]
+
+    def residual(self, view: str, values: Mapping[str, float]) -> Array: ...
+    def depends(self, view: str, name: str) -> bool: ...
+
+
+@dataclass(eq=False)
+class _Point:
+    """A point with its residuals by view."""
+
+    theta: Array
+    residuals: dict[str, Array]
+    objective: float
+
+
+class _Fitter:
+    def __init__(self, problem: Problem, coordinates: Sequence[Coordinate]) -> None:
+        self.problem, self.coordinates = problem, tuple(coordinates)
+        self.spread = np.array([c.spread for c in self.coordinates])
+        self.low, self.high = (np.array([c.bounds[i] for c in self.coordinates]) for i in (0, 1))
+        self.seen: Columns = {}
+        self.columns = {v: [i for i, c in enumerate(self.coordinates) if problem.depends(v, c.name)] for v in problem.views}
+
+    def at(self, theta: Array) -> _Point:
+        theta = np.clip(theta, self.low, self.high)
+        values = {c.name: c.value(t) for c, t in zip(self.coordinates, theta, strict=True)}
+        residuals = {v: self.problem.residual(v, values) for v in self.problem.views}
+        return _Point(theta, residuals, sum(float(r @ r) for r in residuals.values()) + float(np.sum((theta / self.spread) ** 2)))
+
+    def slopes(self, point: _Point, chord: float = 0.0, stale: Columns | None = None) -> tuple[Array, Array]:
+        """Gradient/2 and Gauss-Newton Hessian/2 of the objective, by differences; effects' steps are at least `chord`.
+
+        `stale`: columns from elsewhere, by view and coordinate, that are good enough for a step.
+        """
+        n = len(self.coordinates)
+        gradient, hessian = point.theta / self.spread**2, np.diag(1 / self.spread**2)
+        values = {c.name: c.value(t) for c, t in zip(self.coordinates, point.theta, strict=True)}
+        for view, columns in self.columns.items():
+            if not columns:
+                continue
+            r = point.residuals[view]
+            jacobian = np.empty((len(r), len(columns)))
+            for k, i in enumerate(columns):
+                c = self.coordinates[i]
+                if stale is not None and (view, c.name) in stale:
+                    jacobian[:, k] = stale[view, c.name]
+                    continue
+                step = max(c.step, chord) if c.effect else c.step
+                step = step if point.theta[i] + step <= self.high[i] else -step
+                moved = self.problem.residual(view, {**values, c.name: c.value(point.theta[i] + step)})
+                jacobian[:, k] = (moved - r) / step
+                self.seen[view, c.name] = jacobian[:, k].copy()
+            gradient[columns] += jacobian.T @ r
+            hessian[np.ix_(columns, columns)] += jacobian.T @ jacobian
+        return gradient.reshape(n), hessian
+
+
+def fit(problem: Problem, coordinates: Sequence[Coordinate], start: Array | None = None, stale: Columns | None = None) -> Fit:
+    """Minimises the sum of squares plus prior by damped Gauss-Newton steps. Always returns the best point seen.
+
+    `stale`: Jacobian columns that serve until progress ends; then all are taken anew and the fit goes on.
     """
-    coordinates = tuple(coordinates)
-    n = len(coordinates)
-    spread = np.array([c.spread for c in coordinates])
-    low, high = (np.array([c.bounds[i] for c in coordinates]) for i in (0, 1))
-    theta = np.clip(np.array([c.start for c in coordinates]) if start is None else start, low, high)
-
-    def at(point: Array) -> Array:
-        return residual({c.name: c.value(t) for c, t in zip(coordinates, point, strict=True)})
-
-    r = at(theta)
-    objective = float(r @ r + np.sum((theta / spread) ** 2))
-    jacobian = _differences(at, theta, r, coordinates, low, high)
-    fresh, damping = True, 1e-3
-    for _ in range(MAX_STEPS if n else 0):
-        gradient = jacobian.T @ r + theta / spread**2
-        hessian = jacobian.T @ jacobian + np.diag(1 / spread**2)
-        step = _bounded_step(hessian, gradient, theta, low, high, damping)
-        trial = np.clip(theta + step, low, high)
-        r_trial = at(trial)
-        objective_trial = float(r_trial @ r_trial + np.sum((trial / spread) ** 2))
-        if objective_trial < objective:
-            moved = trial - theta
-            jacobian = jacobian + np.outer(r_trial - r - jacobian @ moved, moved) / max(float(moved @ moved), 1e-300)
-            gain = objective - objective_trial
-            theta, r, objective, damping = trial, r_trial, objective_trial, max(damping * 0.1, 1e-9)
-            if gain < ENOUGH:
-                if fresh:
-                    break
-                jacobian, fresh = _differences(at, theta, r, coordinates, low, high), True
-            else:
-                fresh = False
-        elif not fresh:
-            jacobian, fresh = _differences(at, theta, r, coordinates, low, high), True
-        else:
-            damping *= 30
-            if damping > 1e6 or np.max(np.abs(step)) < 1e-4:
+    fitter = _Fitter(problem, coordinates)
+    point = fitter.at(np.array([c.start for c in fitter.coordinates]) if start is None else start)
+    if not fitter.coordinates:
+        return Fit((), point.theta, np.zeros((0, 0)), point.objective, {})
+    gradient, hessian = fitter.slopes(point, stale=stale)
+    damping = 1e-3
+    for _ in range(MAX_STEPS):
+        trial = fitter.at(point.theta + _bounded_step(hessian, gradient, point.theta, fitter.low, fitter.high, damping))
+        gain = point.objective - trial.objective
+        if gain > 0:
+            point, damping = trial, max(damping * 0.1, 1e-9)
+        if gain < ENOUGH + 1e-4 * point.objective:
+            if stale is not None:
+                stale = None  # once more with columns of its own
+            elif gain >= 0 or damping > 1e3:
                 break
-    if not fresh:
-        jacobian = _differences(at, theta, r, coordinates, low, high)
-    hessian = jacobian.T @ jacobian + np.diag(1 / spread**2)
-    _, logdet = np.linalg.slogdet(hessian * np.outer(spread, spread)) if n else (1.0, 0.0)
-    covariance = np.linalg.inv(hessian) if n else np.zeros((0, 0))
-    return Fit(coordinates, theta, covariance, float(r @ r), objective + float(logdet))
+            else:
+                damping *= 30
+        gradient, hessian = fitter.slopes(point, stale=stale)
+    misfit = point.objective - float(np.sum((point.theta / fitter.spread) ** 2))
+    return Fit(fitter.coordinates, point.theta, np.linalg.pinv(hessian), misfit, fitter.seen)
+
+
+def predict(problem: Problem, coordinates: Sequence[Coordinate], start: Array, stale: Columns | None = None, chord: float = 0.3) -> float:
+    """Fall of the objective that one Gauss-Newton step from `start` promises: a score test with usual sizes as steps."""
+    fitter = _Fitter(problem, coordinates)
+    point = fitter.at(start)
+    gradient, hessian = fitter.slopes(point, chord, stale)
+    step = _bounded_step(hessian, gradient, point.theta, fitter.low, fitter.high, 1e-9)
+    return float(-(2 * gradient @ step + step @ hessian @ step))
 
 
 def _bounded_step(hessian: Array, gradient: Array, theta: Array, low: Array, high: Array, damping: float) -> Array:
@@ -163,13 +213,3 @@ def _bounded_step(hessian: Array, gradient: Array, theta: Array, low: Array, hig
         if not free.any():
             return np.zeros(len(theta))
     return step
-
-
-def _differences(at: Callable[[Array], Array], theta: Array, r: Array, coordinates: Sequence[Coordinate], low: Array, high: Array) -> Array:
-    columns = []
-    for i, c in enumerate(coordinates):
-        step = c.step if theta[i] + c.step <= high[i] else -c.step
-        moved = theta.copy()
-        moved[i] += step
-        columns.append((at(moved) - r) / step)
-    return np.array(columns).T.reshape(len(r), len(coordinates))

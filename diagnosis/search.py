@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from diagnosis.bench import FLOOR, Bench, Choice, Outcome
-from diagnosis.catalogue import Effect
+from diagnosis.catalogue import Effect, Form, Parameter
 
-__all__ = ["Search", "Trial", "search"]
+__all__ = ["Search", "Trial", "misfit", "search"]
 
 SCATTER = 3.0  # standard deviations of the floor's sum of squares
 QUIET = 8.0  # what a view's misfit and strained tolerance may hold together without asking for an effect
-KEEP = 3  # single effects that pairs within the same views are built on
+FIT_SINGLES = 6  # hypotheses per troubled view that are fitted in full, by what one step promises
+BASES = 2  # single effects that pairs within the same views are built on
+FIT_PAIRS = 4
 
 
 @dataclass
@@ -22,7 +24,7 @@ class Trial:
 
     choice: Choice
     outcome: Outcome
-    gain: float
+    gain: float = 0.0
 
 
 @dataclass
@@ -30,39 +32,47 @@ class Search:
     """All that was tried."""
 
     null: dict[str, Outcome]  # by view: tolerance alone
+    troubled: set[str]
     singles: list[Trial] = field(default_factory=list)
     pairs: list[Trial] = field(default_factory=list)
     lengths: dict[str, float] = field(default_factory=dict)
-    evaluations: int = 0
+
+
+@dataclass
+class _Candidate:
+    choice: Choice
+    views: tuple[str, ...]
+    starts: dict[str, float]
+    known: dict[str, float]
+    promise: float
+    base: Outcome | None = None
 
 
 def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
-    null = {name: bench.fit(Choice(), (name,)) for name in bench.views}
-    troubled = {name for name, outcome in null.items() if _trouble(outcome, name) > QUIET}
-    found = Search(null)
-    for effect in catalogue.values():
-        outcome = try_effect(bench, effect, Choice(), troubled, null)
-        if outcome is not None:
-            found.singles.append(Trial(outcome.choice, outcome, 0.0))
-    _score(found, found.singles)
-    for base in _kept(found.singles):
-        for effect in catalogue.values():
-            if effect.key in base.choice.keys:
-                continue
-            touched = bench.touched([p.name for form in effect.forms for p in form.parameters])
-            if not set(touched) & set(base.outcome.views) or not set(touched) & troubled:
-                continue
-            outcome = try_effect(bench, effect, base.choice, troubled, null, base.outcome)
-            if outcome is not None:
-                found.pairs.append(Trial(outcome.choice, outcome, 0.0))
-    _score(found, found.singles + found.pairs)
-    found.evaluations = bench.evaluations
+    null = bench.settle()
+    found = Search(null, {name for name, outcome in null.items() if trouble(outcome, name) > QUIET})
+    known = {name: value for outcome in null.values() for name, value in outcome.values.items()}
+    candidates = list(_candidates(bench, catalogue, Choice(), found.troubled, known))
+    found.singles = _fitted(bench, _chosen(candidates, found.troubled, FIT_SINGLES))
+    _score(found)
+    for base in [t for t in found.singles if t.gain > QUIET][:BASES]:
+        left = {v for v in found.troubled if v not in base.outcome.views} | {v for v in base.outcome.views if _left(bench, base.outcome, v) > QUIET}
+        if left:
+            candidates = list(_candidates(bench, catalogue, base.choice, left, known | base.outcome.values, base.outcome))
+            found.pairs += _fitted(bench, _chosen(candidates, left, FIT_PAIRS))
+    _score(found)
     return found
 
 
-def _trouble(outcome: Outcome, view: str) -> float:
+def trouble(outcome: Outcome, view: str) -> float:
     """What is left in a view under tolerance alone: misfit, and tolerance strained beyond its size."""
     return misfit(outcome, view) + outcome.fit.penalty - len(outcome.fit.coordinates)
+
+
+def _left(bench: Bench, outcome: Outcome, view: str) -> float:
+    """Trouble that a hypothesis leaves in one of its views."""
+    of_view = [(c, theta) for c, theta in zip(outcome.fit.coordinates, outcome.fit.theta, strict=True) if c.name in bench.views[view].tolerance]
+    return misfit(outcome, view) + sum((theta / c.spread) ** 2 - 1 for c, theta in of_view if not c.effect)
 
 
 def misfit(outcome: Outcome, view: str) -> float:
@@ -74,38 +84,67 @@ def misfit(outcome: Outcome, view: str) -> float:
     return max(0.0, excess - SCATTER * math.sqrt(2 * n * length)) / length
 
 
-def _kept(singles: list[Trial]) -> list[Trial]:
-    best = [t for t in singles if t.gain > QUIET][:KEEP]
-    return [t for t in best if any(misfit(t.outcome, v) > QUIET for v in t.outcome.views)]
-
-
-def try_effect(bench: Bench, effect: Effect, base: Choice, troubled: set[str], null: Mapping[str, Outcome], before: Outcome | None = None) -> Outcome | None:
-    """Best fit of `base` plus one effect over its forms and starts; None where it touches nothing that needs explaining."""
-    best: Outcome | None = None
-    for form in effect.forms:
-        choice = base.plus(effect, form)
-        views = bench.touched(choice.parameter_names + tuple(choice.settings))
-        if not set(views) & troubled:
+def _candidates(
+    bench: Bench, catalogue: Mapping[str, Effect], base: Choice, troubled: set[str], known: Mapping[str, float],
+    before: Outcome | None = None,
+) -> Iterator[_Candidate]:  # fmt: skip
+    """Every form and start of every effect that touches a troubled view, with what it promises."""
+    for effect in catalogue.values():
+        if effect.key in base.keys:
             continue
-        known = {name: value for v in views for name, value in null[v].values.items()} | (before.values if before else {})
-        for p in form.parameters:
-            known.pop(p.name, None)
-        for starts in _starts(form.parameters):
-            outcome = bench.fit(choice, views, starts, known)
-            if best is None or outcome.evidence(outcome.lengths) < best.evidence(outcome.lengths):
-                best = outcome
-    return best
+        for form in effect.forms:
+            choice = base.plus(effect, form)
+            views = bench.touched(choice.parameter_names + tuple(choice.settings))
+            views = tuple(v for v in bench.views if v in views or (before is not None and v in before.views))
+            if not set(bench.touched([p.name for p in form.parameters])) & troubled or _clash(base, form):
+                continue
+            values = {name: value for name, value in known.items() if name not in {p.name for p in form.parameters}}
+            for starts in _starts(form.parameters):
+                yield _Candidate(choice, views, starts, values, bench.predict(choice, views, starts, values, before), before)
 
 
-def _starts(parameters: Iterable) -> list[dict[str, float]]:
+def _clash(base: Choice, form: Form) -> bool:
+    """Two forms that set or fit the same parameter do not go together."""
+    taken = set(base.parameter_names) | set(base.settings)
+    return bool(taken & ({p.name for p in form.parameters} | set(form.settings)))
+
+
+def _chosen(candidates: list[_Candidate], troubled: set[str], most: int) -> list[_Candidate]:
+    """The most promising hypotheses of each troubled view; of one effect's forms and starts the better half."""
+    chosen: dict[int, _Candidate] = {}
+    for view in troubled:
+        ranked = sorted((c for c in candidates if view in c.views), key=lambda c: -c.promise)
+        keys: list[tuple[str, ...]] = []
+        for candidate in ranked:
+            if candidate.choice.keys not in keys:
+                keys.append(candidate.choice.keys)
+            if len(keys) > most:
+                break
+            chosen[id(candidate)] = candidate
+    return list(chosen.values())
+
+
+def _fitted(bench: Bench, candidates: Iterable[_Candidate]) -> list[Trial]:
+    """Best fit per hypothesis over its forms and starts."""
+    best: dict[tuple[str, ...], Trial] = {}
+    for c in candidates:
+        outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base)
+        held = best.get(c.choice.keys)
+        if held is None or outcome.evidence(outcome.lengths) < held.outcome.evidence(outcome.lengths):
+            best[c.choice.keys] = Trial(c.choice, outcome)
+    return list(best.values())
+
+
+def _starts(parameters: Iterable[Parameter]) -> list[dict[str, float]]:
     several = [p for p in parameters if p.starts]
     return [{p.name: p.starts[i] for p in several if i < len(p.starts)} for i in range(max((len(p.starts) for p in several), default=1))]
 
 
-def _score(found: Search, trials: list[Trial]) -> None:
+def _score(found: Search) -> None:
     """Gains with one correlation length per view, that of the hypothesis which leaves least."""
     lengths = {view: outcome.lengths[view] for view, outcome in found.null.items()}
     least = {view: outcome.squares[view] for view, outcome in found.null.items()}
+    trials = found.singles + found.pairs
     for trial in trials:
         for view in trial.outcome.views:
             if trial.outcome.squares[view] < least[view]:

@@ -6,6 +6,7 @@ FMU, `sensors.*`, `timing.*`) it depends on, so that a hypothesis is judged on t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -24,6 +25,8 @@ __all__ = ["ContactView", "FrictionView", "SensorView", "SignalStore", "TimingVi
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
 WINDOW = 120  # samples after which the friction block is started again
+PRESLIDING_ERROR = 0.25  # N, standard deviation of a window's starting displacement-dependent force
+TOUCHING = 0.5  # N, measured contact force that tells contact from none
 LEAD = 8  # samples either side of a window's start over which its speed and acceleration are fitted
 
 
@@ -107,11 +110,12 @@ class FrictionView:
 
     def _place_windows(self) -> NDArray[np.int64]:
         clamped = self._store.table.clamped[self.axis]
-        found = []
+        found: list[tuple[int, int]] = []
         for first, last in self._store.table.spans:
             for start in range(int(first) + LEAD, int(last) - WINDOW - LEAD, WINDOW):
-                if not clamped[start - LEAD : start + WINDOW].any():
-                    found.append((start, start + WINDOW))
+                if clamped[start - LEAD : start + WINDOW].any():
+                    continue
+                found.append((start, start + WINDOW))
         return np.array(found, dtype=np.int64).reshape(-1, 2)
 
     def depends_on(self, parameter: str) -> bool:
@@ -140,10 +144,18 @@ class FrictionView:
             net = np.column_stack(columns)[at] @ np.array([1.0, -1.0, 0.0, 1.0][: len(columns)])
             starts["friction.F_pre"] = self._presliding(parameters, net, speed, rate)
         simulated = self._block.run(parameters, names, inputs, ("v",), self.windows, starts)
+        moved = None
+        if "friction.F_pre" in starts:
+            starts["friction.F_pre"] = starts["friction.F_pre"] - PRESLIDING_ERROR * np.sign(starts["friction.F_pre"])
+            moved = self._block.run(parameters, names, inputs, ("v",), self.windows, starts) - simulated
         if tau > 0:
             simulated = self._tachometer(simulated, tau, table.columns[f"v_{self.axis}"])
         result[:] = (signals.speed[self.axis][:, None] - simulated) / self._sigma
-        return self._without_start_error(result, parameters)
+        result = self._without_start_error(result, parameters)
+        if moved is not None:
+            rows = self.windows[:, 0][:, None] + np.arange(WINDOW)
+            result[rows, 0] = without_direction(result[rows, 0], moved[rows, 0] / self._sigma)
+        return result
 
     def _starts(self, signals: Signals, tau: float) -> tuple[Array, Array]:
         """Speed and acceleration at each window's start, from a line through the measured speed around it."""
@@ -171,15 +183,18 @@ class FrictionView:
         return result
 
     def _without_start_error(self, residual: Array, parameters: Values) -> Array:
-        """Takes out what the starting speed's own error explains: it decays with m/C. A generalised-least-squares whitening."""
-        decay = np.exp(-parameters["C"] / parameters["m"] * PERIOD * np.arange(WINDOW))
-        prior = 1.0 / (2 * LEAD + 1)  # variance of the starting speed in units of the noise
-        norm = float(decay @ decay)
-        share = (1.0 - 1.0 / np.sqrt(1.0 + prior * norm)) / norm
+        """Takes out what the starting speed's own error explains: it decays with m/C."""
+        decay = np.exp(-parameters["C"] / parameters["m"] * PERIOD * np.arange(WINDOW)) / math.sqrt(2 * LEAD + 1)
         rows = self.windows[:, 0][:, None] + np.arange(WINDOW)
-        block = residual[rows, 0]
-        residual[rows, 0] = block - share * np.outer(block @ decay, decay)
+        residual[rows, 0] = without_direction(residual[rows, 0], np.broadcast_to(decay, rows.shape))
         return residual
+
+
+def without_direction(residual: Array, direction: Array) -> Array:
+    """Whitens rows (W, n) of noise 1 plus one unknown amount, N(0, 1), of a direction (W, n): a generalised least squares."""
+    norm = np.maximum(np.sum(direction**2, axis=1), 1e-300)
+    share = (1.0 - 1.0 / np.sqrt(1.0 + norm)) / norm
+    return np.asarray(residual - (share * np.sum(residual * direction, axis=1))[:, None] * direction)
 
 
 def _acceleration(speed: Array, table: Table) -> Array:
@@ -191,6 +206,16 @@ def _acceleration(speed: Array, table: Table) -> Array:
         kernel = np.arange(half, -half - 1, -1) / (2 * sum(i * i for i in range(1, half + 1))) / PERIOD
         result[first:last] = np.convolve(np.pad(v, half, mode="edge"), kernel, mode="valid")
     return result
+
+
+def _onsets(table: Table, around: int = 20) -> NDArray[np.bool_]:
+    """Rows within 20 ms of contact's onset or loss, where the speed jumps faster than its mean can follow."""
+    touching = np.hypot(table.columns["f_x"], table.columns["f_z"]) > TOUCHING
+    changes = np.flatnonzero(np.diff(touching.astype(np.int8)) != 0)
+    near = np.zeros(table.rows, dtype=bool)
+    for change in changes:
+        near[max(0, change - around) : change + around + 1] = True
+    return near
 
 
 def _mean(values: Array, half: int = 4) -> Array:
@@ -209,6 +234,7 @@ class ContactView:
         self._block, self._nominal, self._store = block, nominal, store
         self._known = {n: v for n, v in block.file.variables.items() if v.causality == "parameter"}
         self.logs = [i for i, setup in enumerate(store.table.setups) if setup.workpiece != "none"]
+        self._onsets = _onsets(store.table)
 
     def depends_on(self, parameter: str) -> bool:
         sensed = parameter.startswith("sensors.") and not parameter.startswith(("sensors.gain_f_a", "sensors.quantum"))
@@ -222,6 +248,7 @@ class ContactView:
             simulated = self.simulate(i, signals, values)
             for column, axis in enumerate("xz"):
                 result[rows, column] = (signals.force[axis][rows] - simulated[:, column]) / SIGMA[f"f_{axis}"]
+        result[self._onsets] = 0.0
         return result
 
     def simulate(self, i: int, signals: Signals, values: Values) -> Array:

@@ -77,6 +77,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Velocity v_s(min = 1e-5, max = 10) = 0.02 "Stribeck speed: decay from F_s to F_d (laws stribeck and lugre)";
     parameter Force beta(min = 1e-3, max = 1e4) = 12 "Limit force of the DDFM; [A] read off Fig. 4.14, 4.17";
     parameter Real sigma(unit = "N/m", min = 1, max = 1e9) = 1e5 "Presliding stiffness at F = 0 (ddfm, lugre); [A] read off Fig. 4.14, 4.17";
+    parameter Ratio exponent(min = 0.2, max = 5) = 2 "Exponent of the DDFM; 2 in Eq. 4-8, 1 for the plain Dahl model";
     parameter Real sigma_1(unit = "N.s/m", min = 0, max = 1e5) = 20 "Bristle damping (lugre) [A]";
     parameter Ratio level(min = 0, max = 100) = 1 "Scales F_s, F_d and beta together; neutral 1";
     parameter Ratio position_slope(min = -1, max = 1) = 0 "Share by which the level rises from mid-stroke to the upper end; neutral 0";
@@ -115,7 +116,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     curve = noEvent(if law == FrictionLaw.stribeck then (F_s - F_d)*exp(-((abs(v) - v_th)/v_s)) elseif law == FrictionLaw.lugre then (F_s - F_d)*exp(-(v/v_s)^2) else 0);
     toward = if (if bristled then v else 1) >= 0 then 1 else -1;
     F_pre_limit = (if law == FrictionLaw.ddfm then beta*shape + load*f_load else (F_d + curve)*shape + load*f_load)*(1 + asymmetry*toward);
-    rate = noEvent(if law == FrictionLaw.ddfm then sigma*v*(1 - toward*min(max(F_pre/F_pre_limit, -1), 1))^2
+    rate = noEvent(if law == FrictionLaw.ddfm then sigma*v*(1 - toward*min(max(F_pre/F_pre_limit, -1), 1))^exponent
       elseif law == FrictionLaw.lugre then sigma*(v - abs(v)*F_pre/F_pre_limit) else 0);
     der(F_pre) = rate;
     F = if banded then

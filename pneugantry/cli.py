@@ -7,17 +7,24 @@ import importlib
 import json
 import os
 import sys
-from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from pyfmi_runner.errors import InputError, RunError
 from pyfmi_runner.log import write_atomically
 
-COMMANDS = ("demo", "build", "run", "replay", "thesis", "linearize", "rootlocus")  # each a module of `commands` with HELP, add_arguments, execute
+# each a module of `commands` with HELP, add_arguments, execute
+COMMANDS = ("demo", "build", "run", "replay", "thesis", "linearize", "rootlocus")
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A wrong option is one line on standard error, as all unusable input is; the options are in --help."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {' '.join(message.split())}; see {self.prog} --help\n")
 
 
 def parser() -> argparse.ArgumentParser:
-    top = argparse.ArgumentParser(
+    top = OneLineParser(
         prog="pneugantry",
         description="Pneumatic gantry robot: Modelica model, FMU, closed-loop co-simulation, diagnosis of the sim-to-real gap.",
         epilog="Exit codes: 0 done, 1 a failed check or a run that could not finish, 2 unusable input.",
@@ -35,7 +42,10 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs one command; returns its exit code."""
-    options = parser().parse_args(arguments)
+    try:
+        options = parser().parse_args(arguments)
+    except SystemExit as end:  # --help, or a wrong option
+        return int(end.code or 0)
     to_stdout = options.json == "-"
     stdout = sys.stdout
     try:
@@ -57,6 +67,10 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 1
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"pneugantry: {where}{error.strerror or error}; check the path, its permissions and the space left", file=sys.stderr)
+        return 2
     finally:
         sys.stdout = stdout
 
@@ -67,9 +81,7 @@ def _write_json(result: dict[str, Any], target: str, stdout: Any) -> None:
         stdout.write(text)
         stdout.flush()
         return
-    path = Path(target)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    write_atomically(target, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
 def _plain(value: Any) -> Any:

@@ -43,6 +43,5 @@ def write_page(path: Path, title: str, sections: list[Section]) -> Path:
     """Writes the page, whole or not at all; returns its path."""
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     text = environment.from_string(TEMPLATE).render(title=title, sections=sections)
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
     return path

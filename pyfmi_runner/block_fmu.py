@@ -18,7 +18,10 @@ from pyfmi_runner.native import call_plain, call_setup, call_step
 __all__ = ["BlockFmu"]
 
 Array = NDArray[np.float64]
-_WORDS = ("SetReal", "SetInteger", "SetBoolean", "GetReal", "DoStep", "Reset", "SetupExperiment", "EnterInitializationMode", "ExitInitializationMode")
+_WORDS = (
+    "SetReal", "SetInteger", "SetBoolean", "GetReal", "DoStep", "Reset", "SetupExperiment", "EnterInitializationMode",
+    "ExitInitializationMode",
+)  # fmt: skip
 
 
 class BlockFmu:
@@ -57,10 +60,26 @@ class BlockFmu:
         starts = starts or {}
         start_values = np.column_stack([starts[name] for name in starts]) if starts else np.empty((len(windows), 0))
         result = np.full((len(values), len(outputs)), np.nan)
+        start_refs, input_refs, output_refs = (self.session.references(tuple(names)) for names in (starts, inputs, outputs))
         status, row = _run_windows(
-            self._component, self._addresses, *self._settings(parameters), self.session.references(tuple(starts)),
-            np.ascontiguousarray(start_values, dtype=np.float64), windows,
-            self.session.references(inputs), np.ascontiguousarray(values, dtype=np.float64), self.session.references(outputs), PERIOD, result,
+            self._component, self._addresses, self._settings(parameters), start_refs, np.ascontiguousarray(start_values, dtype=np.float64),
+            windows, input_refs, np.ascontiguousarray(values, dtype=np.float64), output_refs, PERIOD, result,
+        )  # fmt: skip
+        message = self.session.stepped_natively(0.0, status)
+        if message:
+            raise RunError(f"{self.file.path.name} failed at row {row}: {message}")
+        return result
+
+    def run_clamped(
+        self, parameters: Mapping[str, float], inputs: Sequence[str], values: Array, flags: Sequence[str], flag_values: Array, outputs: Sequence[str]
+    ) -> Array:  # fmt: skip
+        """As `run` over all rows, with Boolean inputs `flags` (N, len(flags)) besides."""
+        self.session.reset(dict(parameters))
+        result = np.full((len(values), len(outputs)), np.nan)
+        references = self.session.references
+        status, row = _run_flagged(
+            self._component, self._addresses, references(inputs), np.ascontiguousarray(values, dtype=np.float64),
+            references(flags), np.ascontiguousarray(flag_values).astype(np.int32), references(outputs), PERIOD, result,
         )  # fmt: skip
         message = self.session.stepped_natively(0.0, status)
         if message:
@@ -84,9 +103,9 @@ class BlockFmu:
 
 @njit(nogil=True)
 def _run_windows(  # type: ignore[no-untyped-def]
-    component, addresses, reals, real_values, integers, integer_values, booleans, boolean_values, start_refs, starts, windows,
-    input_refs, values, output_refs, period, result,
+    component, addresses, settings, start_refs, starts, windows, input_refs, values, output_refs, period, result
 ):  # fmt: skip
+    reals, real_values, integers, integer_values, booleans, boolean_values = settings
     set_real, set_integer, set_boolean, get_real, do_step, reset, setup, enter, leave = addresses
     for w in range(len(windows)):
         first, last = windows[w]
@@ -107,4 +126,18 @@ def _run_windows(  # type: ignore[no-untyped-def]
             status = max(status, call_step(do_step, component, (k - first) * period, period))
             if status > FMI_WARNING:
                 return status, k
+    return 0, len(values)
+
+
+@njit(nogil=True)
+def _run_flagged(component, addresses, input_refs, values, flag_refs, flags, output_refs, period, result):  # type: ignore[no-untyped-def]
+    set_real, _, set_boolean, get_real, do_step = addresses[:5]
+    for k in range(len(values)):
+        status = native_values(set_real, component, input_refs, values[k])
+        if k == 0 or (flags[k] != flags[k - 1]).any():
+            status = max(status, native_values(set_boolean, component, flag_refs, flags[k]))
+        status = max(status, native_values(get_real, component, output_refs, result[k]))
+        status = max(status, call_step(do_step, component, k * period, period))
+        if status > FMI_WARNING:
+            return status, k
     return 0, len(values)

@@ -98,7 +98,9 @@ class BlockReplayer:
 
     def _parameters(self, prefix: str, given: Mapping[str, float]) -> dict[str, float]:
         """Values of the gantry's component under the names of its block."""
-        merged = {name: v.start for name, v in self.gantry.variables.items() if v.causality == "parameter" and v.start is not None} | dict(given)
+        merged = {name: v.start for name, v in self.gantry.variables.items() if v.causality == "parameter" and v.start is not None} | dict(
+            given
+        )
         return {name.removeprefix(prefix): float(value) for name, value in merged.items() if name.startswith(prefix)}
 
     def _valve(self, signals: _Signals, axis: str, given: Mapping[str, float]) -> Array:

@@ -95,9 +95,7 @@ class Campaign:
         return iter(self.logs.values())
 
 
-def read_campaign(
-    path: str | os.PathLike[str], *, strict: bool = True, setup: Mapping[str, Any] | None = None
-) -> Campaign:
+def read_campaign(path: str | os.PathLike[str], *, strict: bool = True, setup: Mapping[str, Any] | None = None) -> Campaign:
     """Read a folder with campaign.toml, or a single log as a campaign of one.
 
     The setup of a single log is taken from the first of: a TOML file of the same name beside it, its table in a

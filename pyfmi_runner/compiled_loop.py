@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.core.errors import NumbaError
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from controllers.interface import Command, Controller, Reference, Sense
+from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuSession
 from pyfmi_runner.loop import MICROSECOND, Progress, Rows
 from pyfmi_runner.native import call_step, call_values
@@ -70,10 +72,16 @@ def compiled_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: 
     state, sensor_state, acting, acted = controller.state, initial_state(), Command(*plan.approach), 0
     started = 0.0
     for start, stop in [(0, 0), *((k, min(k + CHUNK, plan.samples)) for k in range(0, plan.samples, CHUNK))]:
-        status, rows.done, state, sensor_state, acting, acted, now = loop(
-            wiring, course, sensors, controller.params, state, sensor_state, acting, acted, given, start, stop,
-            rows.commands, rows.measured, rows.theta,
-        )  # fmt: skip
+        try:
+            status, rows.done, state, sensor_state, acting, acted, now = loop(
+                wiring, course, sensors, controller.params, state, sensor_state, acting, acted, given, start, stop,
+                rows.commands, rows.measured, rows.theta,
+            )  # fmt: skip
+        except NumbaError as error:  # only ever while it compiles
+            lines = [line for line in str(error).splitlines() if line.strip()]  # the second says what, the first where in numba
+            reason = lines[min(1, len(lines) - 1)] if lines else type(error).__name__
+            mend = "decorate it and what it calls with numba's register_jitable, or run with compiled=False"
+            raise InputError(f"its kernel cannot be compiled ({reason})", field=type(controller).__name__, mend=mend) from error
         controller.state = state
         if status > FMI_WARNING:
             rows.failure = f"at t = {now * MICROSECOND:.6g} s: {fmu.stepped_natively(now * MICROSECOND, status)}"
@@ -155,8 +163,9 @@ def _loop_for(kernel: Callable[..., Any]) -> Callable[..., Any]:
             two[0], two[1] = acting.u_x, acting.u_z
             status = max(status, native_values(wiring.set_real, wiring.component, wiring.commands, two))
             while acted <= k and course.acts[acted] < end:
-                status = max(status, call_step(wiring.do_step, wiring.component, now * MICROSECOND, (course.acts[acted] - now) * MICROSECOND))
-                now = course.acts[acted]
+                until = course.acts[acted]
+                status = max(status, call_step(wiring.do_step, wiring.component, now * MICROSECOND, (until - now) * MICROSECOND))
+                now = until
                 acting, acted = Command(given[acted, 0], given[acted, 1]), acted + 1
                 two[0], two[1] = acting.u_x, acting.u_z
                 status = max(status, native_values(wiring.set_real, wiring.component, wiring.commands, two))

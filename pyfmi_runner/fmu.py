@@ -96,9 +96,7 @@ class FmuSession:
         try:
             self._fmu = version(library, self.file, self.kind, self._log_events)
         except FmuCallError as failure:
-            raise InputError(
-                f"cannot be instantiated: {failure.text}", file=self.file.path, mend="build it again"
-            ) from None
+            raise InputError(f"cannot be instantiated: {failure.text}", file=self.file.path, mend="build it again") from None
         self._values = Values(self.file, self._fmu)
         try:
             self._initialise(self.parameters)
@@ -363,9 +361,7 @@ def _library(path: Path, fmi: str, kind: Kind) -> Library:
     try:
         loaded = classes[fmi, kind](libraryPath=str(path), **arguments)
     except Exception as error:  # fmpy raises bare Exception; a library without the functions is an AttributeError
-        raise InputError(
-            f"the shared library cannot be loaded: {error}", file=path, mend="build the FMU again"
-        ) from None
+        raise InputError(f"the shared library cannot be loaded: {error}", file=path, mend="build the FMU again") from None
     resources = folder / "resources"
     if fmi == "2.0":
         return Library(loaded.dll, resources.as_uri(), fmpy.fmi2.fmi2CallbackLoggerTYPE, _callbacks)

@@ -56,9 +56,7 @@ class Instance:
 
     prefix = ""
     state_word = ""
-    getters: Mapping[str, tuple[str, Any]] = MappingProxyType(
-        {}
-    )  # variable type -> (word in the function name, C type)
+    getters: Mapping[str, tuple[str, Any]] = MappingProxyType({})  # variable type -> (word in the function name, C type)
 
     def __init__(self, library: Library, file: FmuFile, kind: Kind, log_events: bool) -> None:
         self.dll, self.kind, self.component = library.dll, kind, None

@@ -193,9 +193,7 @@ def _read_parquet(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
         frame = table.to_pandas(ignore_metadata=True)
     except (pa.ArrowException, OSError, ValueError) as error:
         reason = str(error).split("\n")[0].rstrip(". ")[:120]
-        raise InputError(
-            f"not a readable Parquet file ({reason})", file=path, mend="record or export it again"
-        ) from None
+        raise InputError(f"not a readable Parquet file ({reason})", file=path, mend="record or export it again") from None
     return frame, provenance if isinstance(provenance, dict) else {"provenance": provenance}
 
 

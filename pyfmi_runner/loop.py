@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.interface import Command, Controller, Reference, Sense
-from pyfmi_runner.errors import RunError
+from pyfmi_runner.errors import InputError, RunError
 from pyfmi_runner.fmu import FmuSession
 from pyfmi_runner.plan import APPROACH, RETREAT, Plan
 from pyfmi_runner.plant import CLAMPS, COMMANDS, MANUAL, OUTPUTS, PROFILE
@@ -67,7 +67,7 @@ def python_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: Se
                 now, acting, acted = plan.acts[acted], given[acted], acted + 1
                 fmu.set(COMMANDS, acting)
             fmu.step((end - now) * MICROSECOND, time=now * MICROSECOND)
-        except RunError as error:
+        except (RunError, InputError) as error:  # InputError: a command that the FMU does not take, such as NaN
             rows.failure = f"at t = {now * MICROSECOND:.6g} s: {error}"
             break
         if progress is not None and not progress(k + 1, plan.samples):

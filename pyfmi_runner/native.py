@@ -6,10 +6,12 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
+from numba.extending import intrinsic as numba_intrinsic
 
 __all__ = ["call_plain", "call_setup", "call_step", "call_values"]
 
+# numba types what it decorates as the code generator below, with its typing context: what a caller sees is another function
+intrinsic: Any = numba_intrinsic
 _POINTER = ir.IntType(8).as_pointer()
 
 

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Protocol
 
+from pyfmi_runner.errors import InputError
+from pyfmi_runner.fmu_file import FmuFile
 from pyfmi_runner.workpiece import Profile, workpiece
 
-__all__ = ["CLAMPS", "COMMANDS", "DEFAULT_CLASS", "MANUAL", "OUTPUTS", "PROFILE", "TASK", "PlantSetup", "own_profile", "plant_parameters"]
+__all__ = [
+    "CLAMPS",
+    "COMMANDS",
+    "DEFAULT_CLASS",
+    "MANUAL",
+    "OUTPUTS",
+    "PROFILE",
+    "TASK",
+    "PlantSetup",
+    "check_gantry",
+    "own_profile",
+    "plant_parameters",
+]
 
 DEFAULT_CLASS = "PneuGantry.Gantry"
 COMMANDS = ("u_x", "u_z")  # V
@@ -56,9 +69,9 @@ def own_profile(setup: PlantSetup) -> Profile | None:
     return workpiece(setup.workpiece, surface_finish=setup.surface_finish)
 
 
-def merged(*tables: Mapping[str, float]) -> dict[str, float]:
-    """Later tables win."""
-    result: dict[str, float] = {}
-    for table in tables:
-        result.update(table)
-    return result
+def check_gantry(fmu: FmuFile) -> None:
+    """Raise InputError unless an FMU has the gantry's inputs and outputs."""
+    for name in (*COMMANDS, *CLAMPS, *MANUAL, *PROFILE, *OUTPUTS, *TASK):
+        if name not in fmu.variables:
+            message = f"is the FMU of {fmu.description.model}, which has no such variable"
+            raise InputError(message, file=fmu.path, field=name, mend=f"give an FMU with the interface of {DEFAULT_CLASS}")

@@ -16,7 +16,7 @@ from pyfmi_runner.errors import RunError
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA
 from pyfmi_runner.native import call_step
-from pyfmi_runner.plant import CLAMPS, COMMANDS, OUTPUTS, PROFILE, own_profile, plant_parameters
+from pyfmi_runner.plant import CLAMPS, COMMANDS, OUTPUTS, PROFILE, check_gantry, own_profile, plant_parameters
 from pyfmi_runner.workpiece import local_profile
 
 __all__ = ["SIGMAS", "Gaps", "Replayer", "channel_gaps"]
@@ -43,6 +43,7 @@ class Replayer:
     """Replays logs on one instance of the gantry FMU, reset between logs; used in a `with`."""
 
     def __init__(self, fmu: FmuFile) -> None:
+        check_gantry(fmu)
         self.session = FmuSession(fmu)
         self._wiring: tuple[Any, ...] | None = None
 
@@ -74,9 +75,8 @@ class Replayer:
         coefficients, x0, dx = (profile.coefficients, profile.x0, profile.dx) if profile else (np.zeros((1, 6)), 0.0, 1.0)
         clamps = np.column_stack([setup.clamp_signal(axis, time) for axis in "xz"]).astype(np.int32)
         outputs = np.empty((len(time), len(OUTPUTS)))
-        status, done = _replay(
-            *self._wiring, np.ascontiguousarray(commands, float), clamps, profile is not None, coefficients, x0, dx, float(time[0]), PERIOD, outputs
-        )
+        edge = (profile is not None, coefficients, x0, dx)
+        status, done = _replay(self._wiring, np.ascontiguousarray(commands, float), clamps, edge, float(time[0]), PERIOD, outputs)
         message = self.session.stepped_natively(float(time[0]) + done * PERIOD, status)
         if message:
             raise RunError(f"replay stopped after {done} of {len(time)} samples: {message}")
@@ -84,9 +84,9 @@ class Replayer:
 
 
 @njit(nogil=True)
-def _replay(raw, references, commands, clamps, own, coefficients, x0, dx, start, period, outputs):  # type: ignore[no-untyped-def]
-    component, set_real, set_boolean, get_real, do_step = raw
-    command_refs, clamp_refs, profile_refs, output_refs = references
+def _replay(wiring, commands, clamps, edge, start, period, outputs):  # type: ignore[no-untyped-def]
+    (component, set_real, set_boolean, get_real, do_step), (command_refs, clamp_refs, profile_refs, output_refs) = wiring
+    own, coefficients, x0, dx = edge
     four, flags = np.empty(4), np.empty(2, np.int32)
     status = 0
     for k in range(len(commands)):

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import platform
 from dataclasses import dataclass
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +19,7 @@ from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, Log
 from pyfmi_runner.loop import Progress, Rows, python_loop
 from pyfmi_runner.plan import Plan, make_plan
+from pyfmi_runner.plant import check_gantry
 from pyfmi_runner.scenario import Scenario, scenario_text
 
 __all__ = ["RunResult", "make_scenario_controller", "run_scenario"]
@@ -44,6 +43,7 @@ def run_scenario(
     `controller`: an own controller instead of the scenario's. Raises InputError for a parameter, controller or workpiece that the
     scenario names wrongly; a run that fails on the way is a result with outcome "failed".
     """
+    check_gantry(fmu)
     plan = make_plan(scenario)
     chosen = controller or make_scenario_controller(scenario)
     loop = compiled_loop if compiled else python_loop
@@ -57,7 +57,7 @@ def run_scenario(
 def make_scenario_controller(scenario: Scenario) -> Controller:
     """The controller that a scenario names, with its gains. Raises InputError for unknown names."""
     try:
-        return make_controller(scenario.controller, gains=scenario.gains)
+        return make_controller(scenario.controller, **({} if scenario.gains is None else {"gains": scenario.gains}))
     except ValueError as error:
         raise InputError(str(error), field="controller", mend="choose a known controller and gain table") from None
 
@@ -73,13 +73,12 @@ def _log(scenario: Scenario, plan: Plan, rows: Rows, fmu: FmuFile, outcome: str,
 
 
 def _provenance(scenario: Scenario, fmu: FmuFile, outcome: str, reason: str) -> dict[str, Any]:
-    path = Path(fmu.path)
     packages = ("pneugantry", "fmpy", "numpy", "numba")
     return {
         "setup": setup_table(scenario_setup(scenario)),
         "scenario": scenario_text(scenario),
         "seed": scenario.seed,
-        "fmu": {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()},
+        "fmu": {"file": fmu.path.name, "sha256": fmu.sha256},
         "parameters": dict(scenario.plant),
         "versions": {name: version(name) for name in packages} | {"python": platform.python_version()},
         "outcome": outcome,

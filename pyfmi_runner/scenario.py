@@ -60,15 +60,15 @@ class Scenario:
     f_nd: float = 30.0  # N, > 0 presses into the workpiece
     v_td: float = -0.06  # m/s, < 0 tracks towards -x
     controller: str = "pi_fv"
-    gains: str | dict[str, float] = "table_4_6"  # a gain table's name, or gains by name
+    gains: str | dict[str, float] | None = None  # a gain table's name, or gains by name; None: the controller's own
     phases: Phases = field(default_factory=dict)  # empty: short_phases(workpiece)
     approach_u_x: float = 0.0  # V, open loop until the contact phase starts
     approach_u_z: float = 1.05  # V
     retreat_f_az: float = -40.0  # N, actuator force aimed at in the retreat, < 0 pulls off the workpiece
     clamped: tuple[str, ...] = ("x until contour",)
     plant: dict[str, float] = field(default_factory=dict)  # parameters of the model that differ from its own values
-    sensors: SensorParams = SensorParams()  # its `noise` switches the noise
-    timing: LoopTiming = LoopTiming()
+    sensors: SensorParams = field(default_factory=SensorParams)  # its `noise` switches the noise
+    timing: LoopTiming = field(default_factory=LoopTiming)
     seed: int = 0  # >= 0, of noise and jitter
 
     def __post_init__(self) -> None:
@@ -104,9 +104,7 @@ class Scenario:
 class Fields:
     """A TOML table read key by key; every complaint is an InputError that names file, key and mend."""
 
-    def __init__(
-        self, table: object, keys: Iterable[str], file: str | os.PathLike[str] | None = None, prefix: str = ""
-    ) -> None:
+    def __init__(self, table: object, keys: Iterable[str], file: str | os.PathLike[str] | None = None, prefix: str = "") -> None:
         self.file, self.prefix = file, prefix
         if not isinstance(table, Mapping):
             message = f"is {table!r}, expected a table"
@@ -227,7 +225,7 @@ def _arguments(fields: Fields) -> dict[str, Any]:
     phases = fields.phases(workpiece) or short_phases(workpiece)
     _check_phases(fields, phases)
     start, command = fields.sub("start", ("x", "z")), fields.sub("approach_command", ("u_x", "u_z"))
-    gains = fields.table.get("gains", "table_4_6")
+    gains = fields.table.get("gains")
     seed = fields.of_type("seed", int, 0)
     if seed < 0:
         fields.refuse("seed", f"is {seed}, expected >= 0", "choose a whole number from 0 on")
@@ -242,7 +240,7 @@ def _arguments(fields: Fields) -> dict[str, Any]:
         "f_nd": fields.number("f_nd", 30.0, 0.0, 150.0),
         "v_td": fields.number("v_td", -0.06, -1.0, 1.0),
         "controller": fields.of_type("controller", str, "pi_fv"),
-        "gains": gains if isinstance(gains, str) else fields.numbers("gains"),
+        "gains": gains if gains is None or isinstance(gains, str) else fields.numbers("gains"),
         "phases": phases,
         "approach_u_x": command.number("u_x", 0.0, 0.0, 5.0),
         "approach_u_z": command.number("u_z", 1.05, 0.0, 5.0),

@@ -93,9 +93,7 @@ def _convert(params: SensorParams, channel: int, value: float, draw: float) -> f
 
 
 @register_jitable
-def sense(
-    params: SensorParams, state: SensorState, true: Channels, noise: NDArray[np.float64]
-) -> tuple[SensorState, Channels]:
+def sense(params: SensorParams, state: SensorState, true: Channels, noise: NDArray[np.float64]) -> tuple[SensorState, Channels]:
     """What the sensors say of the true values (tuple or row of 8) at one sample, and their next state.
 
     noise: one row of `noise_rows`. Call once a sample, `dt` apart. A pure kernel: same bits in Python and compiled.

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
 from analysis.identify.parameters import Coordinates
@@ -21,19 +22,20 @@ __all__ = ["reach"]
 
 Array = NDArray[np.float64]
 WINDOW = 100  # samples over which a misfit is judged
-PARTED = 20.0  # RMS of a window beyond which the replay has parted
-MARGIN = 300  # samples that still count behind it
+PARTED = 6.0  # RMS of a window beyond which the replay has parted
+LASTING = 5  # windows over which it must stay parted (median)
 STAGES = 8
 
 
 def reach(residual: Array) -> int:
-    """Samples up to where a replay (samples, channels) parts from its log, with a margin."""
+    """Samples up to where a replay (samples, channels) parts from its log for good."""
     n = len(residual) // WINDOW
-    if n == 0:
+    if n < LASTING:
         return len(residual)
     square = np.mean(residual[: n * WINDOW].reshape(n, -1) ** 2, axis=1)
-    bad = np.flatnonzero(square > PARTED**2)
-    return len(residual) if len(bad) == 0 else min(len(residual), int(bad[0]) * WINDOW + MARGIN)
+    lasting = median_filter(square, LASTING, origin=-(LASTING // 2), mode="nearest")
+    bad = np.flatnonzero((square > PARTED**2) & (lasting > PARTED**2))
+    return len(residual) if len(bad) == 0 else int(bad[0]) * WINDOW
 
 
 def solve(logs: Sequence[ReplayedLog], coordinates: Coordinates, theta: Array, loose: bool) -> Array:
@@ -52,4 +54,5 @@ def solve(logs: Sequence[ReplayedLog], coordinates: Coordinates, theta: Array, l
         residual, theta, jacobian, bounds=(np.minimum(low, high), np.maximum(low, high)), x_scale="jac",
         ftol=1e-3 if loose else 1e-7, xtol=1e-10, gtol=None, max_nfev=8 if loose else 15,
     )  # fmt: skip
+    print(found.nfev, found.njev, found.message, found.cost)
     return np.asarray(found.x)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify.parameters import Coordinates
 from pyfmi_runner.campaign import Campaign, LoggedRun
-from pyfmi_runner.log import MEASURED
+from pyfmi_runner.log import MEASURED, SIGMA, STROKE_X, STROKE_Z
 from pyfmi_runner.replay import SIGMAS, Replayer
 
 __all__ = ["ReplayedLog", "replayed_logs"]
@@ -19,6 +18,11 @@ Array = NDArray[np.float64]
 FIRST_STEP = 1e-6  # theta, of the first difference quotient
 MOVE = 3.0  # norm, in sensor noise, by which later difference steps move the residual: well inside what is linear
 STEPS = (2e-8, 1e-4)  # theta, least and largest difference step
+JUMP = 30.0  # sensor noise, of a speed within 3 ms
+NEAR_STOP = 2e-3  # m
+STOP_ROWS, TOUCH_ROWS = 10, 5  # samples either side of a jump that do not count
+TOUCH = 0.8  # N
+STROKE = {"x": STROKE_X, "z": STROKE_Z}
 _SIDE = {"x": ("x", "v_x", "f_ax"), "z": ("z", "v_z", "f_x", "f_z", "f_az")}  # channels of an axis where nothing couples the two
 
 
@@ -40,12 +44,29 @@ class ReplayedLog:
         self.columns = np.array([i for i, name in enumerate(MEASURED) if shown[name]])
         self.moving = np.array([self._matters(u.axis, u.name, contact) for u in coordinates.unknowns])
         self._steps = np.full(len(self.moving), FIRST_STEP)
-        self.weight: Array | float = 1.0  # (samples, channels) or 1
+        self.weight = self._jumps()  # (samples, channels)
 
     def _matters(self, axis: str, name: str, contact: bool) -> bool:
         if name.startswith("valve_"):
             return True
         return contact and self._free["z"] if axis == "" else self._free[axis]
+
+    def _jumps(self) -> Array:
+        """1, and 0 about each instant at which a channel jumps: a replay that is half a sample late would be charged for a pulse there,
+        and no derivative says so. A speed jumps at an end stop, a contact force at touch-down."""
+        log = self.run.log
+        weight = np.ones((len(log), len(MEASURED)))
+        for axis in "xz":
+            speed, position = log[f"v_{axis}"], log[axis]
+            jump = np.abs(np.concatenate([speed[3:] - speed[:-3], np.zeros(3)])) > JUMP * SIGMA[f"v_{axis}"]
+            at_stop = (position < NEAR_STOP) | (position > STROKE[axis] - NEAR_STOP)
+            _mask(weight, MEASURED.index(f"v_{axis}"), np.flatnonzero(jump & at_stop), STOP_ROWS)
+        force = np.hypot(log["f_x"], log["f_z"])
+        loose = np.convolve(force < TOUCH, np.ones(10), mode="full")[: len(force)] >= 9
+        landing = np.flatnonzero(loose[:-1] & (force[1:] >= TOUCH)) + 1
+        for name in ("f_x", "f_z"):
+            _mask(weight, MEASURED.index(name), landing, TOUCH_ROWS)
+        return weight[:, self.columns]
 
     def simulate(self, theta: Array, commands: Array | None = None) -> Array:
         """Outputs (samples, shown channels) in units of the sensors' noise."""
@@ -60,7 +81,7 @@ class ReplayedLog:
 
     def weighted(self, values: Array) -> Array:
         """The part that counts as a vector."""
-        return np.asarray((values * self.weight)[: self.rows].ravel())
+        return np.asarray((values[: self.rows] * self.weight[: self.rows]).ravel())
 
     def jacobian(self, theta: Array) -> Array:
         """d residual / d theta, (rows * channels, parameters), by forward differences whose steps follow the sensitivity."""
@@ -93,6 +114,11 @@ class ReplayedLog:
         """1 for the channels that parameter i may move, 0 for the other axis'."""
         side = _SIDE["x" if self._coordinates.unknowns[i].axis == "x" else "z"]
         return np.array([1.0 if MEASURED[c] in side else 0.0 for c in self.columns])
+
+
+def _mask(weight: Array, column: int, rows: NDArray[np.intp], reach: int) -> None:
+    for row in rows:
+        weight[max(0, row - reach) : row + reach + 1, column] = 0.0
 
 
 def replayed_logs(campaign: Campaign, coordinates: Coordinates, replayer: Replayer) -> list[ReplayedLog]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.build.toolchain import PLATFORMS
+from pyfmi_runner.plant import DEFAULT_CLASS
 
 HELP = """Compile a Modelica class to an FMU (co-simulation and model exchange in one).
 
@@ -21,10 +22,12 @@ Rebuilds only if the Modelica file, the compiler or the platforms have changed.
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("--model", metavar="FILE.mo", type=Path, help="Modelica file (default: models/PneuGantry.mo)")
-    command.add_argument("--class", dest="class_name", metavar="NAME", default="PneuGantry.Gantry", help="class to compile (default: %(default)s)")
+    command.add_argument(
+        "--class", dest="class_name", metavar="NAME", default=DEFAULT_CLASS, help="class to compile (default: %(default)s)"
+    )
     command.add_argument("--fmi", choices=("2.0", "3.0"), default="2.0", help="FMI version (default: %(default)s)")
-    names = ", ".join(p.fmi3 for p in PLATFORMS)
-    command.add_argument("--platform", action="append", metavar="NAME", help=f"platform of the binary, may be repeated (default: this machine): {names}")
+    platforms = f"platform of the binary, may be repeated (default: this machine): {', '.join(p.fmi3 for p in PLATFORMS)}"
+    command.add_argument("--platform", action="append", metavar="NAME", help=platforms)
     command.add_argument("--out", metavar="DIR", type=Path, help="folder of the FMU (default: fmus/)")
     command.add_argument("--force", action="store_true", help="build even if nothing has changed")
 

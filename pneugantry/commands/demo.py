@@ -26,6 +26,7 @@ HELP = """The main job, from nothing: build the FMU, track the curved edge, repl
   pneugantry demo --campaign FOLDER          replays yours"""
 
 WORKPIECES = ("straight", "incline_7", "incline_16", "incline_30", "curved")
+HEAD = ["edge", "f_n RMSE [N]", "f_n ME [N]", "v_t RMSE [m/s]", "v_t ME [m/s]"]
 # The demo's own rig: its valve and contact are off by what nobody has told the model.
 RIG = {"valve_z.tau": 0.165, "contact.K_c": 1.1e4, "axis_z.friction.F_d": 14.0}
 
@@ -50,25 +51,29 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     curved = tracking_figure(results["curved"].log, "curved edge, PI force/velocity controller")
     save(curved, options.out / "tracking.png")
     write_log(results["curved"].log, options.out / "curved.parquet")
-    campaign = read_campaign(options.campaign) if options.campaign else _measure(fmu, results, options.out / "campaign")
+    campaign = read_campaign(options.campaign) if options.campaign else _measure(fmu, options.out / "campaign")
     print(f"\nreplay of {campaign.name}:")
     logs = replay_campaign(campaign, fmu)
     print_replay(logs)
     shown = max(logs, key=lambda name: logs[name]["gap"])
     run = campaign.logs[shown]
     with Replayer(fmu) as plant:
-        overlay = overlay_figure(run.log.time, run.log.measured(), {"nominal": plant.simulate(run)}, f"{shown}: recorded commands replayed")
+        curves = {"nominal": plant.simulate(run)}
+    overlay = overlay_figure(run.log.time, run.log.measured(), curves, f"{shown}: recorded commands replayed")
     blocks = sorted({b for entry in logs.values() for b in entry["blocks"]})
     sections = [
-        Section("Tracking, simulated with sensors on", table=(["edge", "f_n RMSE [N]", "f_n ME [N]", "v_t RMSE [m/s]", "v_t ME [m/s]"], rows),
+        Section("Tracking, simulated with sensors on", table=(HEAD, rows),
                 figure=figure_data_uri(curved)),
         Section(f"Replay of {campaign.name}", "Gap: RMS of (measured - simulated)/sigma; 1 is the noise floor. Blocks: gap/floor.",
-                table=(["log", "plant", *blocks], [[name, f"{e['gap']:.2f}", *(_cell(e, b) for b in blocks)] for name, e in logs.items()]),
-                figure=figure_data_uri(overlay)),
+                table=(["log", "plant", *blocks], _gap_rows(logs, blocks)), figure=figure_data_uri(overlay)),
     ]  # fmt: skip
     page = write_page(options.out / "report.html", "PneuGantry demo", sections)
     print(f"\nreport: {page}")
     return {"schema": "demo/1", "report": str(page), "logs": logs}, 0
+
+
+def _gap_rows(logs: dict[str, dict[str, Any]], blocks: list[str]) -> list[list[str]]:
+    return [[name, f"{entry['gap']:.2f}", *(_cell(entry, block) for block in blocks)] for name, entry in logs.items()]
 
 
 def _cell(entry: dict[str, Any], block: str) -> str:
@@ -83,7 +88,7 @@ def _tracked(fmu: FmuFile, workpiece: str) -> RunResult:
     return result
 
 
-def _measure(fmu: FmuFile, results: dict[str, RunResult], folder: Path) -> Campaign:
+def _measure(fmu: FmuFile, folder: Path) -> Campaign:
     """A campaign of the demo's own rig: the same experiments on a plant that differs from the model."""
     logs = {}
     for name in ("straight", "curved"):
@@ -92,5 +97,3 @@ def _measure(fmu: FmuFile, results: dict[str, RunResult], folder: Path) -> Campa
     campaign = Campaign("the demo's own rig", folder, logs)
     write_campaign(campaign, folder)
     return campaign
-
-

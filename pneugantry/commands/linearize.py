@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneugantry.commands.run import _settings as settings
+from pneugantry.commands.run import parse_settings
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile
@@ -89,7 +89,7 @@ def _point(options: argparse.Namespace, file: FmuFile) -> OperatingPoint:
     from analysis.operating_point import settle
     from analysis.point_file import read_point
 
-    changes = settings(options.set)
+    changes = parse_settings(options.set)
     if options.at:
         point = read_point(options.at, file)
         point = replace(point, parameters=point.parameters | changes)

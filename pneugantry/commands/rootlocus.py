@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneugantry.commands.run import _settings as settings
+from pneugantry.commands.run import parse_settings
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile
@@ -49,7 +49,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     _check(options)
     file = FmuFile.read(options.fmu or build_fmu().path)
     angle = None if options.angle is None else math.radians(options.angle)
-    shared: dict[str, Any] = {"delay": options.delay, "angle": angle, "parameters": settings(options.set)}
+    shared: dict[str, Any] = {"delay": options.delay, "angle": angle, "parameters": parse_settings(options.set)}
     chosen = root_locus(force_loop(file, options.axis, options.lag, **shared), pade=options.pade)
     others = [root_locus(force_loop(file, options.axis, lag, **shared), pade=options.pade) for lag in ("none", "z", "x")]
     _print(chosen, dict(zip(("none", "tau_z", "tau_x"), others, strict=True)))

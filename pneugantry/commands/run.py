@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import write_log
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario, read_scenario, short_phases
-from pyfmi_runner.workpiece import check_workpiece
+from pyfmi_runner.workpiece import WORKPIECES, check_workpiece
 
 HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of f_n and v_t over the contouring phase.
 
@@ -27,8 +28,8 @@ HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of 
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("scenario", nargs="?", metavar="SCENARIO.toml", help="scenario file (default: the campaigns' contouring run)")
-    command.add_argument("--workpiece", metavar="NAME|FILE.csv", help="straight, incline_7, incline_16, incline_30, curved or a CSV of x, z_w")
+    command.add_argument("scenario", nargs="?", metavar="SCENARIO.toml", help="scenario file (default: as the campaigns contour)")
+    command.add_argument("--workpiece", metavar="NAME|FILE.csv", help=f"{', '.join(WORKPIECES)} or a CSV of x, z_w")
     command.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(controller_names())}")
     command.add_argument("--set", action="append", default=[], metavar="PARAM=VALUE", help="plant parameter, may be repeated")
     command.add_argument("--seed", type=int, help="of sensor noise and jitter")
@@ -51,11 +52,11 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         print(f"picture: {options.plot}")
     steps = len(result.log)
     simulated = steps * scenario.timing.period
-    report: dict[str, Any] = {"schema": "run/1", "outcome": result.outcome, "reason": result.reason, "steps": steps,
-                              "seconds": result.seconds, "realtime_factor": simulated / result.seconds if result.seconds else 0.0}  # fmt: skip
+    factor = simulated / result.seconds if result.seconds else 0.0
+    report: dict[str, Any] = {"schema": "run/1", "metrics": None, "steps": steps, "seconds": result.seconds, "realtime_factor": factor}
     if result.outcome != "done":
-        print(f"the run {result.outcome}: {result.reason}")
-        return report | {"metrics": None}, 1
+        print(f"pneugantry: the run {result.outcome}: {result.reason}", file=sys.stderr)
+        return report | {"outcome": result.outcome, "reason": result.reason}, 1
     metrics = tracking_metrics(result.log)
     print(f"{scenario.workpiece}, {scenario.controller}: f_n RMSE {metrics.rmse_fn:.2f} N, ME {metrics.me_fn:.1f} N;"
           f" v_t RMSE {metrics.rmse_vt:.3f} m/s, ME {metrics.me_vt:.3f} m/s  ({simulated:.0f} s in {result.seconds:.2f} s)")  # fmt: skip
@@ -65,7 +66,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 def chosen_scenario(options: argparse.Namespace) -> Scenario:
     """The scenario of the file, with what the options change."""
     scenario = read_scenario(options.scenario) if options.scenario else Scenario()
-    changes: dict[str, Any] = {"plant": scenario.plant | _settings(options.set)}
+    changes: dict[str, Any] = {"plant": scenario.plant | parse_settings(options.set)}
     if options.workpiece:
         check_workpiece(options.workpiece)
         changes |= {"workpiece": options.workpiece, "standoff": None}
@@ -80,12 +81,14 @@ def chosen_scenario(options: argparse.Namespace) -> Scenario:
     return replace(scenario, **changes)
 
 
-def _settings(texts: list[str]) -> dict[str, float]:
+def parse_settings(texts: list[str]) -> dict[str, float]:
     words = {"true": 1.0, "false": 0.0}
     settings = {}
     for text in texts:
         name, _, value = (part.strip() for part in text.partition("="))
         try:
+            if not name:
+                raise ValueError
             settings[name] = words[value.lower()] if value.lower() in words else float(value)
         except ValueError:
             raise InputError(f"{text!r} is no PARAM=VALUE", field="--set", mend="write for example --set contact.K_c=2e4") from None

@@ -78,18 +78,21 @@ def _ordered(system: HybridSystem, scalars: list[Scalar]) -> list[Scalar]:
     done: list[Scalar] = []
     waiting = list(scalars)
     while waiting:
-        ready = [s for s in waiting if not ({v.name() for v in ca.symvar(s.value)} & names) - {d.name for d in done}]
+        ready = [s for s in waiting if not (_symbols_in(s.value) & names) - {d.name for d in done}]
         if not ready:
-            raise system.table.model.source.refuse(
-                f"parameters that depend on one another: {', '.join(s.name for s in waiting)}", waiting[0].variable.tree, mend="break the circle"
-            )
+            circle = f"parameters that depend on one another: {', '.join(s.name for s in waiting)}"
+            raise system.table.model.source.refuse(circle, waiting[0].variable.tree, mend="break the circle")
         done += ready
         waiting = [s for s in waiting if s not in ready]
     return done
 
 
+def _symbols_in(value: ca.SX | None) -> set[str]:
+    return set() if value is None else {v.name() for v in ca.symvar(value)}
+
+
 def _expressions(system: HybridSystem, layout: Layout, solved: dict[str, ca.SX]) -> Expressions:
-    algebraic = [s for s in system.table.of("algebraic")]
+    algebraic = list(system.table.of("algebraic"))
     old = [s.symbol for s in algebraic] + list(system.derivatives.values())
     new = [solved[s.name] for s in algebraic] + [solved[f"der({name})"] for name in system.derivatives]
 
@@ -151,18 +154,19 @@ def _sequential(assigns: dict[str, ca.SX], memory: dict[str, ca.SX]) -> dict[str
 
 def _variables(system: HybridSystem, layout: Layout) -> list[_Placed]:
     """All FMI variables; their order is that of the value references."""
-    translate = Translator(system.table.model.source, PlainScope(system.table, FunctionLibrary(system.table.model.source, {}, system.table.model.literals)), events=False)
+    model = system.table.model
+    translate = Translator(model.source, PlainScope(system.table, FunctionLibrary(model.source, {}, model.literals)), events=False)
     fixed = _fixed_parameters(system, layout)
-    made: list[Variable] = [
-        Variable("time", "time", "Real", "independent", "continuous", None, 0, unit="s", description="Simulation time")
-    ]
+    made: list[Variable] = [Variable("time", "time", "Real", "independent", "continuous", None, 0, unit="s", description="Simulation time")]
     for i, s in enumerate(layout.parameters):
         variability = "fixed" if s.discrete_valued or s.name in fixed else "tunable"
         made.append(_variable(s, "parameter", i, translate, "parameter", variability, "exact", generate.constant_start(s)))
     for i, s in enumerate(layout.calculated):
-        made.append(_variable(s, "calculated", len(layout.parameters) + i, translate, "calculatedParameter", "fixed" if s.name in fixed else "tunable", "calculated"))
+        variability = "fixed" if s.name in fixed else "tunable"
+        made.append(_variable(s, "calculated", len(layout.parameters) + i, translate, "calculatedParameter", variability, "calculated"))
     for i, s in enumerate(layout.inputs):
-        made.append(_variable(s, "input", i, translate, "input", "discrete" if s.discrete_valued else "continuous", None, generate.constant_start(s)))
+        variability = "discrete" if s.discrete_valued else "continuous"
+        made.append(_variable(s, "input", i, translate, "input", variability, None, generate.constant_start(s)))
     first = len(made)
     for i, s in enumerate(layout.states):
         exact = s.value is None or s.value.is_constant()
@@ -192,7 +196,16 @@ def _fixed_parameters(system: HybridSystem, layout: Layout) -> set[str]:
     return names
 
 
-def _variable(s: Scalar, kind: str, index: int, translate: Translator, causality: str, variability: str, initial: str | None, start: float | None = None) -> Variable:
+def _variable(
+    s: Scalar,
+    kind: str,
+    index: int,
+    translate: Translator,
+    causality: str,
+    variability: str,
+    initial: str | None,
+    start: float | None = None,
+) -> Variable:
     v = s.variable
     base: BaseType = v.type if v.type in ("Real", "Integer", "Boolean") else "Enumeration"  # type: ignore[assignment]
     return Variable(

@@ -26,9 +26,7 @@ LOG_CATEGORIES = {
     "logStatusFatal": "messages of calls that return a fatal error",
     "logAll": "all of these",
 }
-_STRUCTURED_NAME = re.compile(
-    r"(der\()?[A-Za-z_]\w*(\[\d+(,\d+)*\])?(\.[A-Za-z_]\w*(\[\d+(,\d+)*\])?)*(?(1)\))\Z", re.ASCII
-)
+_STRUCTURED_NAME = re.compile(r"(der\()?[A-Za-z_]\w*(\[\d+(,\d+)*\])?(\.[A-Za-z_]\w*(\[\d+(,\d+)*\])?)*(?(1)\))\Z", re.ASCII)
 _FMI3_TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enumeration": "Enumeration"}
 
 
@@ -194,9 +192,7 @@ def _variable_2(parent: Element, compiled: CompiledModel, reference: int, variab
 
 
 def _variable_3(parent: Element, compiled: CompiledModel, reference: int, variable: Variable) -> None:
-    element = ElementTree.SubElement(
-        parent, _FMI3_TYPES[variable.type], name=variable.name, valueReference=str(reference)
-    )
+    element = ElementTree.SubElement(parent, _FMI3_TYPES[variable.type], name=variable.name, valueReference=str(reference))
     element.attrib.update(_common(variable) | _typed(compiled, variable))
     if variable.derivative_of is not None:
         element.set("derivative", str(variable.derivative_of))

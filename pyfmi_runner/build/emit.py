@@ -152,7 +152,8 @@ class Emitter:
                 if not inner:
                     lines.append(f"{indent}const double w{i} = ({condition}) ? {value} : 0.0;")
                     continue
-                lines += [f"{indent}double w{i} = 0.0;", f"{indent}if ({condition}) {{", *inner, f"{indent}    w{i} = {value};", f"{indent}}}"]
+                lines += [f"{indent}double w{i} = 0.0;", f"{indent}if ({condition}) {{", *inner]
+                lines += [f"{indent}    w{i} = {value};", f"{indent}}}"]
             else:
                 kind = "int" if node.op in C_LOGIC else "double"
                 lines.append(f"{indent}const {kind} w{i} = {_expression(node.op, [names[a] for a in node.args])};")

@@ -129,7 +129,9 @@ void model_directional(const ModelData *q, const double *seed, double *dx, doubl
 """
 
 
-def source(system: HybridSystem, layout: Layout, e: Expressions, variables: tuple[Variable, ...], identity: tuple[str, dict[str, list[int]]]) -> tuple[str, str]:
+def source(
+    system: HybridSystem, layout: Layout, e: Expressions, variables: tuple[Variable, ...], identity: tuple[str, dict[str, list[int]]]
+) -> tuple[str, str]:
     """(model.h, model.c); `identity`: model name, and value references of states and derivatives."""
     hoist = Hoist()
     inputs = groups(system, layout)

@@ -7,6 +7,7 @@ A relation makes no event inside noEvent(), in a function, or between values tha
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 
@@ -231,7 +232,7 @@ def _assertion(translate: Translator, tree: Tree) -> Assertion:
     return Assertion(translate.without_events().scalar(tree["condition"]), message, warning=level == 1)
 
 
-def _put_constants(system: HybridSystem, old: list[ca.SX], new: list[ca.SX | None]) -> None:
+def _put_constants(system: HybridSystem, old: list[ca.SX], new: list[Any]) -> None:
     def put(expression: ca.SX) -> ca.SX:
         return ca.substitute([expression], old, new)[0]
 

@@ -160,8 +160,11 @@ def _archive(members: Mapping[str, bytes]) -> bytes:
 
 def _write(path: Path, data: bytes) -> None:
     """A reader sees the old file or the new one, never a part."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror})", file=path, mend="choose another place with --out") from None
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)

@@ -97,7 +97,7 @@ def _solver_parameters() -> list[FlatVariable]:
     """Settings of the internal solver, as the model's last parameters (core.c reads them there)."""
     return [
         _parameter("solver.max_step", 1e-3, 1e-6, 1.0, "s", "Longest internal step in co-simulation"),
-        _parameter("solver.tolerance", 1e-4, 1e-12, 1e6, "1", "Local error allowed per step, relative to max(|x|, nominal), embedded order 3"),
+        _parameter("solver.tolerance", 1e-4, 1e-12, 1e6, "1", "Local error per step, relative to max(|x|, nominal), embedded order 3"),
     ]
 
 
@@ -157,7 +157,7 @@ def _fold_constants(table: Table) -> None:
     else:
         raise table.model.source.refuse("constants that depend on one another", mend="break the circle")
     for scalar in table.of("parameter"):
-        if ca.symvar(scalar.value):
+        if scalar.value is not None and ca.symvar(scalar.value):
             scalar.kind = "calculated"
 
 

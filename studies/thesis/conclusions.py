@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from studies.thesis.conditions import NO_LAG, Run
-from studies.thesis.edge import DOWNHILL, valve_runs
+from studies.thesis.edge import UPHILL, valve_runs
 from studies.thesis.printed import SPEEDS, WORKPIECES
 from studies.thesis.runner import Results
 from studies.thesis.tables import ablation_run, speed_run
@@ -110,12 +110,14 @@ def _speed(results: Results) -> Conclusion:
 def _angle(results: Results) -> Conclusion:
     rmse = {f"{degrees:g} deg": results[angle_run(degrees)].rmse_fn for degrees in ANGLE_ERRORS}
     right, ten, thirty, fifty = rmse.values()
-    holds = ten < (1 + SIGNIFICANT) * right and min(thirty, fifty) > (1 + SIGNIFICANT) * right
+    holds = (
+        -improvement(right, ten) < SIGNIFICANT and -improvement(right, thirty) > SIGNIFICANT and -improvement(right, fifty) > SIGNIFICANT
+    )
     return Conclusion(7, "an error of 10 deg in theta does not matter, 30 and 50 deg degrade f_n", holds, rmse)
 
 
 def _valves(results: Results) -> Conclusion:
-    one, both = (DOWNHILL.errors(results.trace(run), run) for run in valve_runs())
+    one, both = (UPHILL.errors(results.trace(run), run) for run in valve_runs())
     numbers = {"one-directional f_n": one[0], "bidirectional f_n": both[0], "one-directional v_t": one[1], "bidirectional v_t": both[1]}
     holds = improvement(one[0], both[0]) > SIGNIFICANT and improvement(one[1], both[1]) > SIGNIFICANT
     text = "where theta < 0 one-directional valves lose f_n and v_t, bidirectional ones hold them (RMSE there)"

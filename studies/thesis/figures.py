@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.plots import save
 from analysis.plots_thesis import Panel, panels_figure
@@ -109,11 +110,9 @@ def _angle_errors(study: Study) -> Drawing:
 
 def _reversals(trace: Trace, piece: str) -> Drawing:
     rows = trace.time >= MOTION_START
-    time, z, f_n = trace.time[rows], trace.z[rows], trace.f_n[rows]
-    window = 15  # samples of 10 ms about a reversal of z
-    smooth = np.convolve(z, np.ones(window) / window, mode="same")
-    turns = np.flatnonzero(np.diff(np.sign(np.diff(smooth)))) + 1
-    turns = turns[(turns > window) & (turns < len(z) - window)]
+    time, f_n = trace.time[rows], trace.f_n[rows]
+    z, theta = _smooth(trace.z[rows]), _smooth(trace.theta[rows])  # the position's noise of 0.1 mm hides the finish
+    turns = np.flatnonzero(np.diff(np.sign(theta))) + 1  # v_z = v_x tan(theta)
     panels = [
         Panel(TIME, "z [mm]", {"z": (time, 1e3 * z)}, (time[turns], 1e3 * z[turns])),
         Panel(TIME, "f_n [N]", {"f_n": (time, f_n)}, (time[turns], f_n[turns])),
@@ -122,6 +121,12 @@ def _reversals(trace: Trace, piece: str) -> Drawing:
         Panel(TIME, "f_az [N]", {"f_az": (time, trace.f_az[rows])}),
     ]
     return panels, f"Fig. 4.32-4.36: f_n errs where z turns (circles), {piece}", 1
+
+
+def _smooth(values: NDArray[np.float64], window: int = 15) -> NDArray[np.float64]:
+    """Moving mean over `window` samples of 10 ms, the ends held."""
+    padded = np.pad(values, window // 2, mode="edge")
+    return np.convolve(padded, np.ones(window) / window, mode="valid")
 
 
 def _scheduler(study: Study) -> Drawing:

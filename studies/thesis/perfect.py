@@ -13,7 +13,7 @@ from pyfmi_runner.plan import APPROACH, make_plan
 from pyfmi_runner.plant import CLAMPS, COMMANDS, OUTPUTS
 from pyfmi_runner.sensors import initial_state, sense
 from studies.thesis.conclusions import Conclusion, improvement
-from studies.thesis.conditions import NO_LAG, Run, scenario_of
+from studies.thesis.conditions import NO_LAG, TIME_SHIFT, Run, scenario_of
 from studies.thesis.runner import Results
 from studies.thesis.scores import Scores
 
@@ -29,7 +29,7 @@ class PerfectRun:
     """Scores and f_n of a run on the straight edge."""
 
     scores: Scores
-    time: np.ndarray
+    time: np.ndarray  # s, the thesis'
     f_n: np.ndarray
 
 
@@ -64,7 +64,7 @@ def _scored(run: Run, seen: np.ndarray, start: float) -> PerfectRun:
     window = time >= start - run.choice.quiet - 1e-9
     e_f, e_v = e_f[window], e_v[window]
     scores = Scores(float(np.abs(e_f).max()), float(np.abs(e_v).max()), float(np.sqrt(np.mean(e_f**2))), float(np.sqrt(np.mean(e_v**2))))
-    return PerfectRun(scores, time, seen[:, 0])
+    return PerfectRun(scores, time + TIME_SHIFT, seen[:, 0])
 
 
 def perfect_conclusion(results: Results, with_lag: PerfectRun, without_lag: PerfectRun) -> Conclusion:

@@ -58,17 +58,16 @@ def hysteresis(fmu: FmuFile, law: float, choice: Choice, **parameters: float) ->
     plant = choice.plant() | {"contact.z_0": 0.04, "axis_z.s_start": 0.04, "axis_z.friction.law": law} | parameters
     levels, period = staircase(), 0.01
     names = ("z", "v_z", "f_z", "f_az")
-    rows, commands = [], []
+    rows, commands = [], np.repeat(levels, round(HOLD / period))
     with FmuSession(fmu, parameters=plant) as session:
         session.set("clamp_x", True)
-        for k in range(round(len(levels) * HOLD / period)):
-            level = float(levels[int(k * period / HOLD + 1e-9)])
+        for level in commands.tolist():
             rows.append(session.get(names))
-            commands.append(level)
             session.set("u_z", level)
             session.step(period)
     z, v_z, f_z, f_az = np.array(rows, dtype=np.float64).T
-    return Hysteresis(period * np.arange(len(z), dtype=np.float64), np.array(commands, dtype=np.float64), z, v_z, f_z, f_az, f_az - f_z - choice.cable_z)
+    time = period * np.arange(len(z), dtype=np.float64)
+    return Hysteresis(time, commands, z, v_z, f_z, f_az, f_az - f_z - choice.cable_z)
 
 
 def friction_conclusion(ddfm: Hysteresis, vdfm: Hysteresis) -> Conclusion:

@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from controllers.catalogue import make_controller
+from controllers.interface import Controller
+from controllers.wrong_angle import WrongAngle
 from pyfmi_runner.errors import RunError
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.run import run_scenario
-from studies.thesis.conditions import Run, scenario_of
+from studies.thesis.conditions import TIME_SHIFT, Run, scenario_of
 from studies.thesis.scores import Scores, Trace, score_log, trace_log
 
 __all__ = ["Done", "Job", "Results", "Workers", "run_one"]
@@ -50,12 +52,16 @@ class Results:
 def run_one(run: Run, fmu: FmuFile, *, trace: bool = False) -> Done:
     """Raises RunError where the FMU fails: a table with a hole is no table."""
     scenario = scenario_of(run)
-    controller = make_controller(run.controller, **({"gains": run.gains} if run.gains else {}))
+    controller: Controller = WrongAngle(run.angle_error) if run.angle_error else make_controller(run.controller, **_options(run))
     result = run_scenario(scenario, fmu, controller=controller)
     if result.outcome != "done":
         raise RunError(f"{scenario.name}: {result.reason}")
-    scores = score_log(result.log, quiet=run.choice.quiet, v_td=run.v_td, f_nd=scenario.f_nd, true_angle=run.angle_error != 0.0)
-    return Done(scores, trace_log(result.log) if trace else None)
+    scores = score_log(result.log, quiet=run.choice.quiet, v_td=run.v_td, f_nd=scenario.f_nd)
+    return Done(scores, trace_log(result.log, TIME_SHIFT) if trace else None)
+
+
+def _options(run: Run) -> dict[str, Any]:
+    return {"gains": run.gains} if run.gains else {}
 
 
 def run_batch(runs: list[Run], fmu: str, traced: frozenset[Run]) -> dict[Run, Done]:

@@ -1,4 +1,4 @@
-"""Stationary force control on z with the friction laws (Fig. 4.10, 4.18): x clamped, f_nd stepped to 30 N."""
+"""Stationary force control on z with the friction laws (Fig. 4.10, 4.18): x clamped, piston at the edge, f_nd stepped to 40 N."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Responses = dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]  # name -
 def stationary_responses(fmu: str) -> Responses:
     """VDFM with the three integral gains of Fig. 4.10, and DDFM with them."""
     file = FmuFile.read(fmu)
-    phases = {"approach": (0.0, 3.0), "contact": (3.0, 15.0), "contour": (15.0, 15.1)}
+    phases = {"approach": (0.0, 1.0), "contact": (1.0, 13.0), "contour": (13.0, 13.1)}
     found = {}
     for name, law in (("VDFM", VDFM), ("DDFM", DDFM)):
         for k_i in INTEGRAL_GAINS:
             controller = PiFv(gains=TABLE_3_11._replace(f_z=PidGains(0.02, k_i)))
             plant = CHOICE.plant() | {"axis_z.friction.law": law}
-            scenario = Scenario(workpiece="straight", phases=phases, clamped=("x",), plant=plant, f_nd=40.0, approach_u_z=0.95)
+            scenario = Scenario(workpiece="straight", phases=phases, clamped=("x",), plant=plant, f_nd=40.0, start_z=0.04, approach_u_z=0.0)
             log = run_scenario(scenario, file, controller=controller).log
             found[f"{name}, K_i {k_i:g}"] = (log.time[::10], log["f_z"][::10])
     return found

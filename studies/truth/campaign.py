@@ -34,8 +34,7 @@ def generate(rig: Rig, seed: int, setups: dict[str, Setup] | None = None) -> Cam
     setups = campaign_setups() if setups is None else setups
     seeds = np.random.SeedSequence(seed).spawn(len(setups))
     return {
-        name: log_frame(run(rig, setup, draw=draws(setup.rows, child)))
-        for (name, setup), child in zip(setups.items(), seeds, strict=True)
+        name: log_frame(run(rig, setup, draw=draws(setup.rows, child))) for (name, setup), child in zip(setups.items(), seeds, strict=True)
     }
 
 

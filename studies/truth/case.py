@@ -32,9 +32,7 @@ class Case:
     causes: tuple[Cause, ...]
 
 
-def plan_case(
-    seed: int, kind: str | None = None, rms: float = 0.02, effects: tuple[tuple[str, str], ...] | None = None
-) -> Case:
+def plan_case(seed: int, kind: str | None = None, rms: float = 0.02, effects: tuple[tuple[str, str], ...] | None = None) -> Case:
     """Draw kind, tolerance and causes. `kind` or `effects`, (effect, axis) pairs, fix what the mixture would draw."""
     rng = np.random.default_rng([seed, 1])
     if effects is None:

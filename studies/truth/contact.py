@@ -38,9 +38,7 @@ def deflection(edge: np.ndarray, standoff: float, x: float, z: float, v_x: float
     height, slope = edge_at(edge, x)
     cosine = 1.0 / math.sqrt(1.0 + slope * slope)
     sine = slope * cosine
-    return Deflection(
-        (z - standoff - height) * cosine, (v_z - slope * v_x) * cosine, cosine, sine, v_x * cosine + v_z * sine
-    )
+    return Deflection((z - standoff - height) * cosine, (v_z - slope * v_x) * cosine, cosine, sine, v_x * cosine + v_z * sine)
 
 
 @njit

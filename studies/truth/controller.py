@@ -46,9 +46,7 @@ def _drive(gains: np.ndarray, integral: np.ndarray, e: Errors, base: float, sens
 
 
 @njit
-def control(
-    gains: np.ndarray, integral: np.ndarray, f_nd: float, v_td: float, sensed: np.ndarray
-) -> tuple[float, float]:
+def control(gains: np.ndarray, integral: np.ndarray, f_nd: float, v_td: float, sensed: np.ndarray) -> tuple[float, float]:
     """(u_x, u_z) [V] from the eight sensed channels; `integral` is the state, 0 when the contact phase starts."""
     f_x, f_z = sensed[4], sensed[5]
     cosine, sine = 1.0, 0.0

@@ -108,9 +108,7 @@ def _coupling(saturates: bool) -> Build:
     return build
 
 
-def _forms(
-    effect: str, low: float, high: float, unit: str, axes: tuple[str, ...] = AXES, **builds: Build
-) -> list[Form]:
+def _forms(effect: str, low: float, high: float, unit: str, axes: tuple[str, ...] = AXES, **builds: Build) -> list[Form]:
     return [Form(effect, name, "friction", axes, low, high, unit, build) for name, build in builds.items()]
 
 

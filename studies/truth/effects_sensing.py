@@ -65,9 +65,7 @@ def _loop_delay(kind: str) -> Build:
     return build
 
 
-def _forms(
-    effect: str, part: str, axes: tuple[str, ...], low: float, high: float, unit: str, **builds: Build
-) -> list[Form]:
+def _forms(effect: str, part: str, axes: tuple[str, ...], low: float, high: float, unit: str, **builds: Build) -> list[Form]:
     return [Form(effect, name, part, axes, low, high, unit, build) for name, build in builds.items()]
 
 

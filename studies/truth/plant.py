@@ -77,9 +77,7 @@ def axis_drive(a: Record, profile: np.ndarray, y: np.ndarray, o: int, around: Su
 
 
 @njit
-def motion_rates(
-    a: Record, profile: np.ndarray, y: np.ndarray, o: int, mode: int, around: Surroundings, rates: np.ndarray
-) -> float:
+def motion_rates(a: Record, profile: np.ndarray, y: np.ndarray, o: int, mode: int, around: Surroundings, rates: np.ndarray) -> float:
     """Fill the rates of position, speed, bristles, work and rest of a free axis; returns its acceleration."""
     v = y[o + 1]
     level = coulomb_level(a, profile, y[o], around.f_n, y[o + WORK], around.time)
@@ -126,9 +124,7 @@ def plant_rates(
 
 
 @njit
-def axis_modes(
-    a: Record, profile: np.ndarray, y: np.ndarray, o: int, around: Surroundings, clamped: bool
-) -> tuple[int, int]:
+def axis_modes(a: Record, profile: np.ndarray, y: np.ndarray, o: int, around: Surroundings, clamped: bool) -> tuple[int, int]:
     """(friction mode, stop mode) of one axis; stop -1 or +1 while the piston is held at 0 or at the end of stroke."""
     v = y[o + 1]
     level = coulomb_level(a, profile, y[o], around.f_n, y[o + WORK], around.time)

@@ -14,9 +14,7 @@ SPREAD_AXIS = ("mass", "viscous", "static", "dynamic", "cable", "gain", "lag")
 SPREAD_CONTACT = ("stiffness", "damping")
 
 
-def with_tolerance(
-    rig: Rig, rng: np.random.Generator, rms: float = 0.02, valve_offset_too: bool = False
-) -> tuple[Rig, dict[str, float]]:
+def with_tolerance(rig: Rig, rng: np.random.Generator, rms: float = 0.02, valve_offset_too: bool = False) -> tuple[Rig, dict[str, float]]:
     """(a rig whose parameters are each off by a normal draw of `rms`, relative; the factors). F_s >= F_d is kept."""
     if not 0.0 <= rms < 0.3:
         raise ValueError(f"rms must be >= 0 and < 0.3, got {rms}")

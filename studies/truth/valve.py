@@ -51,9 +51,7 @@ def steady_force(a: Record, u: float, time: float) -> float:
 
 
 @njit
-def valve_rates(
-    a: Record, profile: np.ndarray, demand: np.ndarray, position: float, y: np.ndarray, o: int, rates: np.ndarray
-) -> None:
+def valve_rates(a: Record, profile: np.ndarray, demand: np.ndarray, position: float, y: np.ndarray, o: int, rates: np.ndarray) -> None:
     """Rates of [f_a, stage, stage rate, supply loss] at y[o + 2 .. o + 5]; `demand` [N] is `steady_force`, unsigned."""
     f_a, stage, stage_rate, loss = y[o + 2], y[o + 3], y[o + 4], y[o + 5]
     target = a.sign * demand * (1.0 - loss)

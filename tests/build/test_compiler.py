@@ -73,7 +73,9 @@ def library_of(text: str, folder: Path, name: str = "M") -> Tiny:
     for source, content in compiled.sources.items():
         (folder / source).write_text(content)
     flags = ["-std=c11", "-O0", "-Wall", "-Werror", "-Wno-unused", "-ffp-contract=off", "-shared", "-fPIC", "-I.", f"-I{CSRC}"]
-    done = subprocess.run(["cc", *flags, "-o", "m.so", "model.c", str(CSRC / "core.c"), "-lm"], cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        ["cc", *flags, "-o", "m.so", "model.c", str(CSRC / "core.c"), "-lm"], cwd=folder, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     library = ctypes.CDLL(str(folder / "m.so"))
     library.core_new.restype = P
@@ -200,7 +202,8 @@ end M;
 
 
 def test_elementary_functions_and_rounding_within_noevent(tiny):
-    m = tiny("""
+    m = tiny(
+        """
 model M
   input Real u;
   input Real w;
@@ -228,7 +231,8 @@ equation
   y[19] = if u > w then (if u > 0 then 1 else 2) else 3;
   y[20] = if u <> w then 1e-3 else 1E3;
 end M;
-""".replace("u <> w", "noEvent(u >= w)"))
+""".replace("u <> w", "noEvent(u >= w)")
+    )
     m.start()
     for u, w in ((2.5, 0.7), (-2.5, 0.7), (2.5, -0.7), (-2.5, -0.7), (-1.2, 3.0)):
         m.set(u=u, w=w)
@@ -681,10 +685,18 @@ REFUSED = {  # name: (text, line, a piece of the message)
     ),
     "initial equation": ("model M\n  Real x;\ninitial equation\n  x = 1;\nequation\n  der(x) = -x;\nend M;\n", 4, "initial equation"),
     "algorithm section": ("model M\n  Real x;\nalgorithm\n  x := time;\nend M;\n", 4, "algorithm section"),
-    "initial algorithm": ("model M\n  Real x(start=0);\ninitial algorithm\n  x := 2;\nequation\n  der(x) = 1;\nend M;\n", (1, 2), "initial algorithm"),
+    "initial algorithm": (
+        "model M\n  Real x(start=0);\ninitial algorithm\n  x := 2;\nequation\n  der(x) = 1;\nend M;\n",
+        (1, 2),
+        "initial algorithm",
+    ),
     "while": (FUNCTION.format(body="  y := u;\n  while y < 10 loop\n    y := y + 1;\n  end while;\n"), (1, 6), "statement"),
     "recursion": (FUNCTION.format(body="  y := if u > 1 then u*f(u - 1) else 1;\n"), (5, 9), "calls itself"),
-    "long loop": (FUNCTION.format(body="  y := 0;\n  for i in 1:20000 loop\n    y := y + u;\n  end for;\n"), (6, 7), "loops more than 10000 times"),
+    "long loop": (
+        FUNCTION.format(body="  y := 0;\n  for i in 1:20000 loop\n    y := y + u;\n  end for;\n"),
+        (6, 7),
+        "loops more than 10000 times",
+    ),
     "moving loop range": (FUNCTION.format(body="  y := 0;\n  for i in 1:integer(u) loop\n    y := y + i;\n  end for;\n"), (1, 6), "loop"),
     "external function": (
         'function f\n  input Real u;\n  output Real y;\nexternal "C" y = f(u);\nend f;\nmodel M\n  Real x;\nequation\n  x = f(time);\nend M;\n',
@@ -703,20 +715,40 @@ REFUSED = {  # name: (text, line, a piece of the message)
     "unknown function": ("model M\n  Real x;\nequation\n  x = g(time);\nend M;\n", 4, "unresolved function call: 'g'"),
     "unknown base class": ("model M\n  extends Foo;\nend M;\n", 2, "`Foo` does not exist"),
     "unknown class": ("model N\n  Real x;\nequation\n  x = 1;\nend N;\n", None, "no class M"),
-    "string in an equation": ('model M\n  parameter String s = "a";\n  Real x;\nequation\n  x = if s == "a" then 1 else 2;\nend M;\n', (2, 5), "String"),
+    "string in an equation": (
+        'model M\n  parameter String s = "a";\n  Real x;\nequation\n  x = if s == "a" then 1 else 2;\nend M;\n',
+        (2, 5),
+        "String",
+    ),
     "type mismatch": ("model M\n  Real x;\n  Boolean b;\nequation\n  b = time > 1;\n  x = b;\nend M;\n", 6, "type mismatch"),
     "array sizes": ("model M\n  Real x[2];\nequation\n  x = {1, 2, 3};\nend M;\n", 4, "dimension mismatch"),
-    "subscript out of bounds": ("model M\n  Real x[2];\n  Real y;\nequation\n  x[1] = 1;\n  x[2] = 2;\n  y = x[3];\nend M;\n", 7, "out of bounds"),
+    "subscript out of bounds": (
+        "model M\n  Real x[2];\n  Real y;\nequation\n  x[1] = 1;\n  x[2] = 2;\n  y = x[3];\nend M;\n",
+        7,
+        "out of bounds",
+    ),
     "subscript that varies": (
         "model M\n  Real x[2];\n  Real y;\n  Integer i;\nequation\n  i = if time > 1 then 1 else 2;\n  x[1] = 1;\n  x[2] = 2;\n  y = x[i];\nend M;\n",
         9,
         "subscript",
     ),
     "delay longer than its maximum": ("model M\n  Real x;\nequation\n  x = delay(time, 0.5, 0.2);\nend M;\n", 4, "0.5 must not exceed"),
-    "parameters in a circle": ("model M\n  parameter Real a = b;\n  parameter Real b = a;\n  Real x;\nequation\n  x = a;\nend M;\n", 2, "cyclic"),
+    "parameters in a circle": (
+        "model M\n  parameter Real a = b;\n  parameter Real b = a;\n  Real x;\nequation\n  x = a;\nend M;\n",
+        2,
+        "cyclic",
+    ),
     "parameter from a variable": ("model M\n  Real x;\n  parameter Real p = x;\nequation\n  x = time;\nend M;\n", 3, "cannot depend on"),
-    "start from a variable": ("model M\n  Real y;\n  Real x(start = y, fixed = true);\nequation\n  y = time;\n  der(x) = 1;\nend M;\n", 3, "start value of x"),
-    "bound from a parameter": ("model M\n  parameter Real q = 1;\n  parameter Real p(max = q) = 0;\n  Real x;\nequation\n  x = p;\nend M;\n", 3, "a bound of p"),
+    "start from a variable": (
+        "model M\n  Real y;\n  Real x(start = y, fixed = true);\nequation\n  y = time;\n  der(x) = 1;\nend M;\n",
+        3,
+        "start value of x",
+    ),
+    "bound from a parameter": (
+        "model M\n  parameter Real q = 1;\n  parameter Real p(max = q) = 0;\n  Real x;\nequation\n  x = p;\nend M;\n",
+        3,
+        "a bound of p",
+    ),
     "constant without a value": ("model M\n  constant Real a;\n  Real x;\nequation\n  x = a;\nend M;\n", 2, "the constant a has no value"),
     "derivative of an expression": ("model M\n  Real x;\nequation\n  der(2*x) = 1;\nend M;\n", 4, "der("),
     "reinit of no state": (

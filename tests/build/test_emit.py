@@ -17,7 +17,6 @@ N_X, N_P, N_M = 5, 6, 3
 MAX_SLOTS = 20_000
 
 
-
 def bounded(v: ca.SX) -> ca.SX:
     return ca.fmin(ca.fmax(v, -9), 9)
 

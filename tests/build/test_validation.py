@@ -51,6 +51,4 @@ def test_the_error_stays_below_the_tolerance(name, fmus):
     assert len(result) == round(STOP / STEP) + 1
     assert np.all(np.isfinite(result["error"]))
     worst = int(np.argmax(np.abs(result["error"])))
-    assert abs(result["error"][worst]) < tolerance, (
-        f"|error| = {abs(result['error'][worst]):.3g} at t = {result['time'][worst]:.3f} s"
-    )
+    assert abs(result["error"][worst]) < tolerance, f"|error| = {abs(result['error'][worst]):.3g} at t = {result['time'][worst]:.3f} s"

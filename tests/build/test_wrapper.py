@@ -112,20 +112,14 @@ FMI3: dict[str, tuple[str, str, Any]] = {
     "GetInt32": ("IMECT", "IMST", _get(BOUNCES, c_int32)),
     "GetInt64": ("IMECT", "IMST", _get(MEDIUM, c_int64)),
     "GetBoolean": ("IMECT", "IMST", _get(ON, c_bool)),
-    **{
-        f"Get{t}": ("IMECT", "IMST", _none(None, 0))
-        for t in ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "UInt64", "String")
-    },
+    **{f"Get{t}": ("IMECT", "IMST", _none(None, 0)) for t in ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "UInt64", "String")},
     "GetBinary": ("IMECT", "IMST", _none(None, None, 0)),
     "SetFloat64": ("IMEC", "IMS", _set(FORCE, c_double, 1.0)),
     "SetFloat32": ("IMEC", "IMS", _none(None, 0)),
     "SetInt32": ("IME", "IMS", _set(COUNT, c_int32, 2)),
     "SetInt64": ("IME", "IMS", _none(None, 0)),
     "SetBoolean": ("IME", "IMS", _set(ON, c_bool, True)),
-    **{
-        f"Set{t}": ("IME", "IMS", _none(None, 0))
-        for t in ("Int8", "UInt8", "Int16", "UInt16", "UInt32", "UInt64", "String")
-    },
+    **{f"Set{t}": ("IME", "IMS", _none(None, 0)) for t in ("Int8", "UInt8", "Int16", "UInt16", "UInt32", "UInt64", "String")},
     "SetBinary": ("IME", "IMS", _none(None, None, 0)),
     "GetClock": ("ME", "M", _none(None)),
     "SetClock": ("ME", "M", _none(None)),
@@ -666,9 +660,7 @@ def test_the_c_code_compiles_without_warnings(fmi, warnings, tmp_path):
 def test_a_function_prefix_names_the_functions_of_a_source_fmu(tmp_path):
     result = compile_c(tmp_path, "3.0", "-DFMI3_FUNCTION_PREFIX=Stub_", "-c")
     assert result.returncode == 0, result.stderr
-    symbols = subprocess.run(
-        ["nm", "--defined-only", "fmi3.o"], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
+    symbols = subprocess.run(["nm", "--defined-only", "fmi3.o"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert "Stub_fmi3DoStep" in symbols.stdout
 
 

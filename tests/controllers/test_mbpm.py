@@ -80,9 +80,7 @@ def test_network_does_not_learn_while_the_command_is_clipped_outwards():
     assert np.array_equal(before.w, controller.state.nn.w)
 
 
-@pytest.mark.parametrize(
-    "options", [{"n_h": 0}, {"lam": -1.0}, {"slope": 0.0}, {"axes": "x"}, {"u_max": 0.0}, {"n_i": 4}]
-)
+@pytest.mark.parametrize("options", [{"n_h": 0}, {"lam": -1.0}, {"slope": 0.0}, {"axes": "x"}, {"u_max": 0.0}, {"n_i": 4}])
 def test_impossible_options_are_refused_by_name(options):
     with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
         make_controller("pi_fv_mbpm", **options)

@@ -48,9 +48,7 @@ def test_transition_is_the_plant_without_lag_less_the_plant_with_lag():
     free, lagged, held = np.array([3.0, 2e-3, -0.05]), np.array([3.0, 5e-4, 0.01]), 12.0
     start = np.append(free - lagged, held)
     start[0] = 3.0
-    after_free, after_lagged = (
-        fine_step(FORCE_LOOP, s, held, 1e-3, lag=on) for s, on in ((free, False), (lagged, True))
-    )
+    after_free, after_lagged = (fine_step(FORCE_LOOP, s, held, 1e-3, lag=on) for s, on in ((free, False), (lagged, True)))
     after = after_free - after_lagged
     after[0] = after_lagged[0]
     assert np.array(held_rows(FORCE_LOOP, 1e-3)) @ start == pytest.approx(after, rel=1e-9)

@@ -37,7 +37,9 @@ def folder(tmp_path: Path) -> Path:
 
 def test_a_campaign_survives_the_round_trip(folder: Path) -> None:
     campaign = read_campaign(folder)
-    assert list(campaign.logs) == ["contour", "rest"] and campaign.name == "bench 3" and campaign.notes == []
+    assert list(campaign.logs) == ["contour", "rest"]
+    assert campaign.name == "bench 3"
+    assert campaign.notes == []
     assert campaign.logs["contour"].setup == CONTOUR
     pd.testing.assert_frame_equal(campaign.logs["contour"].log.table, resting_log().table)
 
@@ -49,7 +51,8 @@ def test_a_users_workpiece_travels_with_the_campaign(tmp_path: Path) -> None:
     write(Campaign("c", tmp_path, {"edge": LoggedRun(setup, resting_log())}), tmp_path / "new")
     edge.unlink()
     back = read_campaign(tmp_path / "new").logs["edge"].setup
-    assert Path(back.workpiece).parent == tmp_path / "new" and back.z_0 == 0.05
+    assert Path(back.workpiece).parent == tmp_path / "new"
+    assert back.z_0 == 0.05
 
 
 def test_clamps_hold_until_their_phase_starts() -> None:
@@ -121,7 +124,9 @@ def test_unusable_tables_are_refused_naming_file_key_and_mend(folder: Path, old:
     index.write_text(text.replace(old, new, 1))
     with pytest.raises(InputError, match=words) as caught:
         read_campaign(folder)
-    assert str(caught.value).startswith(str(index)) and "; " in str(caught.value) and "\n" not in str(caught.value)
+    assert str(caught.value).startswith(str(index))
+    assert "; " in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_log_without_a_table_and_a_folder_without_an_index_are_refused(folder: Path) -> None:
@@ -130,7 +135,7 @@ def test_a_log_without_a_table_and_a_folder_without_an_index_are_refused(folder:
         read_campaign(folder)
     assert "stray.csv" in read_campaign(folder, strict=False).notes[0]
     (folder / "campaign.toml").unlink()
-    with pytest.raises(InputError, match="campaign.toml: no such file; write one"):
+    with pytest.raises(InputError, match=r"campaign\.toml: no such file; write one"):
         read_campaign(folder)
 
 
@@ -139,7 +144,8 @@ def test_the_rest_of_a_campaign_is_read_where_asked(folder: Path) -> None:
     with pytest.raises(InputError, match=r"rest.parquet"):
         read_campaign(folder)
     campaign = read_campaign(folder, strict=False)
-    assert list(campaign.logs) == ["contour"] and "rest left out" in campaign.notes[0]
+    assert list(campaign.logs) == ["contour"]
+    assert "rest left out" in campaign.notes[0]
     (folder / "contour.parquet").unlink()
     with pytest.raises(InputError, match="no usable log"):
         read_campaign(folder, strict=False)
@@ -148,7 +154,9 @@ def test_the_rest_of_a_campaign_is_read_where_asked(folder: Path) -> None:
 @pytest.mark.skipif(not CAMPAIGNS.is_dir(), reason=f"{CAMPAIGNS} is absent")
 def test_the_nominal_campaign_reads_whole() -> None:
     campaign = read_campaign(CAMPAIGNS / "nominal")
-    assert len(campaign.logs) == 7 and campaign.notes == []
+    assert len(campaign.logs) == 7
+    assert campaign.notes == []
     curved = campaign.logs["contour_curved"]
     assert curved.setup.clamp_signal("x", curved.log.time).sum() == 7000
-    assert isinstance(curved.setup.gains, dict) and curved.setup.gains["Ki_vx"] == 4.0
+    assert isinstance(curved.setup.gains, dict)
+    assert curved.setup.gains["Ki_vx"] == 4.0

@@ -99,9 +99,7 @@ def test_a_missing_truncated_or_foreign_file_is_refused(path, tmp_path):
     for size in (100, len(data) // 2, len(data) - 1):
         (tmp_path / "cut.fmu").write_bytes(data[:size])
         assert "not a zip archive, or a truncated one" in refusal(tmp_path / "cut.fmu")
-    assert "modelDescription.xml is missing" in refusal(
-        archive_with(path, tmp_path / "x.fmu", {"modelDescription.xml": None})
-    )
+    assert "modelDescription.xml is missing" in refusal(archive_with(path, tmp_path / "x.fmu", {"modelDescription.xml": None}))
 
 
 def test_flipped_bytes_are_refused_or_harmless(path, tmp_path):
@@ -153,12 +151,8 @@ def test_a_wrong_description_names_what_is_wrong(path, tmp_path):
     assert "not well-formed XML" in refusal(described(path, target, "</fmiModelDescription>", ""))
     assert "fmiVersion: FMI version '1.0'" in refusal(described(path, target, "fmiVersion=", 'fmiVersion="1.0" x='))
     assert "m: line" in refusal(described(path, target, 'min="0.1"', 'min="low"'))
-    assert "modelIdentifier: '../../x' is no C identifier" in refusal(
-        described(path, target, '"Stub_Ball"', '"../../x"')
-    )
-    assert "ModelVariables: two variables have the same name" in refusal(
-        described(path, target, 'name="e"', 'name="k"')
-    )
+    assert "modelIdentifier: '../../x' is no C identifier" in refusal(described(path, target, '"Stub_Ball"', '"../../x"'))
+    assert "ModelVariables: two variables have the same name" in refusal(described(path, target, 'name="e"', 'name="k"'))
     assert "lacks the attribute modelName" in refusal(described(path, target, "modelName=", "model="))
 
 

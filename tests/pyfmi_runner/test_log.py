@@ -120,7 +120,9 @@ def test_unusable_tables_are_refused_naming_file_column_and_mend(case: str) -> N
     with pytest.raises(InputError) as caught:
         check_table(change(sound_log().table.copy()), "rig.csv")
     text = str(caught.value)
-    assert text.startswith("rig.csv: ") and "\n" not in text and "; " in text
+    assert text.startswith("rig.csv: ")
+    assert "\n" not in text
+    assert "; " in text
     for word in words:
         assert word in text
 
@@ -142,8 +144,9 @@ def test_unreadable_files_are_refused_in_one_line(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(content)
         with pytest.raises(InputError, match=word) as caught:
             read_log(tmp_path / name)
-        assert name in str(caught.value) and "\n" not in str(caught.value)
-    with pytest.raises(InputError, match="did you mean whole.parquet"):
+        assert name in str(caught.value)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match=r"did you mean whole\.parquet"):
         read_log(tmp_path / "whol.parquet")
     with pytest.raises(InputError, match="is a folder"):
         read_log(tmp_path)

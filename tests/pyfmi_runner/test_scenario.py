@@ -46,7 +46,8 @@ def test_an_empty_file_is_the_campaigns_curved_run(tmp_path: Path) -> None:
     assert scenario == Scenario(name="plain")
     assert scenario.phases == {"approach": (0.0, 3.0), "contact": (3.0, 7.0), "contour": (7.0, 16.0)}
     assert (scenario.z_0, scenario.samples, scenario.noise) == (0.090, 16_000, True)
-    assert scenario.windows("x")[0][1] == 7.0 and scenario.windows("z") == []
+    assert scenario.windows("x")[0][1] == 7.0
+    assert scenario.windows("z") == []
 
 
 @pytest.mark.parametrize(("workpiece", "length"), [("incline_16", 4.5), ("incline_30", 2.4), ("incline_7", 9.0)])
@@ -58,14 +59,16 @@ def test_contouring_ends_where_the_stroke_does(workpiece: str, length: float) ->
 def test_the_thesis_run_lasts_45_s(tmp_path: Path) -> None:
     (tmp_path / "t.toml").write_text('phases = "thesis"\n')
     scenario = read_scenario(tmp_path / "t.toml")
-    assert scenario.duration == 45.0 and scenario.phases["contour"] == (22.0, 32.0)
+    assert scenario.duration == 45.0
+    assert scenario.phases["contour"] == (22.0, 32.0)
     assert scenario.phases == thesis_phases("curved")
 
 
 def test_whole_numbers_are_read_as_floats(tmp_path: Path) -> None:
     (tmp_path / "t.toml").write_text("f_nd = 40\n[plant]\nm_x = 7\n")
     scenario = read_scenario(tmp_path / "t.toml")
-    assert isinstance(scenario.f_nd, float) and isinstance(scenario.plant["m_x"], float)
+    assert isinstance(scenario.f_nd, float)
+    assert isinstance(scenario.plant["m_x"], float)
 
 
 def test_a_workpiece_file_is_taken_from_the_scenarios_folder(tmp_path: Path) -> None:
@@ -111,7 +114,9 @@ def test_unusable_scenarios_are_refused_naming_file_key_and_mend(tmp_path: Path,
     path.write_text(text)
     with pytest.raises(InputError, match=words) as caught:
         read_scenario(path)
-    assert str(caught.value).startswith(str(path)) and "; " in str(caught.value) and "\n" not in str(caught.value)
+    assert str(caught.value).startswith(str(path))
+    assert "; " in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_values_are_checked_in_python_too() -> None:

@@ -74,9 +74,7 @@ def test_a_users_profile_runs_through_its_points_and_straight_on(tmp_path: Path)
     path = tmp_path / "wave.csv"
     x = np.linspace(1.0, 0.3, 141)  # falling, as the tracking runs
     z_w = 0.01 * np.sin(2 * np.pi * (x - 0.3) / 0.35)
-    path.write_text(
-        "# my edge\nx,z_w\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x.tolist(), z_w.tolist(), strict=True))
-    )
+    path.write_text("# my edge\nx,z_w\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x.tolist(), z_w.tolist(), strict=True)))
     profile = workpiece(str(path))
     assert profile.height(x) == pytest.approx(z_w, abs=1e-9)
     inner = np.linspace(0.31, 0.99, 1000)
@@ -108,7 +106,8 @@ def test_unusable_profiles_are_refused(tmp_path: Path, text: str, words: str) ->
     path.write_text(text)
     with pytest.raises(InputError, match=words) as caught:
         read_profile(path)
-    assert "edge.csv" in str(caught.value) and "\n" not in str(caught.value)
+    assert "edge.csv" in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_an_unknown_name_is_refused_with_the_nearest() -> None:

@@ -65,9 +65,7 @@ def oracle_z(times: np.ndarray, u: float) -> np.ndarray:
     while now < times[-1]:
         ahead = y + 1e-9 * np.array(rates(now, y, mode_of(y)))  # just past the event that ended the last piece
         mode = mode_of(ahead)
-        piece = solve_ivp(
-            rates, (now, times[-1]), ahead, args=(mode,), events=events, rtol=1e-10, atol=1e-12, dense_output=True
-        )
+        piece = solve_ivp(rates, (now, times[-1]), ahead, args=(mode,), events=events, rtol=1e-10, atol=1e-12, dense_output=True)
         inside = (times >= now) & (times <= piece.t[-1])
         out[inside] = piece.sol(times[inside]).T
         now, y = piece.t[-1] + 1e-9, piece.y[:, -1]
@@ -196,11 +194,7 @@ def test_effect_shows_at_its_largest_and_not_at_zero(form, axis, plain):
 
 # Another friction law, whole holds: a small size has no small effect. Fast stages: too stiff to follow at such a size.
 NOT_FADING = {"presliding", "dropout", "oscillating_spool"}
-FADING = [
-    p
-    for p in EVERY
-    if p.values[0].part != "timing" and p.values[0].effect not in NOT_FADING and "two_stage" not in p.id
-]
+FADING = [p for p in EVERY if p.values[0].part != "timing" and p.values[0].effect not in NOT_FADING and "two_stage" not in p.id]
 
 
 @pytest.mark.parametrize(("form", "axis"), FADING)

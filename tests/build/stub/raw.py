@@ -36,9 +36,7 @@ class Raw:
     Phases: I instantiated, M initialization mode, E event, C continuous-time, S step, T terminated, X error.
     """
 
-    def __init__(
-        self, fmi: str, kind: str, *, token: str | None = None, name: str = "it", logging: bool = True
-    ) -> None:
+    def __init__(self, fmi: str, kind: str, *, token: str | None = None, name: str = "it", logging: bool = True) -> None:
         self.fmi, self.kind, self.prefix = fmi, kind, f"fmi{fmi[0]}"
         self.file = _file(fmi)
         self.library = _library(self.file.library(kind), fmi, kind)
