@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow lint lock clean
+.PHONY: demo test test-slow lint map lock clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -29,6 +29,9 @@ $(READY): pyproject.toml requirements.lock
 	@command -v $${CC:-cc} >/dev/null 2>&1 || { echo "no C compiler found: installing ziglang (411 MB)"; $(BIN)/python -m pip install --quiet "ziglang>=0.13"; }
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
 	@touch $@
+
+map: $(READY) ## renew the file map of README.md
+	$(BIN)/python docs/file_map.py
 
 lock: ## renew requirements.lock from pyproject.toml
 	$(BIN)/python -m pip install --quiet uv

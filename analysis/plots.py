@@ -1,4 +1,4 @@
-"""Figures; the only file of the product that imports matplotlib. Arrays in, a Figure out; no computing here."""
+"""Figures of runs and replays, and what all figures share. Only plots*.py import matplotlib. Arrays in, a Figure out; no computing."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def tracking_figure(log: Log, title: str = "") -> Figure:
     for ax, label in zip(axes[:, 0], ("f_n [N]", "v_t [m/s]", "theta [deg]", "z [mm]", "command [V]"), strict=True):
         ax.set_ylabel(label)
         if ax.get_legend_handles_labels()[0]:
-            ax.legend(loc="upper left", ncols=3)
+            ax.legend(loc="upper left" if ax is theta else "lower left", ncols=3)
     figure.suptitle(title)
     return figure
 

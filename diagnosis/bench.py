@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.catalogue import Effect, Form
-from diagnosis.fit import Coordinate, Fit, effect_coordinate, fit, predict, tolerance_coordinate
-from diagnosis.mechanics import MechanicsView, robust_segments
+from diagnosis.fit import Coordinate, Fit, effect_coordinate, fit, objective, predict, tolerance_coordinate
+from diagnosis.mechanics import MechanicsView, robust_segments, smoothed
 from diagnosis.signals import SENSOR_NEUTRAL, Table, table_of
 from diagnosis.views import ContactView, FrictionView, SensorView, SignalStore, TimingView, ValveView, View
 from diagnosis.whitening import correlation_length, innovations, robust_windows
@@ -165,17 +165,23 @@ class Bench:
         self.views = {name: self.all[name] for name in JUDGED}
         return self
 
-    def settle(self) -> dict[str, Outcome]:
-        """Tolerance alone, view by view: the valves first, whose fitted output then drives the mechanics; short windows of friction to
-        start the mechanics from; the open-loop logs before the contouring ones."""
-        null = {name: self.fit(Choice(), (name,)) for name in ("valve_x", "valve_z", "friction_x", "friction_z", "contact", "sensors", "timing")}
+    def settle_valves(self) -> dict[str, Outcome]:
+        """Tolerance alone on every view but the mechanics, which needs to know the actuator forces first."""
+        return {name: self.fit(Choice(), (name,)) for name in self.all if name != "mechanics"}
+
+    def drive(self, valves: Mapping[str, Outcome]) -> None:
+        """Takes fitted valves' outputs for the actuator forces; what they leave is added, smoothed, where they are not right."""
         for axis in "xz":
-            outcome = null[f"valve_{axis}"]
-            if outcome.counts[outcome.views[0]] and outcome.rms(f"valve_{axis}") < GOOD_VALVE:
-                residual = self.all[f"valve_{axis}"].residual(outcome.values)[:, 0]
-                measured = self.table.columns[f"f_a{axis}"]
-                self.mechanics.actuator[axis] = measured - residual * SIGMA[f"f_a{axis}"]
+            name = f"valve_{axis}"
+            measured = self.table.columns[f"f_a{axis}"]
+            left = self.all[name].residual(valves[name].values)[:, 0] * SIGMA[f"f_a{axis}"]
+            self.mechanics.actuator[axis] = measured - left
+            if valves[name].rms(name) > GOOD_VALVE:
+                self.mechanics.actuator[axis] = measured - left + smoothed(left, self.table.spans)
         self._forget("mechanics")
+
+    def settle_mechanics(self, null: Mapping[str, Outcome]) -> Outcome:
+        """Tolerance alone: short windows of friction to start from, the open-loop logs before the contouring ones."""
         start = {k: v for name in ("friction_x", "friction_z", "contact") for k, v in null[name].values.items()}
         every = list(self.mechanics.logs)
         opened = [i for i in every if self.table.setups[i].loop == "open"]
@@ -184,8 +190,7 @@ class Bench:
             start = self.fit(Choice(), ("mechanics",), start_values=start).values
             self.mechanics.logs = every
             self._forget("mechanics")
-        null["mechanics"] = self.fit(Choice(), ("mechanics",), start_values=start)
-        return {name: null[name] for name in JUDGED}
+        return self.fit(Choice(), ("mechanics",), start_values=start)
 
     def _forget(self, view: str) -> None:
         for key in [key for key in self._kept if key[0] == view]:
@@ -241,7 +246,7 @@ class Bench:
             result += [effect_coordinate(p, self.nominal.get(p.name), (starts or {}).get(p.name)) for p in form.parameters]
         return result
 
-    def fit(self, choice: Choice, views: Sequence[str], starts: Mapping[str, float] | None = None, start_values: Mapping[str, float] | None = None, base: Outcome | None = None) -> Outcome:
+    def fit(self, choice: Choice, views: Sequence[str], starts: Mapping[str, float] | None = None, start_values: Mapping[str, float] | None = None, base: Outcome | None = None, careful: bool = False) -> Outcome:
         """Fits a hypothesis on some views. `starts`: of the effects' parameters; `start_values`: of everything, from an earlier fit;
         `base`: the outcome that the hypothesis adds an effect to."""
         views = tuple(views)
@@ -249,7 +254,7 @@ class Bench:
         theta = None
         if start_values:
             theta = np.array([c.theta(start_values[c.name]) if c.name in start_values else c.start for c in coordinates])
-        fitted = fit(_Problem(self, views, choice.settings), coordinates, theta, self._stale(choice, views, base))
+        fitted = fit(_Problem(self, views, choice.settings), coordinates, theta, self._stale(choice, views, base), careful=careful or not choice.effects)
         if not choice.effects:
             self.columns.update(fitted.columns)
         return self.outcome(choice, fitted, views)
@@ -258,7 +263,12 @@ class Bench:
         """What one step from `start_values` towards the hypothesis promises."""
         coordinates = self.coordinates(choice, views, starts)
         theta = np.array([c.theta(start_values[c.name]) if c.name in start_values else (c.start if choice.settings else 0.0) for c in coordinates])
-        return predict(_Problem(self, tuple(views), choice.settings), coordinates, theta, self._stale(choice, views, base))
+        columns = {**self.columns, **(base.fit.columns if base else {})}  # good enough for a promise even where the friction law changes
+        promised = predict(_Problem(self, tuple(views), choice.settings), coordinates, theta, {k: v for k, v in columns.items() if k[0] in views})
+        plain = base.choice if base else Choice()
+        before = self.coordinates(plain, views)
+        at = np.array([c.theta(start_values[c.name]) if c.name in start_values else c.start for c in before])
+        return objective(_Problem(self, tuple(views), plain.settings), before, at) - promised
 
     def _stale(self, choice: Choice, views: Sequence[str], base: Outcome | None) -> dict[tuple[str, str], Array] | None:
         """Tolerance columns of the nominal fit, for the views whose law the hypothesis leaves as it is."""

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from diagnosis.catalogue import Parameter
 
-__all__ = ["Coordinate", "Fit", "Problem", "effect_coordinate", "fit", "predict", "tolerance_coordinate"]
+__all__ = ["Coordinate", "Fit", "Problem", "effect_coordinate", "fit", "objective", "predict", "tolerance_coordinate"]
 
 Array = NDArray[np.float64]
 Columns = dict[tuple[str, str], Array]
-MAX_STEPS = 8
+MAX_STEPS = 8  # of a quick fit; a careful one takes twice as many
 FARTHEST = 15.0  # standard deviations that tolerance may be off
 ENOUGH = 0.5  # fall of the objective below which a fit ends
 
@@ -148,7 +148,7 @@ class _Fitter:
             jacobian = np.empty((len(r), len(columns)))
             for k, i in enumerate(columns):
                 c = self.coordinates[i]
-                if stale is not None and (view, c.name) in stale:
+                if stale is not None and not c.effect and (view, c.name) in stale:
                     jacobian[:, k] = stale[view, c.name]
                     continue
                 step = max(c.step, chord) if c.effect else c.step
@@ -161,41 +161,50 @@ class _Fitter:
         return gradient.reshape(n), hessian
 
 
-def fit(problem: Problem, coordinates: Sequence[Coordinate], start: Array | None = None, stale: Columns | None = None) -> Fit:
+def fit(problem: Problem, coordinates: Sequence[Coordinate], start: Array | None = None, stale: Columns | None = None, careful: bool = True) -> Fit:
     """Minimises the sum of squares plus prior by damped Gauss-Newton steps. Always returns the best point seen.
 
-    `stale`: Jacobian columns that serve until progress ends; then all are taken anew and the fit goes on.
+    `stale`: Jacobian columns of the tolerance that serve from the start; without them the first ones serve on. Where progress ends a
+    careful fit takes all columns anew, twice at most; the columns of the effects are always new.
     """
     fitter = _Fitter(problem, coordinates)
     point = fitter.at(np.array([c.start for c in fitter.coordinates]) if start is None else start)
     if not fitter.coordinates:
         return Fit((), point.theta, np.zeros((0, 0)), point.objective, {})
-    gradient, hessian = fitter.slopes(point, stale=stale)
-    damping = 1e-3
-    for _ in range(MAX_STEPS):
+    tolerance = {c.name for c in fitter.coordinates if not c.effect}
+    kept = {key: column for key, column in (stale or {}).items() if key[1] in tolerance}
+    gradient, hessian = fitter.slopes(point, stale=kept)
+    damping, renewals = 1e-3, 2 if careful else 0
+    for _ in range(2 * MAX_STEPS if careful else MAX_STEPS):
         trial = fitter.at(point.theta + _bounded_step(hessian, gradient, point.theta, fitter.low, fitter.high, damping))
         gain = point.objective - trial.objective
         if gain > 0:
             point, damping = trial, max(damping * 0.1, 1e-9)
-        if gain < ENOUGH + 1e-4 * point.objective:
-            if stale is not None:
-                stale = None  # once more with columns of its own
-            elif gain >= 0 or damping > 1e3:
+        kept = {key: column for key, column in {**kept, **fitter.seen}.items() if key[1] in tolerance}
+        if gain < ENOUGH + 1e-3 * point.objective:
+            if renewals == 0 and (gain >= 0 or damping > 1e2):
                 break
+            if renewals > 0:
+                kept, renewals, damping = {}, renewals - 1, 1e-3
             else:
-                damping *= 30
-        gradient, hessian = fitter.slopes(point, stale=stale)
+                damping *= 100
+        gradient, hessian = fitter.slopes(point, stale=kept)
     misfit = point.objective - float(np.sum((point.theta / fitter.spread) ** 2))
-    return Fit(fitter.coordinates, point.theta, np.linalg.pinv(hessian), misfit, fitter.seen)
+    return Fit(fitter.coordinates, point.theta, np.linalg.pinv(hessian), misfit, {**kept, **fitter.seen})
 
 
 def predict(problem: Problem, coordinates: Sequence[Coordinate], start: Array, stale: Columns | None = None, chord: float = 0.3) -> float:
-    """Fall of the objective that one Gauss-Newton step from `start` promises: a score test with usual sizes as steps."""
+    """Objective that one Gauss-Newton step from `start` promises: a score test with usual sizes as steps."""
     fitter = _Fitter(problem, coordinates)
     point = fitter.at(start)
     gradient, hessian = fitter.slopes(point, chord, stale)
     step = _bounded_step(hessian, gradient, point.theta, fitter.low, fitter.high, 1e-9)
-    return float(-(2 * gradient @ step + step @ hessian @ step))
+    return float(point.objective + 2 * gradient @ step + step @ hessian @ step)
+
+
+def objective(problem: Problem, coordinates: Sequence[Coordinate], theta: Array) -> float:
+    """Sum of squares plus prior at a point."""
+    return _Fitter(problem, coordinates).at(theta).objective
 
 
 def _bounded_step(hessian: Array, gradient: Array, theta: Array, low: Array, high: Array, damping: float) -> Array:

@@ -25,6 +25,7 @@ SEGMENT = 100  # samples; a segment far off (a missed break-away) counts by its 
 KNEE = 4.0  # mean square of a segment from which on it does
 OUTPUTS = ("v_x", "v_z", "f_x", "f_z")
 # The valves pass the hand-set force on, within their shortest lag of 1 ms, which the inputs lead.
+SOLVER = {"solver.tolerance": 0.1}  # a millisecond a step but for stiff friction: exact to 0.01 of the noise
 BYPASS = {f"valve_{a}.{p}": v for a in "xz" for p, v in (("K", 0.0), ("tau", 1e-3))}
 
 
@@ -36,7 +37,7 @@ class MechanicsView:
 
     def __init__(self, gantry: BlockFmu, store: SignalStore) -> None:
         self._gantry, self._store = gantry, store
-        self.actuator = {a: _smooth(store.table, f"f_a{a}") for a in "xz"}
+        self.actuator = {a: smoothed(store.table.columns[f"f_a{a}"], store.table.spans) for a in "xz"}
         self.logs = [i for i, (first, last) in enumerate(store.table.spans) if not _all_clamped(store.table, first, last)]
 
     def depends_on(self, parameter: str) -> bool:
@@ -62,7 +63,7 @@ class MechanicsView:
         force = np.column_stack([ahead(self.actuator[a][rows] / values.get(f"sensors.gain_f_a{a}", 1.0)) for a in "xz"])
         clamps = np.column_stack([table.clamped[a][rows] for a in "xz"]).astype(np.float64)
         plant = {k: v for k, v in values.items() if not k.startswith(("sensors.", "timing.", "valve_")) and k != "waviness"}
-        parameters = {**BYPASS, **plant_parameters(setup), **plant}
+        parameters = {**SOLVER, **BYPASS, **plant_parameters(setup), **plant}
         return self._gantry.run_clamped(parameters, ("f_manual_x", "f_manual_z"), force, ("clamp_x", "clamp_z"), clamps, OUTPUTS)
 
 
@@ -82,11 +83,11 @@ def sensed(true: Array, values: Values) -> Array:
 
 
 def _tachometer(speed: Array, tau: float) -> Array:
-    return speed if tau <= 0 else _first_order(np.ascontiguousarray(speed), float(np.exp(-PERIOD / tau)))
+    return speed if tau <= 0 else first_order(np.ascontiguousarray(speed), float(np.exp(-PERIOD / tau)))
 
 
 @njit(cache=True)
-def _first_order(speed: Array, keep: float) -> Array:
+def first_order(speed: Array, keep: float) -> Array:
     result = np.empty(len(speed))
     value = speed[0]
     for k in range(len(speed)):
@@ -105,11 +106,11 @@ def robust_segments(residual: Array) -> Array:
     return np.asarray((blocks * scale).reshape(n, -1))
 
 
-def _smooth(table: Table, column: str) -> Array:
-    """Measured actuator force with its noise taken out, log by log; a fitted valve's output, where there is one, is better."""
-    result = np.empty(table.rows)
-    for first, last in table.spans:
-        result[first:last] = savgol_filter(table.columns[column][first:last], 15, 2)
+def smoothed(values: Array, spans: NDArray[np.int64]) -> Array:
+    """A measured signal with its noise taken out, log by log."""
+    result = np.empty(len(values))
+    for first, last in spans:
+        result[first:last] = savgol_filter(values[first:last], 15, 2)
     return result
 
 
@@ -117,4 +118,4 @@ def _all_clamped(table: Table, first: int, last: int) -> bool:
     return bool(table.clamped["x"][first:last].all() and table.clamped["z"][first:last].all())
 
 
-__all__ += ["robust_segments", "sensed"]
+__all__ += ["first_order", "robust_segments", "sensed", "smoothed"]

@@ -15,7 +15,10 @@ SCATTER = 3.0  # standard deviations of the floor's sum of squares
 QUIET = 8.0  # what a view's misfit and strained tolerance may hold together without asking for an effect
 FIT_SINGLES = 6  # hypotheses per troubled view that are fitted in full, by what one step promises
 BASES = 2  # single effects that pairs within the same views are built on
-FIT_PAIRS = 4
+RIVAL = 0.7  # share of the best gain from which on another single effect is a base too
+FIT_PAIRS = 3
+FIT_FRICTION = 5
+REFINED = 2  # leading trials that are fitted to the end
 
 
 @dataclass
@@ -49,19 +52,81 @@ class _Candidate:
 
 
 def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
-    null = bench.settle()
+    null = bench.settle_valves()
+    valves, early = _valves(bench, catalogue, null)
+    bench.drive(valves)
+    starters = {name: null[name] for name in ("friction_x", "friction_z", "contact")}
+    null["mechanics"] = bench.settle_mechanics(null)
+    null = {name: null[name] for name in bench.views}
     found = Search(null, {name for name, outcome in null.items() if trouble(outcome, name) > QUIET})
     known = {name: value for outcome in null.values() for name, value in outcome.values.items()}
-    candidates = list(_candidates(bench, catalogue, Choice(), found.troubled, known))
-    found.singles = _fitted(bench, _chosen(candidates, found.troubled, FIT_SINGLES))
+    others = {key: effect for key, effect in catalogue.items() if not effect.block.startswith("valve")}
+    found.singles = early + _friction(bench, others, found.troubled, starters)
+    rest = {key: effect for key, effect in others.items() if not effect.block.startswith("friction")}
+    candidates = list(_candidates(bench, rest, Choice(), found.troubled, known))
+    found.singles += _fitted(bench, _chosen(candidates, found.troubled, FIT_SINGLES))
     _score(found)
-    for base in [t for t in found.singles if t.gain > QUIET][:BASES]:
+    _refine(bench, found, found.singles)
+    for base in [t for t in found.singles if t.gain > max(QUIET, RIVAL * found.singles[0].gain)][:BASES]:
         left = {v for v in found.troubled if v not in base.outcome.views} | {v for v in base.outcome.views if _left(bench, base.outcome, v) > QUIET}
         if left:
             candidates = list(_candidates(bench, catalogue, base.choice, left, known | base.outcome.values, base.outcome))
             found.pairs += _fitted(bench, _chosen(candidates, left, FIT_PAIRS))
     _score(found)
+    _refine(bench, found, found.pairs)
     return found
+
+
+def _valves(bench: Bench, catalogue: Mapping[str, Effect], null: Mapping[str, Outcome]) -> tuple[dict[str, Outcome], list[Trial]]:
+    """Each valve on its own: the best outcome, to drive the mechanics with, and all trials."""
+    best, trials = {}, []
+    for axis in "xz":
+        name = f"valve_{axis}"
+        best[name] = null[name]
+        if trouble(null[name], name) <= QUIET:
+            continue
+        own = {key: effect for key, effect in catalogue.items() if effect.block == name}
+        candidates = list(_candidates(bench, own, Choice(), {name}, null[name].values))
+        fitted = _fitted(bench, _chosen(candidates, {name}, FIT_SINGLES), careful=True)
+        trials += fitted
+        best[name] = min([null[name], *(t.outcome for t in fitted)], key=lambda outcome: outcome.squares[name])
+    return best, trials
+
+
+def _friction(bench: Bench, catalogue: Mapping[str, Effect], troubled: set[str], starters: Mapping[str, Outcome]) -> list[Trial]:
+    """Friction effects: ranked on the short windows of their axis, where no missed break-away misleads, then fitted on the mechanics."""
+    if "mechanics" not in troubled:
+        return []
+    known = {name: value for outcome in starters.values() for name, value in outcome.values.items()}
+    ranked: list[tuple[float, Trial]] = []
+    for axis in "xz":
+        name = f"friction_{axis}"
+        if starters[name].counts[name] == 0:
+            continue
+        own = {key: effect for key, effect in catalogue.items() if effect.block == name}
+        candidates = list(_candidates(bench, own, Choice(), {name}, starters[name].values, within=(name,)))
+        for trial in _fitted(bench, candidates):
+            ranked.append((windows_gain(starters[name], trial.outcome, name), trial))
+    ranked.sort(key=lambda item: -item[0])
+    chosen = []
+    for _, trial in ranked[:FIT_FRICTION]:
+        views = bench.touched(trial.choice.parameter_names + tuple(trial.choice.settings))
+        chosen.append(_Candidate(trial.choice, views, {}, known | trial.outcome.values, math.inf))
+    return _fitted(bench, chosen)
+
+
+def windows_gain(null: Outcome, outcome: Outcome, view: str) -> float:
+    """Gain on one view with its own correlation length."""
+    lengths = {view: outcome.lengths[view]}
+    return null.evidence(lengths) - outcome.evidence(lengths)
+
+
+def _refine(bench: Bench, found: Search, trials: list[Trial]) -> None:
+    """The leading trials fitted to the end."""
+    for trial in trials[:REFINED]:
+        o = trial.outcome
+        trial.outcome = bench.fit(trial.choice, o.views, start_values=o.values, base=o, careful=True)
+    _score(found)
 
 
 def trouble(outcome: Outcome, view: str) -> float:
@@ -86,7 +151,7 @@ def misfit(outcome: Outcome, view: str) -> float:
 
 def _candidates(
     bench: Bench, catalogue: Mapping[str, Effect], base: Choice, troubled: set[str], known: Mapping[str, float],
-    before: Outcome | None = None,
+    before: Outcome | None = None, within: tuple[str, ...] | None = None,
 ) -> Iterator[_Candidate]:  # fmt: skip
     """Every form and start of every effect that touches a troubled view, with what it promises."""
     for effect in catalogue.values():
@@ -96,11 +161,14 @@ def _candidates(
             choice = base.plus(effect, form)
             views = bench.touched(choice.parameter_names + tuple(choice.settings))
             views = tuple(v for v in bench.views if v in views or (before is not None and v in before.views))
-            if not set(bench.touched([p.name for p in form.parameters])) & troubled or _clash(base, form):
+            touched = within or bench.touched([p.name for p in form.parameters])
+            if not set(touched) & troubled or _clash(base, form):
                 continue
+            views = within or views
             values = {name: value for name, value in known.items() if name not in {p.name for p in form.parameters}}
             for starts in _starts(form.parameters):
-                yield _Candidate(choice, views, starts, values, bench.predict(choice, views, starts, values, before), before)
+                promise = math.inf if form.settings or within else bench.predict(choice, views, starts, values, before)  # another law has no small step
+                yield _Candidate(choice, views, starts, values, promise, before)
 
 
 def _clash(base: Choice, form: Form) -> bool:
@@ -116,7 +184,7 @@ def _chosen(candidates: list[_Candidate], troubled: set[str], most: int) -> list
         ranked = sorted((c for c in candidates if view in c.views), key=lambda c: -c.promise)
         keys: list[tuple[str, ...]] = []
         for candidate in ranked:
-            if candidate.choice.keys not in keys:
+            if candidate.choice.keys not in keys and candidate.promise < math.inf:
                 keys.append(candidate.choice.keys)
             if len(keys) > most:
                 break
@@ -124,11 +192,11 @@ def _chosen(candidates: list[_Candidate], troubled: set[str], most: int) -> list
     return list(chosen.values())
 
 
-def _fitted(bench: Bench, candidates: Iterable[_Candidate]) -> list[Trial]:
+def _fitted(bench: Bench, candidates: Iterable[_Candidate], careful: bool = False) -> list[Trial]:
     """Best fit per hypothesis over its forms and starts."""
     best: dict[tuple[str, ...], Trial] = {}
     for c in candidates:
-        outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base)
+        outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base, careful)
         held = best.get(c.choice.keys)
         if held is None or outcome.evidence(outcome.lengths) < held.outcome.evidence(outcome.lengths):
             best[c.choice.keys] = Trial(c.choice, outcome)

@@ -71,7 +71,8 @@ class BlockFmu:
         return result
 
     def run_clamped(
-        self, parameters: Mapping[str, float], inputs: Sequence[str], values: Array, flags: Sequence[str], flag_values: Array, outputs: Sequence[str]
+        self, parameters: Mapping[str, float], inputs: Sequence[str], values: Array,
+        flags: Sequence[str], flag_values: Array, outputs: Sequence[str],
     ) -> Array:  # fmt: skip
         """As `run` over all rows, with Boolean inputs `flags` (N, len(flags)) besides."""
         self.session.reset(dict(parameters))
@@ -116,8 +117,7 @@ def _run_windows(  # type: ignore[no-untyped-def]
         status = max(status, native_values(set_real, component, start_refs, starts[w]))
         status = max(status, call_setup(setup, component, 0.0))
         status = max(status, call_plain(enter, component))
-        status = max(status, native_values(set_real, component, input_refs, values[first]))
-        status = max(status, call_plain(leave, component))
+        status = max(status, call_plain(leave, component))  # inputs come with the first sample: a delay line starts empty
         if status > FMI_WARNING:
             return status, first
         for k in range(first, last):

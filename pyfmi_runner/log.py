@@ -5,6 +5,7 @@ Row k holds the sensors at t_k and the command that acts over [t_k, t_k + 1 ms).
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import io
 import json
@@ -161,7 +162,8 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], objec
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=path, mend="choose another place") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # it is gone, or its folder is none
+            temporary.unlink(missing_ok=True)
 
 
 def _mend_absent(path: Path) -> str:

@@ -2,39 +2,79 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import queue
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.identify.motion import landings
 from analysis.identify.parameters import Coordinates
-from pyfmi_runner.campaign import Campaign, LoggedRun
+from analysis.identify.rounding import other_rounding, programmed
+from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup
+from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED, SIGMA, STROKE_X, STROKE_Z
 from pyfmi_runner.replay import SIGMAS, Replayer
 
-__all__ = ["ReplayedLog", "replayed_logs"]
+__all__ = ["Plants", "ReplayedLog", "replayed_logs"]
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
+BLOCK = 4  # samples added up into one residual: the plant does nothing within 4 ms, and the noise stays white
 FIRST_STEP = 1e-6  # theta, of the first difference quotient
 MOVE = 3.0  # norm, in sensor noise, by which later difference steps move the residual: well inside what is linear
 STEPS = (2e-8, 1e-4)  # theta, least and largest difference step
 JUMP = 30.0  # sensor noise, of a speed within 3 ms
 NEAR_STOP = 2e-3  # m
 STOP_ROWS, TOUCH_ROWS = 10, 5  # samples either side of a jump that do not count
-TOUCH = 0.8  # N
 STROKE = {"x": STROKE_X, "z": STROKE_Z}
 _SIDE = {"x": ("x", "v_x", "f_ax"), "z": ("z", "v_z", "f_x", "f_z", "f_az")}  # channels of an axis where nothing couples the two
+
+
+class Plants:
+    """A few instances of the gantry FMU, each lent to one thread at a time; used in a `with`."""
+
+    def __init__(self, file: FmuFile, count: int = 2) -> None:
+        self._file, self._count = file, count
+        self._idle: queue.SimpleQueue[Replayer] = queue.SimpleQueue()
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Plants:
+        for _ in range(self._count):
+            self._idle.put(self._stack.enter_context(Replayer(self._file)))
+        self._threads = self._stack.enter_context(ThreadPoolExecutor(self._count))
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+    def drive(self, setup: LogSetup, commands: Array, time: Array, values: dict[str, float]) -> Array:
+        """As `Replayer.drive`, on whichever instance is idle."""
+        replayer = self._idle.get()
+        try:
+            return replayer.drive(setup, commands, time, values)
+        finally:
+            self._idle.put(replayer)
+
+    def each(self, work: Callable[[ReplayedLog], T], logs: Sequence[ReplayedLog]) -> list[T]:
+        """work(log) of every log in the logs' order, the longest jobs first."""
+        order = sorted(range(len(logs)), key=lambda i: -logs[i].effort)
+        jobs = {i: self._threads.submit(work, logs[i]) for i in order}
+        return [jobs[i].result() for i in range(len(logs))]
 
 
 class ReplayedLog:
     """One log under the plant. `rows`: how many of its samples count, from the first on."""
 
-    def __init__(self, run: LoggedRun, coordinates: Coordinates, replayer: Replayer) -> None:
-        self.run, self._coordinates, self._replayer = run, coordinates, replayer
+    def __init__(self, run: LoggedRun, coordinates: Coordinates, plants: Plants) -> None:
+        self.run, self._coordinates, self._plants = run, coordinates, plants
         log = run.log
         self.name, self.rows = log.name, len(log)
-        self.commands = np.column_stack([log["u_x"], log["u_z"]])
-        self.measured = log.measured() / SIGMAS
+        self.commands = np.column_stack([programmed(log["u_x"]), programmed(log["u_z"])])
+        self.rounded = bool((other_rounding(self.commands, np.random.default_rng(0)) != self.commands).any())
         self._free = {axis: not run.setup.clamp_signal(axis, log.time).all() for axis in "xz"}
         contact = run.setup.workpiece != "none"
         flat = run.setup.workpiece == "straight" and not run.setup.surface_finish
@@ -42,73 +82,87 @@ class ReplayedLog:
         shown = {"x": self._free["x"], "v_x": self._free["x"], "z": self._free["z"], "v_z": self._free["z"], "f_ax": True, "f_az": True}
         shown |= {"f_x": contact and not flat, "f_z": contact}
         self.columns = np.array([i for i, name in enumerate(MEASURED) if shown[name]])
+        self.measured = (log.measured() / SIGMAS)[:, self.columns]
         self.moving = np.array([self._matters(u.axis, u.name, contact) for u in coordinates.unknowns])
+        self.groups = tuple(self._grouped())
         self._steps = np.full(len(self.moving), FIRST_STEP)
-        self.weight = self._jumps()  # (samples, channels)
+        self.counts = self._without_jumps()
+
+    @property
+    def whole(self) -> bool:
+        """Every sample counts."""
+        return self.rows == len(self.measured)
+
+    @property
+    def effort(self) -> int:
+        """Samples that a Jacobian simulates."""
+        return len(self.measured) * len(self.groups)
 
     def _matters(self, axis: str, name: str, contact: bool) -> bool:
         if name.startswith("valve_"):
             return True
         return contact and self._free["z"] if axis == "" else self._free[axis]
 
-    def _jumps(self) -> Array:
-        """1, and 0 about each instant at which a channel jumps: a replay that is half a sample late would be charged for a pulse there,
-        and no derivative says so. A speed jumps at an end stop, a contact force at touch-down."""
+    def _grouped(self) -> Iterator[tuple[int, ...]]:
+        """Parameters moved together: one of each axis where the axes do not touch each other's channels."""
+        moving = [int(i) for i in np.flatnonzero(self.moving)]
+        if self.coupled:
+            yield from ((i,) for i in moving)
+            return
+        of_x = [i for i in moving if self._coordinates.unknowns[i].axis == "x"]
+        of_z = [i for i in moving if self._coordinates.unknowns[i].axis != "x"]
+        for k in range(max(len(of_x), len(of_z))):
+            yield tuple(of_x[k : k + 1] + of_z[k : k + 1])
+
+    def _without_jumps(self) -> Array:
+        """(samples, shown channels): 1, and 0 about each instant at which a channel jumps.
+
+        A replay that is half a sample late would be charged for a pulse there, and no derivative says so. A speed jumps at an end stop, a
+        contact force at touch-down.
+        """
         log = self.run.log
-        weight = np.ones((len(log), len(MEASURED)))
+        counts = np.ones((len(log), len(MEASURED)))
         for axis in "xz":
             speed, position = log[f"v_{axis}"], log[axis]
             jump = np.abs(np.concatenate([speed[3:] - speed[:-3], np.zeros(3)])) > JUMP * SIGMA[f"v_{axis}"]
             at_stop = (position < NEAR_STOP) | (position > STROKE[axis] - NEAR_STOP)
-            _mask(weight, MEASURED.index(f"v_{axis}"), np.flatnonzero(jump & at_stop), STOP_ROWS)
-        force = np.hypot(log["f_x"], log["f_z"])
-        loose = np.convolve(force < TOUCH, np.ones(10), mode="full")[: len(force)] >= 9
-        landing = np.flatnonzero(loose[:-1] & (force[1:] >= TOUCH)) + 1
+            _mask(counts, MEASURED.index(f"v_{axis}"), np.flatnonzero(jump & at_stop), STOP_ROWS)
         for name in ("f_x", "f_z"):
-            _mask(weight, MEASURED.index(name), landing, TOUCH_ROWS)
-        return weight[:, self.columns]
+            _mask(counts, MEASURED.index(name), landings(log), TOUCH_ROWS)
+        return counts[:, self.columns]
 
     def simulate(self, theta: Array, commands: Array | None = None) -> Array:
         """Outputs (samples, shown channels) in units of the sensors' noise."""
-        values = self._coordinates.values(theta)
         driven = self.commands if commands is None else commands
-        outputs = self._replayer.drive(self.run.setup, driven, self.run.log.time, values)
+        outputs = self._plants.drive(self.run.setup, driven, self.run.log.time, self._coordinates.values(theta))
         return np.asarray((outputs / SIGMAS)[:, self.columns])
 
     def residual(self, theta: Array) -> Array:
-        """(measured - simulated) / sigma, (samples, shown channels), unweighted, whether they count or not."""
-        return self.measured[:, self.columns] - self.simulate(theta)
+        """(measured - simulated) / sigma, (samples, shown channels); 0 about jumps."""
+        return np.asarray((self.measured - self.simulate(theta)) * self.counts)
 
-    def weighted(self, values: Array) -> Array:
-        """The part that counts as a vector."""
-        return np.asarray((values[: self.rows] * self.weight[: self.rows]).ravel())
+    def vector(self, values: Array) -> Array:
+        """What counts of a residual (samples, shown channels): sums over blocks, noise 1; (blocks * channels,)."""
+        n = self.rows // BLOCK
+        shape = (n, BLOCK, len(self.columns))
+        held = self.counts[: n * BLOCK].reshape(shape).sum(axis=1)
+        sums = (values * self.counts)[: n * BLOCK].reshape(shape).sum(axis=1)
+        return np.asarray((sums / np.sqrt(np.maximum(held, 1.0))).ravel())
 
     def jacobian(self, theta: Array) -> Array:
-        """d residual / d theta, (rows * channels, parameters), by forward differences whose steps follow the sensitivity."""
+        """d vector(residual) / d theta, (blocks * channels, parameters), by differences whose steps follow the sensitivity."""
         base = self.simulate(theta)
-        result = np.zeros((self.rows * len(self.columns), len(theta)))
-        for group in self._groups():
+        result = np.zeros((self.rows // BLOCK * len(self.columns), len(theta)), order="F")
+        for group in self.groups:
             moved = theta.copy()
+            moved[list(group)] += self._steps[list(group)]
+            change = base - self.simulate(moved)
             for i in group:
-                moved[i] += self._steps[i]
-            change = (base - self.simulate(moved))[: self.rows]
-            for i in group:
-                column = change if len(group) == 1 else change * self._side(i)
-                norm = float(np.sqrt(np.sum(column**2))) / self._steps[i]
-                result[:, i] = self.weighted(column) / self._steps[i]
+                column = self.vector(change if len(group) == 1 else change * self._side(i))
+                norm = float(np.sqrt(column @ column)) / self._steps[i]
+                result[:, i] = column / self._steps[i]
                 self._steps[i] = float(np.clip(MOVE / norm, *STEPS)) if norm > 0 else FIRST_STEP
         return result
-
-    def _groups(self) -> Iterator[tuple[int, ...]]:
-        """Parameters moved together: one of each axis where the axes do not touch each other's channels."""
-        moving = np.flatnonzero(self.moving)
-        if self.coupled:
-            yield from ((int(i),) for i in moving)
-            return
-        of_x = [int(i) for i in moving if self._coordinates.unknowns[i].axis == "x"]
-        of_z = [int(i) for i in moving if self._coordinates.unknowns[i].axis != "x"]
-        for k in range(max(len(of_x), len(of_z))):
-            yield tuple(of_x[k : k + 1] + of_z[k : k + 1])
 
     def _side(self, i: int) -> Array:
         """1 for the channels that parameter i may move, 0 for the other axis'."""
@@ -116,10 +170,10 @@ class ReplayedLog:
         return np.array([1.0 if MEASURED[c] in side else 0.0 for c in self.columns])
 
 
-def _mask(weight: Array, column: int, rows: NDArray[np.intp], reach: int) -> None:
+def _mask(counts: Array, column: int, rows: NDArray[np.intp], reach: int) -> None:
     for row in rows:
-        weight[max(0, row - reach) : row + reach + 1, column] = 0.0
+        counts[max(0, row - reach) : row + reach + 1, column] = 0.0
 
 
-def replayed_logs(campaign: Campaign, coordinates: Coordinates, replayer: Replayer) -> list[ReplayedLog]:
-    return [ReplayedLog(run, coordinates, replayer) for run in campaign]
+def replayed_logs(campaign: Campaign, coordinates: Coordinates, plants: Plants) -> list[ReplayedLog]:
+    return [ReplayedLog(run, coordinates, plants) for run in campaign]

@@ -34,7 +34,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     for note in campaign.notes:
         print(f"note: {note}")
     print_replay(logs)
-    return {"schema": "replay/1", "logs": logs, "notes": campaign.notes}, 0
+    return {"schema": "replay/1", "logs": logs} | ({"notes": campaign.notes} if campaign.notes else {}), 0
 
 
 def replay_campaign(campaign: Campaign, fmu: FmuFile) -> dict[str, dict[str, Any]]:

@@ -48,7 +48,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     if options.plot:
         from analysis.plots import save, tracking_figure  # matplotlib loads only when something is drawn
 
-        save(tracking_figure(result.log, scenario.name), options.plot)
+        save(tracking_figure(result.log, f"{scenario.name}: {scenario.workpiece}, {scenario.controller}"), options.plot)
         print(f"picture: {options.plot}")
     steps = len(result.log)
     simulated = steps * scenario.timing.period

@@ -98,10 +98,12 @@ def test_slope_is_held_at_its_smallest_value():
     assert state.at.slope.min() == 0.05
 
 
-def test_first_output_of_zero_weights_is_half_a_volt_on_z():
+@pytest.mark.parametrize(("lower", "volts"), [(0.0, 0.5), (-1.0, 0.0)])
+def test_first_output_of_zero_weights_is_the_middle_of_its_bounds(lower, volts):
     sense = Sense(0.9, 0.04, 0.0, 0.0, 0.0, 28.0, 0.0, 15.0)
-    with_it, without = (c.step(Reference(30.0, 0.0), sense) for c in (make_controller("pi_fv_ebpa_zero"), PiFv()))
-    assert with_it.u_z - without.u_z == pytest.approx(0.5)
+    network = make_controller("pi_fv_ebpa_zero", upper=1.0, lower=lower)
+    with_it, without = (c.step(Reference(30.0, 0.0), sense) for c in (network, PiFv()))
+    assert with_it.u_z - without.u_z == pytest.approx(volts)
     assert with_it.u_x == without.u_x
 
 
@@ -113,7 +115,7 @@ def test_network_does_not_learn_while_the_command_is_clipped_outwards():
 
 
 @pytest.mark.parametrize(
-    "options", [{"n_h": 0}, {"h_2": -1.0}, {"alpha": 1.0}, {"upper": -1.0}, {"slope": 0.0}, {"u_max": 0.0}, {"n_i": 30}]
+    "options", [{"n_h": 0}, {"h_2": -1.0}, {"alpha": 1.0}, {"upper": -5.0}, {"slope": 0.0}, {"u_max": 0.0}, {"n_i": 30}]
 )
 def test_impossible_options_are_refused_by_name(options):
     with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):

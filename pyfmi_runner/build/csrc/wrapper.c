@@ -1,3 +1,4 @@
+/* What both wrappers share; its interface and its rules stand in wrapper.h. */
 #include "wrapper.h"
 
 #include <math.h>

@@ -1,0 +1,108 @@
+"""From trials to a verdict: hypotheses weighed against each other, "nothing" and "unknown" among them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from diagnosis.bench import FLOOR, Outcome
+from diagnosis.search import Search, Trial, misfit
+
+__all__ = ["Decision", "Hypothesis", "Weights", "decide"]
+
+
+@dataclass(frozen=True)
+class Weights:
+    """How evidence becomes probability; fitted on development cases of the truth plant (`python -m studies.calibrate`)."""
+
+    temperature: float = 0.08  # evidence is optimistic: functional forms differ from the rig's
+    pair_cost: float = 16.0  # gain that a second effect must bring
+    unknown_share: float = 0.30  # share of a block's misfit left unexplained at which "unknown" is as likely as not
+    unknown_slope: float = 3.0
+    cap: float = 0.99
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A set of effects (none: nothing beyond tolerance) with its probability."""
+
+    keys: tuple[str, ...]
+    probability: float
+    trial: Trial | None
+
+
+@dataclass
+class Decision:
+    verdict: str  # identified, ambiguous, unknown, none
+    hypotheses: list[Hypothesis]  # by probability, falling
+    best: Trial | None
+    unexplained: float  # share of the misfit that the best hypothesis leaves
+    unknown: float  # probability that something outside the catalogue is at work
+    unknown_view: str = ""
+    answer_set: list[list[str]] = field(default_factory=list)
+
+
+def decide(found: Search, weights: Weights | None = None) -> Decision:
+    weights = weights or Weights()
+    if not found.troubled:
+        return Decision("none", [Hypothesis((), weights.cap, None)], None, 0.0, 1.0 - weights.cap, "", [[]])
+    trials = [(t, t.gain) for t in found.singles] + [(t, t.gain - weights.pair_cost) for t in found.pairs]
+    trials = _joined(found, trials)
+    scored = [((), 0.0, None), *((t.choice.keys, gain, t) for t, gain in trials)]
+    top = max(gain for _, gain, _ in scored)
+    raw = [(keys, math.exp(max(-700.0, 0.5 * weights.temperature * (gain - top))), t) for keys, gain, t in scored]
+    total = sum(w for _, w, _ in raw)
+    merged: dict[tuple[str, ...], Hypothesis] = {}
+    for keys, weight, trial in raw:
+        key = tuple(sorted(keys))
+        if key not in merged or merged[key].probability < weight / total:
+            merged[key] = Hypothesis(keys, weight / total, trial)
+    ranked = sorted(merged.values(), key=lambda h: -h.probability)
+    best = ranked[0].trial
+    share, view = unexplained(found, best)
+    unknown = 1.0 / (1.0 + (weights.unknown_share / max(share, 1e-6)) ** weights.unknown_slope) if view else 0.0
+    ranked = [Hypothesis(h.keys, h.probability * (1 - unknown) * weights.cap, h.trial) for h in ranked]
+    answers, held = [], 0.0
+    for item in [*ranked, Hypothesis(("unknown",), unknown, None)] if unknown < 0.5 else [Hypothesis(("unknown",), unknown, None), *ranked]:
+        if held >= 0.95 or item.probability < 0.005:
+            break
+        answers.append(list(item.keys))
+        held += item.probability
+    verdict = "unknown" if unknown > 0.5 else "none" if best is None else "identified" if ranked[0].probability > 0.6 else "ambiguous"
+    return Decision(verdict, ranked, best, share, unknown, view, answers)
+
+
+def _joined(found: Search, trials: list[tuple[Trial, float]]) -> list[tuple[Trial, float]]:
+    """Pairs compete with singles on the same views: gains are counted over all troubled views, a view that a trial leaves out gaining 0."""
+    return sorted(trials, key=lambda item: -item[1])
+
+
+def unexplained(found: Search, best: Trial | None) -> tuple[float, str]:
+    """Share of the misfit under tolerance alone that the best hypothesis leaves, at its worst view, and that view."""
+    worst, name = 0.0, ""
+    for view in found.troubled:
+        before = _excess(found.null[view], view)
+        outcome = best.outcome if best is not None and view in best.outcome.views else found.null[view]
+        if misfit(outcome, view) <= 8.0:
+            continue
+        share = _excess(outcome, view) / max(before, 1e-9)
+        if share > worst:
+            worst, name = share, view
+    return worst, name
+
+
+def _excess(outcome: Outcome, view: str) -> float:
+    return max(0.0, outcome.squares[view] / max(outcome.counts[view], 1) - FLOOR.get(view, 1.0) ** 2)
+
+
+def contributions(found: Search, decision: Decision, blocks: Mapping[str, str]) -> dict[str, float]:
+    """Gain per block: what each effect of the best hypothesis explains, and what stays unexplained where."""
+    result: dict[str, float] = {}
+    if decision.best is not None:
+        keys = decision.best.choice.keys
+        singles = {t.choice.keys[0]: max(t.gain, 0.0) for t in found.singles if len(t.choice.keys) == 1}
+        for key in keys:
+            others = sum(singles.get(k, 0.0) for k in keys if k != key)
+            result[blocks[key]] = result.get(blocks[key], 0.0) + max(decision.best.gain - others, 0.05 * decision.best.gain, 1e-6)
+    return result

@@ -1,0 +1,181 @@
+"""The diagnosis of a campaign: where the gap lies, which effect causes it, how far it shrinks, and what could not be told."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from diagnosis.bench import Bench, Choice, Outcome
+from diagnosis.catalogue import Effect
+from diagnosis.confirm import Augmented, GapResult, closed_loop, replay_gap
+from diagnosis.decide import Decision, Hypothesis, contributions, decide
+from diagnosis.regimes import regime_of
+from diagnosis.search import Search, search
+from pyfmi_runner.campaign import Campaign, LoggedRun
+from pyfmi_runner.errors import RunError
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import log_warnings
+from pyfmi_runner.replay import Replayer
+
+__all__ = ["Diagnosis", "diagnose", "report_json"]
+
+HELD_OUT = "contour_straight"  # the log that no fit sees, where the campaign has it; else its last log
+VIEW_BLOCKS = {"mechanics": ("friction_x", "friction_z", "contact"), "contact": ("contact",), "valve_x": ("valve_x",), "valve_z": ("valve_z",),
+               "sensors": ("sensors",), "timing": ("timing",)}  # fmt: skip
+
+
+@dataclass(eq=False)
+class Diagnosis:
+    """Everything the report and the JSON are made of."""
+
+    campaign: Campaign
+    decision: Decision
+    found: Search
+    values: dict[str, float]  # fitted parameters of the augmented model
+    where: list[dict[str, Any]]
+    causes: list[dict[str, Any]]
+    gap: GapResult | None
+    held_out: str
+    closed: dict[str, float] | None
+    notes: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+    stages: dict[str, float] = field(default_factory=dict)
+
+
+def diagnose(campaign: Campaign, gantry: FmuFile, catalogue: Mapping[str, Effect], say: Callable[[str], None] | None = None) -> Diagnosis:
+    """Diagnoses a campaign against the nominal FMU. `say`: told the name of each stage as it begins."""
+    say = say or (lambda text: None)
+    started = time.perf_counter()
+    notes = list(campaign.notes) + [f"{name}: {text}" for name, run in campaign.logs.items() for text in log_warnings(run.log)]
+    fitted, held = _split(campaign)
+    if held is None:
+        notes.append("one log only: nothing is held out, so the gap before and after is on the fitted log itself")
+    stages: dict[str, float] = {}
+    say("hypotheses")
+    with Bench(fitted, gantry) as bench:
+        found = search(bench, catalogue)
+        stages["search"] = time.perf_counter() - started
+        decision = decide(found)
+        values = _values(found, decision)
+        where = _where(bench, found, decision, catalogue)
+    causes = _causes(decision, catalogue)
+    say("confirmation")
+    run = held or next(iter(campaign.logs.values()))
+    gap, closed = _confirm(gantry, run, values, notes)
+    seconds = time.perf_counter() - started
+    stages["confirmation"] = seconds - stages["search"]
+    return Diagnosis(campaign, decision, found, values, where, causes, gap, run.log.name, closed, notes, seconds, stages)
+
+
+def _split(campaign: Campaign) -> tuple[Campaign, LoggedRun | None]:
+    """The campaign without its held-out log, and that log."""
+    if len(campaign.logs) < 2:
+        return campaign, None
+    name = HELD_OUT if HELD_OUT in campaign.logs else list(campaign.logs)[-1]
+    rest = {key: run for key, run in campaign.logs.items() if key != name}
+    return Campaign(campaign.name, campaign.path, rest, campaign.notes), campaign.logs[name]
+
+
+def _values(found: Search, decision: Decision) -> dict[str, float]:
+    """Tolerance of all views, and the best hypothesis' own values where it has them. Friction and contact come from the mechanics."""
+    values: dict[str, float] = {}
+    for view in ("valve_x", "valve_z", "contact", "mechanics"):
+        values |= found.null[view].values
+    if decision.best is not None:
+        values |= decision.best.outcome.values
+    values.pop("waviness", None)
+    return {name: float(value) for name, value in values.items()}
+
+
+def _confirm(gantry: FmuFile, run: LoggedRun, values: Mapping[str, float], notes: list[str]) -> tuple[GapResult | None, dict[str, float] | None]:
+    augmented = Augmented.of(values)
+    try:
+        with Replayer(gantry) as plant:
+            gap = replay_gap(plant, run, augmented)
+    except RunError as error:
+        notes.append(f"the held-out log could not be replayed: {error}")
+        return None, None
+    try:
+        return gap, closed_loop(gantry, run, augmented)
+    except (RunError, ValueError) as error:
+        notes.append(f"the closed loop could not be run again: {error}")
+        return gap, None
+
+
+def _where(bench: Bench, found: Search, decision: Decision, catalogue: Mapping[str, Effect]) -> list[dict[str, Any]]:
+    """Blocks by their share of what tolerance does not explain."""
+    blocks = {key: effect.block for key, effect in catalogue.items()}
+    shares = contributions(found, decision, blocks)
+    if decision.verdict == "unknown" and decision.unknown_view:
+        block = _unknown_block(found, decision, blocks)
+        shares = {k: 0.5 * v for k, v in shares.items()}
+        shares[block] = max([shares.get(block, 0.0), *shares.values()]) + 1.0
+    total = sum(shares.values())
+    result = []
+    for block, share in sorted(shares.items(), key=lambda item: -item[1]):
+        logs, regime = regime_of(bench, found, block)
+        result.append({"block": block, "share": share / total if total else 0.0, "logs": logs, "regime": regime})
+    return result
+
+
+def _unknown_block(found: Search, decision: Decision, blocks: Mapping[str, str]) -> str:
+    """Block of an effect outside the catalogue: that of the effect which, wrongly but best, explains the worst view."""
+    view = decision.unknown_view
+    candidates = VIEW_BLOCKS[view]
+    if len(candidates) == 1:
+        return candidates[0]
+    for trial in found.singles:
+        block = blocks[trial.choice.keys[0]]
+        if view in trial.outcome.views and trial.gain > 0:
+            return block
+    return candidates[0]
+
+
+def _causes(decision: Decision, catalogue: Mapping[str, Effect]) -> list[dict[str, Any]]:
+    """Every effect that some hypothesis names, with its total probability; those of the best hypothesis first."""
+    total: dict[str, float] = {}
+    carrier: dict[str, Hypothesis] = {}
+    for hypothesis in decision.hypotheses:
+        for key in hypothesis.keys:
+            total[key] = total.get(key, 0.0) + hypothesis.probability
+            carrier.setdefault(key, hypothesis)
+    chosen = decision.best.choice.keys if decision.best is not None else ()
+    result = []
+    for key in sorted(total, key=lambda k: (k not in chosen, -total[k])):
+        if total[key] < 0.005 and key not in chosen:
+            continue
+        effect = catalogue[key]
+        result.append({"effect": effect.name, "axis": effect.axis, "probability": min(total[key], 1.0), "parameters": _parameters(effect, carrier[key])})
+    return result
+
+
+def _parameters(effect: Effect, hypothesis: Hypothesis) -> dict[str, Any]:
+    if hypothesis.trial is None:
+        return {}
+    outcome: Outcome = hypothesis.trial.outcome
+    choice: Choice = hypothesis.trial.choice
+    form = next(f for e, f in choice.effects if e.key == effect.key)
+    coordinates = {c.name: (c, theta) for c, theta in zip(outcome.fit.coordinates, outcome.fit.theta, strict=True)}
+    result = {}
+    for p in form.parameters:
+        coordinate, theta = coordinates[p.name]
+        inflation = max(1.0, max(outcome.rms(v) for v in outcome.views)) * np.sqrt(max(outcome.lengths[v] for v in outcome.views))
+        low, high = coordinate.interval(theta, outcome.fit.sigma(p.name) * inflation)
+        result[p.name] = {"value": coordinate.value(theta), "ci95": [low, high], "unit": p.unit, "form": form.name}
+    return result
+
+
+def report_json(d: Diagnosis) -> dict[str, Any]:
+    """The JSON of gap.md, "gap/1"."""
+    gap = None
+    if d.gap is not None:
+        gap = {"nominal": d.gap.nominal, "augmented": d.gap.augmented, "floor": d.gap.floor, "shrink": d.gap.shrink, "ci95": list(d.gap.ci95), "log": d.held_out}
+    return {
+        "schema": "gap/1", "verdict": d.decision.verdict, "where": d.where, "causes": d.causes, "answer_set": d.decision.answer_set,
+        "gap": gap, "closed_loop": d.closed, "next_experiment": None, "notes": d.notes, "unknown_probability": d.decision.unknown,
+        "stages": d.stages, "seconds": d.seconds,
+    }  # fmt: skip

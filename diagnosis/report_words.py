@@ -1,0 +1,194 @@
+"""Sentences of the report: the verdict, the runner-up and why not, what the logs could not excite."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from diagnosis.bench import FLOOR
+from diagnosis.decide import Decision, Hypothesis
+from diagnosis.diagnose import Diagnosis
+from diagnosis.search import Trial
+from pyfmi_runner.campaign import LoggedRun
+from pyfmi_runner.log import STROKE_X, STROKE_Z
+
+__all__ = ["gain_of", "label", "not_excited", "number", "percent", "rivals", "runner_up", "shrinkable", "shrink_words", "verdict_sentence"]
+
+MOVING = 5e-3  # m/s, over 20 samples
+TOUCHING = 2.0  # N
+COMMANDED = 0.05  # V
+NO_EFFECT = "no effect (tolerance and noise alone)"
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number of so many significant digits; "–" where there is none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    text = f"{value:.{digits}g}"
+    if "e" not in text:
+        return text
+    if 1 <= abs(value) < 1e6:
+        return f"{float(text):.0f}"
+    mantissa, exponent = text.split("e")
+    return f"{mantissa}·10^{int(exponent)}"
+
+
+def percent(share: float) -> str:
+    """A probability or share; what is neither 0 nor 1 does not read as 0 or 100 %."""
+    if not math.isfinite(share):
+        return "–"
+    if 0 < share < 0.01:
+        return "< 1 %"
+    return "> 99 %" if 0.99 < share < 1 else f"{100 * share:.0f} %"
+
+
+def label(keys: tuple[str, ...] | list[str]) -> str:
+    """A hypothesis in words."""
+    return " + ".join(keys) or NO_EFFECT
+
+
+def gain_of(hypothesis: Hypothesis) -> float:
+    """Evidence over tolerance alone."""
+    return hypothesis.trial.gain if hypothesis.trial is not None else 0.0
+
+
+def shrinkable(gap: dict[str, Any] | None) -> bool:
+    """Whether there is a gap above the floor to speak of."""
+    return gap is not None and all(isinstance(gap[k], int | float | np.floating) for k in ("nominal", "floor")) and gap["nominal"] > 1.05 * gap["floor"]
+
+
+def shrink_words(gap: dict[str, Any] | None) -> str:
+    """The gap before and after, and its shrink, as the end of a sentence."""
+    if gap is None:
+        return "how far the gap shrinks is not known, the held-out log could not be replayed"
+    if not shrinkable(gap):
+        return f"the gap of {gap['log']} is {number(gap['nominal'])} before and {number(gap['augmented'])} after: at the floor, nothing to shrink"
+    low, high = gap["ci95"]
+    return (
+        f"the gap of {gap['log']} goes from {number(gap['nominal'])} to {number(gap['augmented'])} (floor {number(gap['floor'])}), "
+        f"shrink {gap['shrink']:.2f} [{low:.2f}, {high:.2f}]"
+    )
+
+
+def _with_summaries(decision: Decision, keys: tuple[str, ...]) -> str:
+    summaries = {effect.key: effect.summary for effect, _ in decision.best.choice.effects} if decision.best is not None else {}
+    return " and ".join(f"{key} ({summaries[key]})" if summaries.get(key) else key for key in keys)
+
+
+def verdict_sentence(d: Diagnosis, facts: dict[str, Any]) -> str:
+    """One sentence."""
+    decision, ranked = d.decision, d.decision.hypotheses
+    far = shrink_words(facts["gap"])
+    block = facts["where"][0]["block"] if facts["where"] else ""
+    if decision.verdict == "none":
+        return f"Nothing beyond tolerance and noise was found in these logs; with the tolerance fitted, {far}."
+    if decision.verdict == "unknown":
+        nearest = f"; the nearest, {label(ranked[0].keys)}, leaves {percent(decision.unexplained)} of the misfit of {decision.unknown_view}" if ranked else ""
+        where = f" in {block}" if block else ""
+        return f"A real effect{where} that no entry of the catalogue explains (probability {percent(decision.unknown)}){nearest}; with what could be fitted, {far}."
+    if decision.verdict == "ambiguous":
+        answers = [f"{label(h.keys)} ({percent(h.probability)})" for h in ranked[:3] if h.probability >= 0.005] or ["–"]
+        where = f" (first suspect block: {block})" if block else ""
+        return f"These logs do not settle which effect it is{where}: {', or '.join(answers)}; with the first one, {far}."
+    keys = ranked[0].keys if ranked else ()
+    probability = percent(ranked[0].probability) if ranked else "–"
+    return f"{_with_summaries(decision, keys)} explains the gap (probability {probability}): {far}."
+
+
+# ---------------------------------------------------------------- which
+
+
+def rivals(decision: Decision) -> list[tuple[str, float, float | None]]:
+    """(hypothesis, probability, gain) that are worth a line, "outside the catalogue" among them; by probability."""
+    rows: list[tuple[str, float, float | None]] = [(label(h.keys), h.probability, gain_of(h)) for h in decision.hypotheses]
+    rows.append(("an effect outside the catalogue", decision.unknown, None))
+    rows = sorted(rows, key=lambda row: -row[1])
+    return [row for i, row in enumerate(rows) if row[1] >= 0.005 or i < 3 or row[2] is None][:10]
+
+
+def runner_up(d: Diagnosis) -> str:
+    """The second hypothesis, and why it is not the first."""
+    ranked = d.decision.hypotheses
+    if len(ranked) < 2:
+        return "No other hypothesis was in the running: no block showed more than tolerance and noise explain." if d.decision.verdict == "none" else ""
+    first, second = ranked[0], ranked[1]
+    behind = gain_of(first) - gain_of(second)
+    text = (
+        f"Runner-up: {label(second.keys)}, probability {percent(second.probability)}. Its evidence over tolerance alone (fall of −2 log evidence) "
+        f"is {number(gain_of(second), 4)} against {number(gain_of(first), 4)}"
+    )
+    text += f", {number(behind)} less" if behind > 0 else f", {number(-behind)} more, but a further effect must bring more than it does" if behind < 0 else ""
+    left = list(_leaves(d, first.trial, second.trial))
+    return f"{text}. {'; '.join(left)}." if left else f"{text}."
+
+
+def _leaves(d: Diagnosis, first: Trial | None, second: Trial | None) -> Iterator[str]:
+    """Where the two hypotheses leave different residuals."""
+    for view in sorted(d.found.troubled):
+        levels = []
+        for trial in (second, first):
+            outcome = trial.outcome if trial is not None and view in trial.outcome.views else d.found.null.get(view)
+            if outcome is None or not outcome.counts.get(view):
+                break
+            levels.append(outcome.rms(view))
+        if len(levels) == 2 and abs(levels[0] - levels[1]) > 0.01:
+            yield f"in {view} it leaves a residual of {levels[0]:.2f} RMS, the first {levels[1]:.2f} (floor {FLOOR.get(view, 1.0):.2f})"
+
+
+# ---------------------------------------------------------------- what the logs could not show
+
+
+def not_excited(d: Diagnosis) -> list[str]:
+    """What the fitted logs cannot tell, one sentence each."""
+    runs = [run for name, run in d.campaign.logs.items() if name != d.held_out or len(d.campaign.logs) == 1]
+    facts = [_Motion(run) for run in runs]
+    return [text for text in _gaps(facts) if text]
+
+
+class _Motion:
+    """What one log does."""
+
+    def __init__(self, run: LoggedRun) -> None:
+        log, setup = run.log, run.setup
+        self.closed = setup.loop == "closed" and setup.controller is not None
+        self.workpiece = setup.workpiece if setup.workpiece != "none" else ""
+        force = np.hypot(log["f_x"], log["f_z"])
+        self.touching = bool((_mean(force) > TOUCHING).any())
+        self.forward, self.back, self.dragged, self.range, self.command = {}, {}, {}, {}, {}
+        for axis in "xz":
+            free = ~setup.clamp_signal(axis, log.time)
+            speed = np.where(free, _mean(log[f"v_{axis}"]), 0.0)
+            self.forward[axis], self.back[axis] = bool((speed > MOVING).any()), bool((speed < -MOVING).any())
+            self.dragged[axis] = bool(((np.abs(speed) > MOVING) & (_mean(force) > TOUCHING)).any())
+            self.range[axis] = (float(np.quantile(log[axis], 0.02)), float(np.quantile(log[axis], 0.98)))
+            self.command[axis] = float(np.ptp(log[f"u_{axis}"])) > COMMANDED
+
+
+def _mean(values: Any) -> Any:
+    return np.convolve(values, np.full(20, 0.05), mode="same")
+
+
+def _gaps(facts: list[_Motion]) -> Iterator[str]:
+    for axis, stroke in (("x", STROKE_X), ("z", STROKE_Z)):
+        if not any(f.command[axis] for f in facts):
+            yield f"u_{axis} hardly changes: effects of valve_{axis} that act on changes (lag, delay, hysteresis) cannot show"
+        forward, back = any(f.forward[axis] for f in facts), any(f.back[axis] for f in facts)
+        if not (forward or back):
+            yield f"{axis} does not move free of its clamp: nothing can be said of friction_{axis}"
+        elif not (forward and back):
+            yield f"{axis} moves towards {'+' if forward else '−'}{axis} only: level, direction and offset of its friction cannot be told apart"
+        if facts and (max(f.range[axis][1] for f in facts) - min(f.range[axis][0] for f in facts)) < 0.3 * stroke:
+            yield f"{axis} stays within 30 % of its stroke: effects that vary along it (valve_lag_position, friction_position) cannot show"
+    if not any(f.touching for f in facts):
+        yield f"no contact force above {TOUCHING:g} N: nothing can be said of the contact, of force_gain, of friction_load"
+    elif not any(f.dragged["x"] for f in facts):
+        yield "no log slides along the edge in contact: bearing_drag, surface_waviness and workpiece_angle cannot show"
+    if not any(f.closed for f in facts):
+        yield "no closed loop with a known controller: loop_delay cannot show, and the closed loop cannot be confirmed on these logs"
+    kinds = {f.workpiece for f in facts if f.workpiece}
+    if any(f.touching for f in facts) and len(kinds) == 1:
+        yield f"one workpiece only ({kinds.pop()}): an error of its shape or angle looks like one of the contact"
+

@@ -1,0 +1,57 @@
+"""Writes the file map of README.md: one line a module, its docstring's first sentence. `python docs/file_map.py`, or `make map`."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("controllers", "pyfmi_runner", "analysis", "diagnosis", "studies", "pneugantry")
+BEGIN, END = "<!-- file map: written by docs/file_map.py -->", "<!-- end of file map -->"
+OTHERS = {  # what holds no docstring
+    "models/PneuGantry.mo": "The plant, one block per component; `Validation`: a model with a known answer per component",
+    "notebooks/*.ipynb": "Root locus and lag, step by step; run by the tests",
+    "docs/*.md": "Design decisions; how the thesis' runs were set up",
+}
+
+
+def first_sentence(text: str) -> str:
+    """Up to the first full stop that ends a sentence, on one line."""
+    paragraph = " ".join(text.strip().split("\n\n")[0].split())
+    return re.split(r"(?<!Eq)(?<!Fig)(?<! al)\.(?= [A-Z`|\[(]|$)", paragraph)[0].strip()
+
+
+def summary(path: Path) -> str:
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        helped = re.search(r'^HELP = """(.*)$', text, re.MULTILINE)  # a command says there what it does
+        return first_sentence(helped[1] if helped else ast.get_docstring(ast.parse(text)) or "")
+    comment = re.match(r"\s*/\*(.*?)\*/", text, re.DOTALL)
+    return first_sentence(re.sub(r"\n\s*\*", "\n", comment[1])) if comment else ""
+
+
+def file_map() -> str:
+    """The map as Markdown: a list per folder; files without a summary (empty `__init__.py`) are left out."""
+    lines = [BEGIN]
+    lines += [f"- `{name}`: {text}" for name, text in OTHERS.items()]
+    for package in PACKAGES:
+        files = sorted(p for p in (ROOT / package).rglob("*") if p.suffix in (".py", ".c", ".h"))
+        for folder in sorted({p.parent for p in files}):
+            lines += ["", f"**{folder.relative_to(ROOT).as_posix()}/**", ""]
+            entries = ((p.name, summary(p)) for p in files if p.parent == folder)
+            lines += [f"- `{name}`: {text}" for name, text in entries if text]
+            effects = sorted(folder.glob("effects/*.toml"))
+            lines += [f"- `effects/*.toml`: {len(effects)} effects of the catalogue, one file each"] if effects else []
+    return "\n".join([*lines, END])
+
+
+def with_map(readme: str) -> str:
+    """README's text with the present map in its place."""
+    before, _, rest = readme.partition(BEGIN)
+    return before + file_map() + rest.partition(END)[2]
+
+
+if __name__ == "__main__":
+    target = ROOT / "README.md"
+    target.write_text(with_map(target.read_text(encoding="utf-8")), encoding="utf-8")
