@@ -23,7 +23,6 @@ from pyfmi_runner.block_fmu import BlockFmu
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import SIGMA
 
 __all__ = ["FLOOR", "TOLERANCE", "Bench", "Choice", "Outcome", "nominal_values"]
 
@@ -34,6 +33,7 @@ TOLERANCE = 0.02  # RMS share by which a rig's parameters are off (gap.md, "Logs
 TIGHT = {"u_0": 0.003, "v_th": 0.005, "C_c": 0.15}
 JUDGED = ("valve_x", "valve_z", "mechanics", "contact", "sensors", "timing")
 GOOD_VALVE = 1.03  # RMS of a valve view whose output is taken for the force itself
+ROUGH_MECHANICS = 1.3  # floor of the mechanics where a valve's output had to be smoothed
 KEPT = 400  # residual vectors
 FOLD = 5  # samples averaged to one: what hypotheses differ in is slower
 CLASSES = {"valve": "PneuGantry.Valve", "friction": "PneuGantry.Cylinder", "contact": "PneuGantry.Edge"}
@@ -83,6 +83,7 @@ class Outcome:
     counts: dict[str, int]
     lengths: dict[str, float]  # by view: correlation length of its residual
     views: tuple[str, ...] = field(default=())
+    floor: Mapping[str, float] = field(default_factory=lambda: FLOOR)  # by view
 
     @property
     def values(self) -> dict[str, float]:
@@ -103,7 +104,7 @@ class Outcome:
             if n == 0:
                 continue
             mean = self.squares[view] / n
-            scale = max(FLOOR.get(view, 1.0) ** 2, mean)
+            scale = max(self.floor.get(view, 1.0) ** 2, mean)
             total += n / lengths[view] * (math.log(scale) + mean / scale)
         return total + self.fit.penalty + self.volume()
 
@@ -150,6 +151,7 @@ class Bench:
         self.store = SignalStore(self.table)
         self.views: dict[str, View] = {}
         self.evaluations = 0
+        self.floor = dict(FLOOR)
         self.columns: dict[tuple[str, str], Array] = {}  # Jacobian of tolerance about the nominal fit
         self._kept: OrderedDict[tuple[Any, ...], Array] = OrderedDict()
 
@@ -174,9 +176,10 @@ class Bench:
         for axis in "xz":
             name = f"valve_{axis}"
             measured = self.table.columns[f"f_a{axis}"]
-            left = self.all[name].residual(valves[name].values)[:, 0] * SIGMA[f"f_a{axis}"]
+            left = self.all[name].residual(valves[name].values)[:, 0] * self.table.sigma[f"f_a{axis}"]
             self.mechanics.actuator[axis] = measured - left
             if valves[name].rms(name) > GOOD_VALVE:
+                self.floor["mechanics"] = ROUGH_MECHANICS
                 self.mechanics.actuator[axis] = measured - left + smoothed(left, self.table.spans)
         self._forget("mechanics")
 
@@ -284,4 +287,4 @@ class Bench:
         for view in views:
             r = self.white(self.all[view], values)
             squares[view], counts[view], lengths[view] = float(r @ r), len(r), correlation_length(r) if len(r) > 10 else 1.0
-        return Outcome(choice, fitted, squares, counts, lengths, views)
+        return Outcome(choice, fitted, squares, counts, lengths, views, dict(self.floor))

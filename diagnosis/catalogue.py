@@ -26,7 +26,7 @@ AXIS_BLOCKS = ("valve", "friction")  # blocks that each axis has of its own
 
 @dataclass(frozen=True)
 class Parameter:
-    """One fitted quantity of an effect. A relative one has the nominal value as its neutral and its scale as a share of it."""
+    """One fitted quantity of an effect. A relative one has the nominal value as its neutral, its scale and bounds as shares of it."""
 
     name: str
     neutral: float
@@ -46,6 +46,7 @@ class Form:
     name: str
     parameters: tuple[Parameter, ...]
     settings: Mapping[str, float] = field(default_factory=dict)
+    estimator: str = ""  # "waviness", "converter": parameters that the data themselves give (see `diagnosis.search`)
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def _form(path: Path, table: Mapping[str, Any], axis: str) -> Form:
         if unknown:
             raise InputError("unknown key", file=path, field=f"{name}.{unknown.pop()}", mend=f"use {', '.join(sorted(known))}")
         parameters.append(Parameter(name.format(axis=axis), **{"neutral": 0.0, **values, "starts": tuple(values.get("starts", ()))}))
-    if not parameters:
+    if not parameters and not table.get("estimator"):
         raise InputError("has no parameters", file=path, field="form", mend="name at least one parameter to fit")
     settings = {name.format(axis=axis): float(value) for name, value in table.get("settings", {}).items()}
-    return Form(table.get("name", "form"), tuple(parameters), settings)
+    return Form(table.get("name", "form"), tuple(parameters), settings, table.get("estimator", ""))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from diagnosis.bench import FLOOR, Outcome
+from diagnosis.bench import Outcome
 from diagnosis.search import Search, Trial, misfit
 
 __all__ = ["Decision", "Hypothesis", "Weights", "decide"]
@@ -43,10 +43,12 @@ class Decision:
     answer_set: list[list[str]] = field(default_factory=list)
 
 
-def decide(found: Search, weights: Weights | None = None) -> Decision:
+def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] = ()) -> Decision:
+    """`seen`: effects that the readings show by themselves (a coarse converter), part of every hypothesis."""
     weights = weights or Weights()
     if not found.troubled:
-        return Decision("none", [Hypothesis((), weights.cap, None)], None, 0.0, 1.0 - weights.cap, "", [[]])
+        alone = Hypothesis(seen, weights.cap, None)
+        return Decision("identified" if seen else "none", [alone], None, 0.0, 1.0 - weights.cap, "", [list(seen)])
     trials = [(t, t.gain) for t in found.singles] + [(t, t.gain - weights.pair_cost) for t in found.pairs]
     trials = _joined(found, trials)
     scored = [((), 0.0, None), *((t.choice.keys, gain, t) for t, gain in trials)]
@@ -62,14 +64,14 @@ def decide(found: Search, weights: Weights | None = None) -> Decision:
     best = ranked[0].trial
     share, view = unexplained(found, best)
     unknown = 1.0 / (1.0 + (weights.unknown_share / max(share, 1e-6)) ** weights.unknown_slope) if view else 0.0
-    ranked = [Hypothesis(h.keys, h.probability * (1 - unknown) * weights.cap, h.trial) for h in ranked]
+    ranked = [Hypothesis((*h.keys, *seen), h.probability * (1 - unknown) * weights.cap, h.trial) for h in ranked]
     answers, held = [], 0.0
     for item in [*ranked, Hypothesis(("unknown",), unknown, None)] if unknown < 0.5 else [Hypothesis(("unknown",), unknown, None), *ranked]:
         if held >= 0.95 or item.probability < 0.005:
             break
         answers.append(list(item.keys))
         held += item.probability
-    verdict = "unknown" if unknown > 0.5 else "none" if best is None else "identified" if ranked[0].probability > 0.6 else "ambiguous"
+    verdict = "unknown" if unknown > 0.5 else "none" if best is None and not seen else "identified" if ranked[0].probability > 0.6 else "ambiguous"
     return Decision(verdict, ranked, best, share, unknown, view, answers)
 
 
@@ -93,7 +95,7 @@ def unexplained(found: Search, best: Trial | None) -> tuple[float, str]:
 
 
 def _excess(outcome: Outcome, view: str) -> float:
-    return max(0.0, outcome.squares[view] / max(outcome.counts[view], 1) - FLOOR.get(view, 1.0) ** 2)
+    return max(0.0, outcome.squares[view] / max(outcome.counts[view], 1) - outcome.floor.get(view, 1.0) ** 2)
 
 
 def contributions(found: Search, decision: Decision, blocks: Mapping[str, str]) -> dict[str, float]:
@@ -103,6 +105,8 @@ def contributions(found: Search, decision: Decision, blocks: Mapping[str, str]) 
         keys = decision.best.choice.keys
         singles = {t.choice.keys[0]: max(t.gain, 0.0) for t in found.singles if len(t.choice.keys) == 1}
         for key in keys:
+            if key not in singles and len(keys) == 1:
+                singles[key] = decision.best.gain
             others = sum(singles.get(k, 0.0) for k in keys if k != key)
             result[blocks[key]] = result.get(blocks[key], 0.0) + max(decision.best.gain - others, 0.05 * decision.best.gain, 1e-6)
     return result

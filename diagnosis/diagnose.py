@@ -18,7 +18,7 @@ from diagnosis.search import Search, search
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.errors import RunError
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import log_warnings
+from pyfmi_runner.log import COLUMNS, log_warnings
 from pyfmi_runner.replay import Replayer
 
 __all__ = ["Diagnosis", "diagnose", "report_json"]
@@ -59,10 +59,12 @@ def diagnose(campaign: Campaign, gantry: FmuFile, catalogue: Mapping[str, Effect
     with Bench(fitted, gantry) as bench:
         found = search(bench, catalogue)
         stages["search"] = time.perf_counter() - started
-        decision = decide(found)
+        seen = ("quantisation",) if bench.table.quanta and "quantisation" in catalogue else ()
+        decision = decide(found, seen=seen)
+        quanta = dict(bench.table.quanta)
         values = _values(found, decision)
         where = _where(bench, found, decision, catalogue)
-    causes = _causes(decision, catalogue)
+    causes = _causes(decision, catalogue, quanta)
     say("confirmation")
     run = held or next(iter(campaign.logs.values()))
     gap, closed = _confirm(gantry, run, values, notes)
@@ -114,6 +116,8 @@ def _where(bench: Bench, found: Search, decision: Decision, catalogue: Mapping[s
         block = _unknown_block(found, decision, blocks)
         shares = {k: 0.5 * v for k, v in shares.items()}
         shares[block] = max([shares.get(block, 0.0), *shares.values()]) + 1.0
+    if bench.table.quanta:
+        shares["sensors"] = shares.get("sensors", 0.0) + max([1.0, *shares.values()]) * (2.0 if decision.best is None else 0.5)
     total = sum(shares.values())
     result = []
     for block, share in sorted(shares.items(), key=lambda item: -item[1]):
@@ -135,7 +139,7 @@ def _unknown_block(found: Search, decision: Decision, blocks: Mapping[str, str])
     return candidates[0]
 
 
-def _causes(decision: Decision, catalogue: Mapping[str, Effect]) -> list[dict[str, Any]]:
+def _causes(decision: Decision, catalogue: Mapping[str, Effect], quanta: Mapping[str, float]) -> list[dict[str, Any]]:
     """Every effect that some hypothesis names, with its total probability; those of the best hypothesis first."""
     total: dict[str, float] = {}
     carrier: dict[str, Hypothesis] = {}
@@ -143,13 +147,16 @@ def _causes(decision: Decision, catalogue: Mapping[str, Effect]) -> list[dict[st
         for key in hypothesis.keys:
             total[key] = total.get(key, 0.0) + hypothesis.probability
             carrier.setdefault(key, hypothesis)
-    chosen = decision.best.choice.keys if decision.best is not None else ()
+    chosen = (*(decision.best.choice.keys if decision.best is not None else ()), *(("quantisation",) if quanta else ()))
     result = []
     for key in sorted(total, key=lambda k: (k not in chosen, -total[k])):
         if total[key] < 0.005 and key not in chosen:
             continue
         effect = catalogue[key]
-        result.append({"effect": effect.name, "axis": effect.axis, "probability": min(total[key], 1.0), "parameters": _parameters(effect, carrier[key])})
+        parameters = _parameters(effect, carrier[key])
+        if key == "quantisation":
+            parameters = {f"step_{c}": {"value": q, "ci95": [q, q], "unit": COLUMNS[c].unit} for c, q in quanta.items()}
+        result.append({"effect": effect.name, "axis": effect.axis, "probability": min(total[key], 1.0), "parameters": parameters})
     return result
 
 
@@ -158,7 +165,9 @@ def _parameters(effect: Effect, hypothesis: Hypothesis) -> dict[str, Any]:
         return {}
     outcome: Outcome = hypothesis.trial.outcome
     choice: Choice = hypothesis.trial.choice
-    form = next(f for e, f in choice.effects if e.key == effect.key)
+    form = next((f for e, f in choice.effects if e.key == effect.key), None)
+    if form is None:
+        return {}
     coordinates = {c.name: (c, theta) for c, theta in zip(outcome.fit.coordinates, outcome.fit.theta, strict=True)}
     result = {}
     for p in form.parameters:

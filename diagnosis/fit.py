@@ -70,10 +70,11 @@ def effect_coordinate(p: Parameter, nominal: float | None, start: float | None =
     neutral = p.neutral if nominal is None or not p.relative else nominal
     logarithmic = p.relative or p.positive
     scale = p.scale if p.relative or not p.positive else 1.0
-    made = Coordinate(p.name, neutral, scale, logarithmic, 2.0, p.low, p.high)
+    low, high = (p.low * neutral, p.high * neutral) if p.relative else (p.low, p.high)
+    made = Coordinate(p.name, neutral, scale, logarithmic, 2.0, low, high)
     at_bound = not logarithmic and neutral in (p.low, p.high)
     theta = made.theta(start) if start is not None else (0.3 if at_bound else 0.0)
-    return Coordinate(p.name, neutral, scale, logarithmic, 2.0, p.low, p.high, start=theta, effect=True)
+    return Coordinate(p.name, neutral, scale, logarithmic, 2.0, low, high, start=theta, effect=True)
 
 
 @dataclass(frozen=True, eq=False)

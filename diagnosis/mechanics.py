@@ -15,7 +15,7 @@ from scipy.signal import savgol_filter
 from diagnosis.signals import Table
 from diagnosis.views import SignalStore, Values
 from pyfmi_runner.block_fmu import BlockFmu
-from pyfmi_runner.log import PERIOD, SIGMA
+from pyfmi_runner.log import PERIOD
 from pyfmi_runner.plant import plant_parameters
 
 __all__ = ["MechanicsView"]
@@ -53,7 +53,7 @@ class MechanicsView:
             rows = slice(*table.spans[i])
             simulated = sensed(self.simulate(i, values), values)
             for column, name in enumerate(OUTPUTS):
-                result[rows, column] = (table.columns[name][rows] - simulated[:, column]) / SIGMA[name]
+                result[rows, column] = (table.columns[name][rows] - simulated[:, column]) / table.sigma[name]
         return result
 
     def simulate(self, i: int, values: Values) -> Array:

@@ -6,6 +6,7 @@ import base64
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,8 @@ CURVES = {"measured": ("#7b8592", 2.4, ""), "nominal": ("#c44e00", 1.3, "5 3"), 
 BLOCKS = {  # x, y, width, height, caption
     "timing": (196, 272, 128, 54, ("timing", "delay of the loop")), "valve_x": (196, 34, 128, 54, ("valve_x", "u → f_a")),
     "valve_z": (196, 142, 128, 54, ("valve_z", "u → f_a")), "friction_x": (430, 34, 150, 54, ("friction_x", "friction, mass, cable")),
-    "friction_z": (430, 142, 150, 54, ("friction_z", "friction, mass, cable")), "contact": (724, 34, 130, 162, ("contact", "and workpiece")),
-    "sensors": (360, 272, 494, 54, ("sensors", "noise, scale, offset, lag")),
+    "friction_z": (430, 142, 150, 54, ("friction_z", "friction, mass, cable")),
+    "contact": (724, 34, 130, 162, ("contact", "and workpiece")), "sensors": (360, 272, 494, 54, ("sensors", "noise, scale, offset, lag")),
 }  # fmt: skip
 SAMPLES = 20_000  # per curve in the page; longer logs are decimated
 STATIC = 240  # bins of the static picture
@@ -49,7 +50,9 @@ def _text(x: float, y: float, text: str, anchor: str = "middle", size: float = 1
 
 
 def _svg(width: float, height: float, body: Iterable[str], label: str, kind: str) -> str:
-    head = f'<svg class="picture {kind}" viewBox="0 0 {_number(width)} {_number(height)}" role="img" aria-label="{escape(label, quote=True)}">'
+    head = (
+        f'<svg class="picture {kind}" viewBox="0 0 {_number(width)} {_number(height)}" role="img" aria-label="{escape(label, quote=True)}">'
+    )
     return head + "".join(body) + "</svg>"
 
 
@@ -68,7 +71,9 @@ def plant_svg(shares: Mapping[str, float]) -> str:
     for name, (x, y, width, height, captions) in places.items():
         body += _block(x, y, width, height, captions, shares.get(name, 0.0), name in shares)
     label = ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares.items() if share >= 0.005) or "no block carries a share"
-    return _svg(max(880, 20 + 190 * len(others)), 420 if others else 340, body, f"Blocks of the plant by share of the gap: {label}", "plant")
+    return _svg(
+        max(880, 20 + 190 * len(others)), 420 if others else 340, body, f"Blocks of the plant by share of the gap: {label}", "plant"
+    )
 
 
 def _block(x: float, y: float, width: float, height: float, captions: tuple[str, str], share: float, named: bool) -> list[str]:
@@ -76,8 +81,9 @@ def _block(x: float, y: float, width: float, height: float, captions: tuple[str,
     middle, centre = x + width / 2, y + height / 2
     shade = tuple(round(255 + share * (full - 255)) for full in (240, 140, 40))
     value = f"{100 * share:.0f} %" if named else "–"
+    frame = f'fill="rgb{shade}" stroke="{INK}" stroke-width="{1 + 3 * share:.1f}"'
     return [
-        f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="6" fill="rgb{shade}" stroke="{INK}" stroke-width="{1 + 3 * share:.1f}"/>',
+        f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="6" {frame}/>',
         _text(middle, centre - 9, captions[0], weight="600"), _text(middle, centre + 4, captions[1], size=10.5),
         _text(middle, centre + 20, value, weight="700" if share >= 0.1 else "400", size=13 if share >= 0.1 else 11),
     ]  # fmt: skip
@@ -98,7 +104,11 @@ def _wires() -> list[str]:
         result += [wire(f"124,{y} 194,{y}", f"u_{axis}", (159, y - 6)), wire(f"324,{y} 428,{y}", f"f_a{axis}", (354, y - 6)), dot(382, y)]
         result += [wire(f"580,{y - 10} 722,{y - 10}", f"{position}, v_{axis}", (620, y - 16)), dot(664, y - 10)]
         result.append(wire(f"724,{y + 14} 582,{y + 14}", f"f_{axis}", (694, y + 28)))
-    result += [wire("382,61 382,270", "f_a", (397, 256)), wire("664,51 664,270", "s, v", (683, 256)), wire("789,196 789,270", "f", (799, 256))]
+    result += [
+        wire("382,61 382,270", "f_a", (397, 256)),
+        wire("664,51 664,270", "s, v", (683, 256)),
+        wire("789,196 789,270", "f", (799, 256)),
+    ]
     result += [wire("360,299 326,299"), wire("196,299 72,299 72,198", "measured signals", (134, 316))]
     return result
 
@@ -156,7 +166,7 @@ def _extremes(values: Array, bins: int) -> tuple[Array, Array]:
     """(index, value) of each bin's smallest and largest sample, in order of time; samples that are not finite are left out."""
     index: list[int] = []
     edges = np.linspace(0, len(values), min(bins, max(len(values), 1)) + 1).astype(int)
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges):
         rows = first + np.flatnonzero(np.isfinite(values[first:last]))
         if len(rows):
             index += sorted({int(rows[np.argmin(values[rows])]), int(rows[np.argmax(values[rows])])})
@@ -218,7 +228,10 @@ def packed(time: Array, curves: Mapping[str, Array], phases: Sequence[tuple[str,
         data = {name: _base64(column, low, scale) for name, column in columns.items()}
         channels.append({"name": channel, "unit": unit, "sigma": SIGMA[channel] * factor, "low": low, "scale": scale, "data": data})
     spacing = (float(time[-1]) - float(time[0])) / max(len(time) - 1, 1) * (1 if step == 1 else step / 2)
-    styles = {name: {"colour": colour, "width": width, "dashes": [float(d) for d in dashes.split()]} for name, (colour, width, dashes) in CURVES.items()}
+    styles = {
+        name: {"colour": colour, "width": width, "dashes": [float(d) for d in dashes.split()]}
+        for name, (colour, width, dashes) in CURVES.items()
+    }
     return {
         "t0": float(time[0]), "dt": spacing, "full": step == 1, "channels": channels, "phases": [list(p) for p in phases], "panel": PANEL,
         "curves": {name: styles[name] for name in curves}, "ink": INK, "quiet": QUIET, "line": LINE,
@@ -230,7 +243,9 @@ def _decimated(values: Array, step: int) -> Array:
     if step == 1:
         return values
     bins = np.append(values, np.full(-len(values) % step, values[-1])).reshape(-1, step)
-    first_low = np.nanargmin(np.where(np.isfinite(bins), bins, np.inf), axis=1) <= np.nanargmax(np.where(np.isfinite(bins), bins, -np.inf), axis=1)
+    first_low = np.nanargmin(np.where(np.isfinite(bins), bins, np.inf), axis=1) <= np.nanargmax(
+        np.where(np.isfinite(bins), bins, -np.inf), axis=1
+    )
     low, high = bins.min(axis=1), bins.max(axis=1)
     return np.column_stack([np.where(first_low, low, high), np.where(first_low, high, low)]).ravel()
 

@@ -15,7 +15,7 @@ from diagnosis.search import Trial
 from pyfmi_runner.campaign import LoggedRun
 from pyfmi_runner.log import STROKE_X, STROKE_Z
 
-__all__ = ["gain_of", "label", "not_excited", "number", "percent", "rivals", "runner_up", "shrinkable", "shrink_words", "verdict_sentence"]
+__all__ = ["gain_of", "label", "not_excited", "number", "percent", "rivals", "runner_up", "shrink_words", "shrinkable", "verdict_sentence"]
 
 MOVING = 5e-3  # m/s, over 20 samples
 TOUCHING = 2.0  # N
@@ -57,7 +57,11 @@ def gain_of(hypothesis: Hypothesis) -> float:
 
 def shrinkable(gap: dict[str, Any] | None) -> bool:
     """Whether there is a gap above the floor to speak of."""
-    return gap is not None and all(isinstance(gap[k], int | float | np.floating) for k in ("nominal", "floor")) and gap["nominal"] > 1.05 * gap["floor"]
+    return (
+        gap is not None
+        and all(isinstance(gap[k], int | float | np.floating) for k in ("nominal", "floor"))
+        and gap["nominal"] > 1.05 * gap["floor"]
+    )
 
 
 def shrink_words(gap: dict[str, Any] | None) -> str:
@@ -65,7 +69,8 @@ def shrink_words(gap: dict[str, Any] | None) -> str:
     if gap is None:
         return "how far the gap shrinks is not known, the held-out log could not be replayed"
     if not shrinkable(gap):
-        return f"the gap of {gap['log']} is {number(gap['nominal'])} before and {number(gap['augmented'])} after: at the floor, nothing to shrink"
+        before, after = number(gap["nominal"]), number(gap["augmented"])
+        return f"the gap of {gap['log']} is {before} before and {after} after: at the floor, nothing to shrink"
     low, high = gap["ci95"]
     return (
         f"the gap of {gap['log']} goes from {number(gap['nominal'])} to {number(gap['augmented'])} (floor {number(gap['floor'])}), "
@@ -86,9 +91,14 @@ def verdict_sentence(d: Diagnosis, facts: dict[str, Any]) -> str:
     if decision.verdict == "none":
         return f"Nothing beyond tolerance and noise was found in these logs; with the tolerance fitted, {far}."
     if decision.verdict == "unknown":
-        nearest = f"; the nearest, {label(ranked[0].keys)}, leaves {percent(decision.unexplained)} of the misfit of {decision.unknown_view}" if ranked else ""
+        nearest = (
+            f"; the nearest, {label(ranked[0].keys)}, leaves {percent(decision.unexplained)} of the misfit of {decision.unknown_view}"
+            if ranked
+            else ""
+        )
         where = f" in {block}" if block else ""
-        return f"A real effect{where} that no entry of the catalogue explains (probability {percent(decision.unknown)}){nearest}; with what could be fitted, {far}."
+        what = f"A real effect{where} that no entry of the catalogue explains (probability {percent(decision.unknown)})"
+        return f"{what}{nearest}; with what could be fitted, {far}."
     if decision.verdict == "ambiguous":
         answers = [f"{label(h.keys)} ({percent(h.probability)})" for h in ranked[:3] if h.probability >= 0.005] or ["–"]
         where = f" (first suspect block: {block})" if block else ""
@@ -113,14 +123,24 @@ def runner_up(d: Diagnosis) -> str:
     """The second hypothesis, and why it is not the first."""
     ranked = d.decision.hypotheses
     if len(ranked) < 2:
-        return "No other hypothesis was in the running: no block showed more than tolerance and noise explain." if d.decision.verdict == "none" else ""
+        return (
+            "No other hypothesis was in the running: no block showed more than tolerance and noise explain."
+            if d.decision.verdict == "none"
+            else ""
+        )
     first, second = ranked[0], ranked[1]
     behind = gain_of(first) - gain_of(second)
     text = (
-        f"Runner-up: {label(second.keys)}, probability {percent(second.probability)}. Its evidence over tolerance alone (fall of −2 log evidence) "
-        f"is {number(gain_of(second), 4)} against {number(gain_of(first), 4)}"
+        f"Runner-up: {label(second.keys)}, probability {percent(second.probability)}. "
+        f"Its evidence over tolerance alone (fall of −2 log evidence) is {number(gain_of(second), 4)} against {number(gain_of(first), 4)}"
     )
-    text += f", {number(behind)} less" if behind > 0 else f", {number(-behind)} more, but a further effect must bring more than it does" if behind < 0 else ""
+    text += (
+        f", {number(behind)} less"
+        if behind > 0
+        else f", {number(-behind)} more, but a further effect must bring more than it does"
+        if behind < 0
+        else ""
+    )
     left = list(_leaves(d, first.trial, second.trial))
     return f"{text}. {'; '.join(left)}." if left else f"{text}."
 
@@ -179,7 +199,8 @@ def _gaps(facts: list[_Motion]) -> Iterator[str]:
         if not (forward or back):
             yield f"{axis} does not move free of its clamp: nothing can be said of friction_{axis}"
         elif not (forward and back):
-            yield f"{axis} moves towards {'+' if forward else '−'}{axis} only: level, direction and offset of its friction cannot be told apart"
+            sign = "+" if forward else "−"
+            yield f"{axis} moves towards {sign}{axis} only: level, direction and offset of its friction cannot be told apart"
         if facts and (max(f.range[axis][1] for f in facts) - min(f.range[axis][0] for f in facts)) < 0.3 * stroke:
             yield f"{axis} stays within 30 % of its stroke: effects that vary along it (valve_lag_position, friction_position) cannot show"
     if not any(f.touching for f in facts):
@@ -191,4 +212,3 @@ def _gaps(facts: list[_Motion]) -> Iterator[str]:
     kinds = {f.workpiece for f in facts if f.workpiece}
     if any(f.touching for f in facts) and len(kinds) == 1:
         yield f"one workpiece only ({kinds.pop()}): an error of its shape or angle looks like one of the contact"
-

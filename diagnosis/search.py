@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from diagnosis.bench import FLOOR, Bench, Choice, Outcome
+from diagnosis.bench import Bench, Choice, Outcome
 from diagnosis.catalogue import Effect, Form, Parameter
+from diagnosis.waviness import estimate_waviness
 
 __all__ = ["Search", "Trial", "misfit", "search"]
 
@@ -57,24 +58,50 @@ def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
     bench.drive(valves)
     starters = {name: null[name] for name in ("friction_x", "friction_z", "contact")}
     null["mechanics"] = bench.settle_mechanics(null)
-    null = {name: null[name] for name in bench.views}
-    found = Search(null, {name for name, outcome in null.items() if trouble(outcome, name) > QUIET})
-    known = {name: value for outcome in null.values() for name, value in outcome.values.items()}
+    found = Search({name: null[name] for name in bench.views}, set(), early)
+    found.troubled = _troubled(found)
     others = {key: effect for key, effect in catalogue.items() if not effect.block.startswith("valve")}
-    found.singles = early + _friction(bench, others, found.troubled, starters)
-    rest = {key: effect for key, effect in others.items() if not effect.block.startswith("friction")}
-    candidates = list(_candidates(bench, rest, Choice(), found.troubled, known))
-    found.singles += _fitted(bench, _chosen(candidates, found.troubled, FIT_SINGLES))
-    _score(found)
+    found.singles += _added(bench, others, found, starters, None)
+    _renull(bench, found)
     _refine(bench, found, found.singles)
     for base in [t for t in found.singles if t.gain > max(QUIET, RIVAL * found.singles[0].gain)][:BASES]:
-        left = {v for v in found.troubled if v not in base.outcome.views} | {v for v in base.outcome.views if _left(bench, base.outcome, v) > QUIET}
-        if left:
-            candidates = list(_candidates(bench, catalogue, base.choice, left, known | base.outcome.values, base.outcome))
-            found.pairs += _fitted(bench, _chosen(candidates, left, FIT_PAIRS))
+        found.pairs += _added(bench, catalogue, found, starters, base)
     _score(found)
     _refine(bench, found, found.pairs)
     return found
+
+
+def _troubled(found: Search) -> set[str]:
+    return {name for name, outcome in found.null.items() if trouble(outcome, name) > QUIET}
+
+
+def _added(bench: Bench, catalogue: Mapping[str, Effect], found: Search, starters: Mapping[str, Outcome], base: Trial | None) -> list[Trial]:
+    """Hypotheses that add one effect to `base`, fitted on all views that they touch."""
+    known = {name: value for outcome in [*found.null.values(), *starters.values()] for name, value in outcome.values.items()}
+    if base is None:
+        left = set(found.troubled)
+    else:
+        mine = set(base.outcome.views)
+        left = {v for v in found.troubled if v not in mine} | {v for v in mine if _left(bench, base.outcome, v) > QUIET}
+        known |= base.outcome.values
+    if not left:
+        return []
+    rest = {key: effect for key, effect in catalogue.items() if not effect.block.startswith("friction")}
+    before = base.outcome if base else None
+    candidates = list(_candidates(bench, rest, base.choice if base else Choice(), left, known, before))
+    trials = _fitted(bench, _chosen(candidates, left, FIT_SINGLES if base is None else FIT_PAIRS))
+    return trials + _friction(bench, catalogue, left, starters, known, base)
+
+
+def _renull(bench: Bench, found: Search) -> None:
+    """Tolerance alone once more from where the best hypotheses have left it: a fit that had stuck must not count for them."""
+    _score(found)
+    for trial in [t for t in found.singles if "mechanics" in t.outcome.views][:2]:
+        again = bench.fit(Choice(), ("mechanics",), start_values=trial.outcome.values)
+        if again.squares["mechanics"] + again.fit.penalty < found.null["mechanics"].squares["mechanics"] + found.null["mechanics"].fit.penalty:
+            found.null["mechanics"] = again
+    found.troubled = _troubled(found)
+    _score(found)
 
 
 def _valves(bench: Bench, catalogue: Mapping[str, Effect], null: Mapping[str, Outcome]) -> tuple[dict[str, Outcome], list[Trial]]:
@@ -93,26 +120,44 @@ def _valves(bench: Bench, catalogue: Mapping[str, Effect], null: Mapping[str, Ou
     return best, trials
 
 
-def _friction(bench: Bench, catalogue: Mapping[str, Effect], troubled: set[str], starters: Mapping[str, Outcome]) -> list[Trial]:
+def _friction(
+    bench: Bench, catalogue: Mapping[str, Effect], troubled: set[str], starters: Mapping[str, Outcome], known: Mapping[str, float], base: Trial | None
+) -> list[Trial]:  # fmt: skip
     """Friction effects: ranked on the short windows of their axis, where no missed break-away misleads, then fitted on the mechanics."""
     if "mechanics" not in troubled:
         return []
-    known = {name: value for outcome in starters.values() for name, value in outcome.values.items()}
+    before = base.outcome if base else None
+    choice = base.choice if base else Choice()
     ranked: list[tuple[float, Trial]] = []
     for axis in "xz":
         name = f"friction_{axis}"
         if starters[name].counts[name] == 0:
             continue
         own = {key: effect for key, effect in catalogue.items() if effect.block == name}
-        candidates = list(_candidates(bench, own, Choice(), {name}, starters[name].values, within=(name,)))
+        held = {n: v for n, v in choice_values(before).items() if not bench.all[name].depends_on(n)}
+        values = {**starters[name].values, **choice_values(before)}
+        candidates = list(_candidates(bench, own, choice, {name}, {**values, **held}, before, within=(name,)))
+        candidates += list(_candidates(bench, own, choice, {name}, choice_values(before), before, within=(name,)))  # and from nominal
         for trial in _fitted(bench, candidates):
             ranked.append((windows_gain(starters[name], trial.outcome, name), trial))
     ranked.sort(key=lambda item: -item[0])
     chosen = []
-    for _, trial in ranked[:FIT_FRICTION]:
-        views = bench.touched(trial.choice.parameter_names + tuple(trial.choice.settings))
-        chosen.append(_Candidate(trial.choice, views, {}, known | trial.outcome.values, math.inf))
+    most = FIT_FRICTION if base is None else FIT_PAIRS
+    lawful = [item for item in ranked if not item[1].choice.effects[-1][1].settings][:most]
+    for _, trial in [*lawful, *(item for item in ranked if item[1].choice.effects[-1][1].settings)]:  # windows tell little of another law
+        views = set(bench.touched(trial.choice.parameter_names + tuple(trial.choice.settings))) | set(before.views if before else ())
+        ordered = tuple(v for v in bench.views if v in views)
+        start = {**known, **{n: v for n, v in starters["contact"].values.items()}, **trial.outcome.values, **choice_values(before)}
+        chosen.append(_Candidate(trial.choice, ordered, {}, start, math.inf, before))
     return _fitted(bench, chosen)
+
+
+def choice_values(outcome: Outcome | None) -> dict[str, float]:
+    """Fitted values of a hypothesis' own effects."""
+    if outcome is None:
+        return {}
+    names = set(outcome.choice.parameter_names)
+    return {name: value for name, value in outcome.values.items() if name in names}
 
 
 def windows_gain(null: Outcome, outcome: Outcome, view: str) -> float:
@@ -145,7 +190,7 @@ def misfit(outcome: Outcome, view: str) -> float:
     n, length = outcome.counts[view], outcome.lengths[view]
     if n == 0:
         return 0.0
-    excess = outcome.squares[view] / FLOOR.get(view, 1.0) ** 2 - n
+    excess = outcome.squares[view] / outcome.floor.get(view, 1.0) ** 2 - n
     return max(0.0, excess - SCATTER * math.sqrt(2 * n * length)) / length
 
 
@@ -157,7 +202,10 @@ def _candidates(
     for effect in catalogue.values():
         if effect.key in base.keys:
             continue
-        for form in effect.forms:
+        for declared in effect.forms:
+            form = _estimated(bench, declared, known, troubled)
+            if form is None:
+                continue
             choice = base.plus(effect, form)
             views = bench.touched(choice.parameter_names + tuple(choice.settings))
             views = tuple(v for v in bench.views if v in views or (before is not None and v in before.views))
@@ -165,10 +213,19 @@ def _candidates(
             if not set(touched) & troubled or _clash(base, form):
                 continue
             views = within or views
-            values = {name: value for name, value in known.items() if name not in {p.name for p in form.parameters}}
+            values = {name: value for name, value in known.items() if name not in {p.name for p in form.parameters if not p.relative}}
             for starts in _starts(form.parameters):
-                promise = math.inf if form.settings or within else bench.predict(choice, views, starts, values, before)  # another law has no small step
+                promise = math.inf if form.settings or form.estimator or within else bench.predict(choice, views, starts, values, before)  # another law has no small step
                 yield _Candidate(choice, views, starts, values, promise, before)
+
+
+def _estimated(bench: Bench, form: Form, known: Mapping[str, float], troubled: set[str]) -> Form | None:
+    """A form whose parameters the data give; a converter's grid is read off the readings elsewhere."""
+    if not form.estimator:
+        return form
+    if form.estimator == "waviness" and "contact" in troubled:
+        return estimate_waviness(bench, {k: v for k, v in known.items() if k.startswith(("contact.", "sensors."))})
+    return None
 
 
 def _clash(base: Choice, form: Form) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.converter import converter_step
 from pyfmi_runner.campaign import Campaign, LogSetup
 from pyfmi_runner.log import PERIOD, SIGMA
 from pyfmi_runner.smoothing import smooth_axis
@@ -31,6 +32,8 @@ class Table:
     spans: NDArray[np.int64]
     columns: Mapping[str, Array]  # time, u_x, u_z and the eight measured channels
     clamped: Mapping[str, NDArray[np.bool_]]  # by axis
+    quanta: Mapping[str, float]  # converter step of each coarse channel
+    sigma: Mapping[str, float]  # RMS noise of each channel, that of its converter included
 
     @property
     def rows(self) -> int:
@@ -64,7 +67,10 @@ def table_of(campaign: Campaign) -> Table:
     names = ("time", "u_x", "u_z", *SIGMA)
     columns = {name: np.concatenate([run.log[name] for run in campaign]) for name in names}
     clamped = {axis: np.concatenate([run.setup.clamp_signal(axis, run.log.time) for run in campaign]) for axis in "xz"}
-    return Table(tuple(campaign.logs), tuple(run.setup for run in campaign), np.array(spans, dtype=np.int64), columns, clamped)
+    steps = {name: converter_step(columns[name], SIGMA[name]) for name in SIGMA}
+    quanta = {name: step for name, step in steps.items() if step > 0}
+    sigma = {name: float(np.hypot(SIGMA[name], steps[name] / np.sqrt(12))) for name in SIGMA}
+    return Table(tuple(campaign.logs), tuple(run.setup for run in campaign), np.array(spans, dtype=np.int64), columns, clamped, quanta, sigma)
 
 
 def corrected(table: Table, sensors: Mapping[str, float]) -> Signals:
@@ -95,6 +101,6 @@ def _positions(table: Table, axis: str, tau: float) -> tuple[Array, Array]:
         rows = slice(first, last)
         s, v = table.columns[axis][rows], table.columns[f"v_{axis}"][rows]
         lead = tau * v
-        smoothed = smooth_axis(s - lead, v, SIGMA[axis], SIGMA[f"v_{axis}"], PERIOD)
+        smoothed = smooth_axis(s - lead, v, table.sigma[axis], table.sigma[f"v_{axis}"], PERIOD)
         position[rows], innovation[rows] = smoothed.position + lead, smoothed.innovation
     return position, innovation

@@ -17,7 +17,7 @@ from diagnosis.signals import Signals, Table, corrected
 from pyfmi_runner.block_fmu import BlockFmu
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.campaign import Campaign
-from pyfmi_runner.log import PERIOD, SIGMA
+from pyfmi_runner.log import PERIOD
 from pyfmi_runner.plant import PROFILE, own_profile, plant_parameters
 
 __all__ = ["ContactView", "FrictionView", "SensorView", "SignalStore", "TimingView", "ValveView", "View"]
@@ -94,7 +94,7 @@ class ValveView:
         inputs = np.column_stack([table.columns[f"u_{self.axis}"], signals.position[self.axis]])
         simulated = self._block.run(parameters, ("u", "s"), inputs, ("f_a",), table.spans)[:, 0]
         gain = values.get(f"sensors.gain_f_a{self.axis}", 1.0)
-        return ((table.columns[f"f_a{self.axis}"] - gain * simulated) / SIGMA[f"f_a{self.axis}"])[:, None]
+        return ((table.columns[f"f_a{self.axis}"] - gain * simulated) / table.sigma[f"f_a{self.axis}"])[:, None]
 
 
 class FrictionView:
@@ -105,7 +105,7 @@ class FrictionView:
         self.prefix = f"axis_{axis}."
         self.tolerance = tuple(self.prefix + p for p in ("m", "C", "F_w", "friction.F_s", "friction.F_d", "friction.v_th"))
         self._known = {n: v for n, v in block.file.variables.items() if v.causality == "parameter"}
-        self._sigma = SIGMA[f"v_{axis}"]
+        self._sigma = store.table.sigma[f"v_{axis}"]
         self.windows = self._place_windows()
 
     def _place_windows(self) -> NDArray[np.int64]:
@@ -247,7 +247,7 @@ class ContactView:
             rows = slice(*table.spans[i])
             simulated = self.simulate(i, signals, values)
             for column, axis in enumerate("xz"):
-                result[rows, column] = (signals.force[axis][rows] - simulated[:, column]) / SIGMA[f"f_{axis}"]
+                result[rows, column] = (signals.force[axis][rows] - simulated[:, column]) / table.sigma[f"f_{axis}"]
         result[self._onsets] = 0.0
         return result
 
@@ -295,7 +295,7 @@ class SensorView:
             moving = ~table.clamped[axis]
             result[moving, column] = signals.innovation[axis][moving]
             bias = values.get(f"sensors.bias_f_{axis}", 0.0)
-            result[self.untouched, 2 + column] = (table.columns[f"f_{axis}"][self.untouched] - bias) / SIGMA[f"f_{axis}"]
+            result[self.untouched, 2 + column] = (table.columns[f"f_{axis}"][self.untouched] - bias) / table.sigma[f"f_{axis}"]
         return result
 
 

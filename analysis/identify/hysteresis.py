@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 MEAN = 25  # samples averaged into one point
 LEAST_TRAVEL = 2e-4  # m, of a branch that shows anything
 SLIP = 2e-5  # m per 25 ms; faster points leave the branch: friction is a rate law there, or the mass is in flight
-FORCE_NOISE, PLACE_NOISE = 0.02, 8e-6  # N and m, of one point
+FORCE_NOISE = 0.5  # N, of one point: 5 um of position on the steep part
 STIFFEST = 1e6  # N/m; what is stiffer moves less than the sensors see
 
 
@@ -92,19 +92,14 @@ def hysteresis(campaign: Campaign, m: float, C: float, cable: float) -> Hysteres
         return np.asarray(beta * (1.0 - 1.0 / (1.0 / (1.0 - first) + sigma * np.maximum(travel, 0.0) / beta)))
 
     def residual(p: Array) -> Array:
-        return (friction - law(p)) / spread
+        return (friction - law(p)) / FORCE_NOISE
 
     top = max(float(np.max(friction)), 1.0)
-    start = np.array([math.log(top), math.log(top / 1e-4), float(friction[0])])
-    spread = np.full(len(travel), FORCE_NOISE)
     first = float(friction[:3].mean())
-    start[2] = first
+    start = np.array([math.log(top), math.log(top / 1e-4), first])
     bounds = np.array([[0.0, math.log(1e2), first - 2.0], [6.0, math.log(1e8), first + 2.0]])
-    for _ in range(3):  # the spread follows from the slope, the slope from the fit
-        start = least_squares(residual, np.clip(start, bounds[0] + 1e-3, bounds[1] - 1e-3), loss="soft_l1", f_scale=3.0, bounds=bounds).x
-        beta, sigma = (float(v) for v in np.exp(start[:2]))
-        slope = sigma * (1.0 - np.clip(law(start) / beta, -1.0, 1.0)) ** 2
-        spread = np.hypot(FORCE_NOISE, np.minimum(slope * PLACE_NOISE, beta))
-    fitted = law(start)
+    found = least_squares(residual, np.clip(start, bounds[0] + 1e-3, bounds[1] - 1e-3), loss="soft_l1", bounds=bounds)
+    beta, sigma = (float(v) for v in np.exp(found.x[:2]))
+    fitted = law(found.x)
     rms = float(np.sqrt(np.mean((friction - fitted) ** 2)))
     return Hysteresis(beta, sigma, rms, sigma < STIFFEST, Branch(run.log.name, travel, friction, fitted))
