@@ -56,9 +56,7 @@ def axis_friction(model: AxisModel, state: AxisState, v: float, f_a: float, dt: 
 
 
 @register_jitable
-def combined_comp_kernel(
-    params: CombinedParams, state: CombinedState, reference: Reference, sense: Sense
-) -> tuple[CombinedState, Command]:
+def combined_comp_kernel(params: CombinedParams, state: CombinedState, reference: Reference, sense: Sense) -> tuple[CombinedState, Command]:
     x, friction_x = axis_friction(params.x, state.x, sense.v_x, sense.f_ax, params.fv.dt)
     z, friction_z = axis_friction(params.z, state.z, sense.v_z, sense.f_az, params.fv.dt)
     errors = fv_errors(reference, task_frame(sense))

@@ -33,9 +33,7 @@ class DdfmCompState(NamedTuple):
 
 
 @register_jitable
-def ddfm_comp_kernel(
-    params: DdfmCompParams, state: DdfmCompState, reference: Reference, sense: Sense
-) -> tuple[DdfmCompState, Command]:
+def ddfm_comp_kernel(params: DdfmCompParams, state: DdfmCompState, reference: Reference, sense: Sense) -> tuple[DdfmCompState, Command]:
     drive_x = sense.f_ax
     if params.net:
         drive_x -= sense.f_x + params.f_w

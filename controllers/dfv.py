@@ -94,9 +94,7 @@ class Dfv(Controller[DfvParams, DfvState]):
             raise ValueError(f"friction must be within 0..1, got {friction}")
         base = pi_fv_params(u_0x=u_0x, u_0z=u_0z, dt=dt)
         force, velocity = PidGains(*map(float, force)), PidGains(*map(float, velocity))
-        super().__init__(
-            DfvParams(force, velocity, float(friction), VDFM_X, VDFM_Z, K_X, K_Z, base.u_0x, base.u_0z, base.dt)
-        )
+        super().__init__(DfvParams(force, velocity, float(friction), VDFM_X, VDFM_Z, K_X, K_Z, base.u_0x, base.u_0z, base.dt))
 
     def initial_state(self) -> DfvState:
         return DfvState()

@@ -31,9 +31,7 @@ class EbpaCompState(NamedTuple):
 
 
 @register_jitable
-def ebpa_comp_kernel(
-    params: EbpaCompParams, state: EbpaCompState, reference: Reference, sense: Sense
-) -> tuple[EbpaCompState, Command]:
+def ebpa_comp_kernel(params: EbpaCompParams, state: EbpaCompState, reference: Reference, sense: Sense) -> tuple[EbpaCompState, Command]:
     frame = task_frame(sense)
     e = reference.f_nd - frame.f_n
     force_inputs(state.p, reference.f_nd, frame.f_n)

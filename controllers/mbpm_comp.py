@@ -36,9 +36,7 @@ class MbpmCompState(NamedTuple):
 
 
 @register_jitable
-def mbpm_comp_kernel(
-    params: MbpmCompParams, state: MbpmCompState, reference: Reference, sense: Sense
-) -> tuple[MbpmCompState, Command]:
+def mbpm_comp_kernel(params: MbpmCompParams, state: MbpmCompState, reference: Reference, sense: Sense) -> tuple[MbpmCompState, Command]:
     frame = task_frame(sense)
     e = reference.f_nd - frame.f_n
     force_inputs(state.p, reference.f_nd, frame.f_n)

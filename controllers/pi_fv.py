@@ -61,9 +61,7 @@ def fv_errors(reference: Reference, frame: TaskFrame) -> FvErrors:
 
 
 @register_jitable
-def pi_fv_law(
-    params: PiFvParams, state: PiFvState, errors: FvErrors, a_x: float, a_z: float
-) -> tuple[PiFvState, Command]:
+def pi_fv_law(params: PiFvParams, state: PiFvState, errors: FvErrors, a_x: float, a_z: float) -> tuple[PiFvState, Command]:
     """Eq. 3-16, 3-17 with a_x, a_z [V] of a compensator added to c_x, c_z; > 0 pushes towards +x, +z."""
     gains, dt = params.gains, params.dt
     c_x = pi_output(gains.v_x, state.i_vx, errors.v_x) + pi_output(gains.f_x, state.i_fx, errors.f_x) + a_x

@@ -24,9 +24,7 @@ class PidFvState(NamedTuple):
 
 
 @register_jitable
-def pid_fv_kernel(
-    params: PiFvParams, state: PidFvState, reference: Reference, sense: Sense
-) -> tuple[PidFvState, Command]:
+def pid_fv_kernel(params: PiFvParams, state: PidFvState, reference: Reference, sense: Sense) -> tuple[PidFvState, Command]:
     gains, dt = params.gains, params.dt
     e = fv_errors(reference, task_frame(sense))
     c_x = pid_output(gains.v_x, state.v_x, e.v_x, dt) + pid_output(gains.f_x, state.f_x, e.f_x, dt)

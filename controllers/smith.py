@@ -74,9 +74,7 @@ def row_times(row: Row, f: float, d: float, s: float, held: float) -> float:
 
 
 @register_jitable
-def smith_kernel(
-    params: SmithParams, state: SmithState, reference: Reference, sense: Sense
-) -> tuple[SmithState, Command]:
+def smith_kernel(params: SmithParams, state: SmithState, reference: Reference, sense: Sense) -> tuple[SmithState, Command]:
     e = fv_errors(reference, task_frame(sense))
     ahead = params.loop.c_c * state.speed + params.loop.k_c * state.position  # N, f_z without lag - f_z with lag
     fv, command = pi_fv_law(params.fv, state.fv, FvErrors(e.v_x, e.f_z - ahead, e.f_x, e.v_z), 0.0, 0.0)

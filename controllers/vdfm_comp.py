@@ -40,9 +40,7 @@ def vdfm_volts(params: VdfmCompParams, sense: Sense) -> tuple[float, float]:
 
 
 @register_jitable
-def vdfm_comp_kernel(
-    params: VdfmCompParams, state: PiFvState, reference: Reference, sense: Sense
-) -> tuple[PiFvState, Command]:
+def vdfm_comp_kernel(params: VdfmCompParams, state: PiFvState, reference: Reference, sense: Sense) -> tuple[PiFvState, Command]:
     a_x, a_z = vdfm_volts(params, sense)
     return pi_fv_law(params.fv, state, fv_errors(reference, task_frame(sense)), a_x, a_z)
 

@@ -39,7 +39,16 @@ FOLD = 5  # samples averaged to one: what hypotheses differ in is slower
 CLASSES = {"valve": "PneuGantry.Valve", "friction": "PneuGantry.Cylinder", "contact": "PneuGantry.Edge"}
 # RMS of each view's white residual where its block is right: what rounding, window starts and the smoothed position's error leave.
 # Measured on tolerance-only campaigns of the truth plant's development seeds.
-FLOOR = {"valve_x": 1.003, "valve_z": 1.003, "friction_x": 1.06, "friction_z": 1.13, "contact": 1.01, "sensors": 1.004, "timing": 1.02, "mechanics": 1.02}
+FLOOR = {
+    "valve_x": 1.003,
+    "valve_z": 1.003,
+    "friction_x": 1.06,
+    "friction_z": 1.13,
+    "contact": 1.01,
+    "sensors": 1.004,
+    "timing": 1.02,
+    "mechanics": 1.02,
+}
 SMOOTHING = (1.0, 200.0)  # contact view: error of the smoothed position, in units of the force noise, and its length in samples
 
 
@@ -206,11 +215,12 @@ class Bench:
     def white(self, view: View, values: Mapping[str, float]) -> Array:
         """A view's residual as a vector of white noise 1, if the block is right. The last few are kept."""
         differing = ((name, value) for name, value in values.items() if view.depends_on(name) and self.neutral(name) != value)
-        key = (view.name, *sorted(differing))
+        own = dict(sorted(differing))
+        key = (view.name, *own.items())
         if key in self._kept:
             self._kept.move_to_end(key)
             return self._kept[key]
-        result = self._kept[key] = _folded(self._white(view, dict(key[1:])))
+        result = self._kept[key] = _folded(self._white(view, own))
         if len(self._kept) > KEPT:
             self._kept.popitem(last=False)
         return result
@@ -224,7 +234,11 @@ class Bench:
             logs = [raw[slice(*self.table.spans[i])] for i in view.logs]
             return np.concatenate([robust_segments(log).T.ravel() for log in logs]) if logs else np.zeros(0)
         if isinstance(view, ContactView):
-            parts = [innovations(np.ascontiguousarray(raw[slice(*self.table.spans[i]), column]), *SMOOTHING) for i in view.logs for column in range(2)]
+            parts = [
+                innovations(np.ascontiguousarray(raw[slice(*self.table.spans[i]), column]), *SMOOTHING)
+                for i in view.logs
+                for column in range(2)
+            ]
             return np.concatenate(parts) if parts else np.zeros(0)
         if isinstance(view, TimingView):
             raw = raw / 0.7  # the log's own rounding makes 0.7 of its unit
@@ -249,7 +263,15 @@ class Bench:
             result += [effect_coordinate(p, self.nominal.get(p.name), (starts or {}).get(p.name)) for p in form.parameters]
         return result
 
-    def fit(self, choice: Choice, views: Sequence[str], starts: Mapping[str, float] | None = None, start_values: Mapping[str, float] | None = None, base: Outcome | None = None, careful: bool = False) -> Outcome:
+    def fit(
+        self,
+        choice: Choice,
+        views: Sequence[str],
+        starts: Mapping[str, float] | None = None,
+        start_values: Mapping[str, float] | None = None,
+        base: Outcome | None = None,
+        careful: bool = False,
+    ) -> Outcome:
         """Fits a hypothesis on some views. `starts`: of the effects' parameters; `start_values`: of everything, from an earlier fit;
         `base`: the outcome that the hypothesis adds an effect to."""
         views = tuple(views)
@@ -257,17 +279,34 @@ class Bench:
         theta = None
         if start_values:
             theta = np.array([c.theta(start_values[c.name]) if c.name in start_values else c.start for c in coordinates])
-        fitted = fit(_Problem(self, views, choice.settings), coordinates, theta, self._stale(choice, views, base), careful=careful or not choice.effects)
+        fitted = fit(
+            _Problem(self, views, choice.settings),
+            coordinates,
+            theta,
+            self._stale(choice, views, base),
+            careful=careful or not choice.effects,
+        )
         if not choice.effects:
             self.columns.update(fitted.columns)
         return self.outcome(choice, fitted, views)
 
-    def predict(self, choice: Choice, views: Sequence[str], starts: Mapping[str, float], start_values: Mapping[str, float], base: Outcome | None = None) -> float:
+    def predict(
+        self,
+        choice: Choice,
+        views: Sequence[str],
+        starts: Mapping[str, float],
+        start_values: Mapping[str, float],
+        base: Outcome | None = None,
+    ) -> float:
         """What one step from `start_values` towards the hypothesis promises."""
         coordinates = self.coordinates(choice, views, starts)
-        theta = np.array([c.theta(start_values[c.name]) if c.name in start_values else (c.start if choice.settings else 0.0) for c in coordinates])
+        theta = np.array(
+            [c.theta(start_values[c.name]) if c.name in start_values else (c.start if choice.settings else 0.0) for c in coordinates]
+        )
         columns = {**self.columns, **(base.fit.columns if base else {})}  # good enough for a promise even where the friction law changes
-        promised = predict(_Problem(self, tuple(views), choice.settings), coordinates, theta, {k: v for k, v in columns.items() if k[0] in views})
+        promised = predict(
+            _Problem(self, tuple(views), choice.settings), coordinates, theta, {k: v for k, v in columns.items() if k[0] in views}
+        )
         plain = base.choice if base else Choice()
         before = self.coordinates(plain, views)
         at = np.array([c.theta(start_values[c.name]) if c.name in start_values else c.start for c in before])

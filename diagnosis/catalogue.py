@@ -1,11 +1,11 @@
 """The catalogue of effects: data, one small TOML file per effect. A user adds an effect by adding a file.
 
-    name = "valve_delay"; block = "valve"; axes = ["x", "z"]
-    [[form]]                                   one or several functional forms; the best one stands for the effect
-    [form.settings] "axis_{axis}.friction.law" = 3           switched on with the form
-    [form.parameters."valve_{axis}.delay_time"]              what is fitted: parameters of the FMU, or `sensors.*`, `timing.*`
-    neutral = 0.0 (value without the effect; relative = true: the nominal value), scale (a usual size), low, high, unit,
-    starts = [..] (further starting values), positive = true (fitted as its logarithm)
+name = "valve_delay"; block = "valve"; axes = ["x", "z"]
+[[form]]                                   one or several functional forms; the best one stands for the effect
+[form.settings] "axis_{axis}.friction.law" = 3           switched on with the form
+[form.parameters."valve_{axis}.delay_time"]              what is fitted: parameters of the FMU, or `sensors.*`, `timing.*`
+neutral = 0.0 (value without the effect; relative = true: the nominal value), scale (a usual size), low, high, unit,
+starts = [..] (further starting values), positive = true (fitted as its logarithm)
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Effect:
 
     @property
     def key(self) -> str:
-        """"presliding/z", or "loop_delay" where there is no axis."""
+        """ "presliding/z", or "loop_delay" where there is no axis."""
         return f"{self.name}/{self.axis}" if self.axis else self.name
 
 

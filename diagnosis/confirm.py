@@ -63,7 +63,9 @@ def sensed_outputs(true: Array, sensors: Mapping[str, float]) -> Array:
             result[:, column] = first_order(np.ascontiguousarray(true[:, column]), float(np.exp(-PERIOD / value[f"sensors.tau_v_{axis}"])))
     for column, own, other, axis in ((4, 4, 5, "x"), (5, 5, 4, "z")):
         result[:, column] = (
-            value[f"sensors.gain_f_{axis}"] * true[:, own] + value[f"sensors.crosstalk_f_{axis}"] * true[:, other] + value[f"sensors.bias_f_{axis}"]
+            value[f"sensors.gain_f_{axis}"] * true[:, own]
+            + value[f"sensors.crosstalk_f_{axis}"] * true[:, other]
+            + value[f"sensors.bias_f_{axis}"]
         )
     result[:, 6] *= value["sensors.gain_f_ax"]
     result[:, 7] *= value["sensors.gain_f_az"]
@@ -111,15 +113,16 @@ def closed_loop(fmu: FmuFile, run: LoggedRun, augmented: Augmented) -> dict[str,
 
 
 def _scenario(setup: LogSetup, augmented: Augmented, seed: int) -> Scenario:
-    known = set(SensorParams._fields)
-    sensors = SensorParams()._replace(**{k.removeprefix("sensors."): v for k, v in augmented.sensors.items() if k.removeprefix("sensors.") in known})
+    known: dict[str, Any] = {k.removeprefix("sensors."): v for k, v in augmented.sensors.items()}
+    sensors = SensorParams()._replace(**{k: v for k, v in known.items() if k in SensorParams._fields})
     options: dict[str, Any] = {"gains": setup.gains} if setup.gains is not None else {}
     if setup.approach_command is not None:
         options |= {"approach_u_x": setup.approach_command[0], "approach_u_z": setup.approach_command[1]}
     return Scenario(
         name="closed loop", workpiece=setup.workpiece, standoff=setup.z_0, surface_finish=setup.surface_finish, start_x=setup.start_x,
         start_z=setup.start_z, f_nd=float(setup.f_nd or 0.0), v_td=float(setup.v_td or 0.0), controller=setup.controller or "pi_fv",
-        phases=setup.phases, clamped=setup.clamped, plant=dict(augmented.plant), sensors=sensors, timing=LoopTiming(delay=augmented.delay), seed=seed,
+        phases=setup.phases, clamped=setup.clamped, plant=dict(augmented.plant), sensors=sensors, seed=seed,
+        timing=LoopTiming(delay=augmented.delay),
         **options,
     )  # fmt: skip
 

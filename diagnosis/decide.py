@@ -71,7 +71,15 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
             break
         answers.append(list(item.keys))
         held += item.probability
-    verdict = "unknown" if unknown > 0.5 else "none" if best is None and not seen else "identified" if ranked[0].probability > 0.6 else "ambiguous"
+    verdict = (
+        "unknown"
+        if unknown > 0.5
+        else "none"
+        if best is None and not seen
+        else "identified"
+        if ranked[0].probability > 0.6
+        else "ambiguous"
+    )
     return Decision(verdict, ranked, best, share, unknown, view, answers)
 
 

@@ -24,8 +24,10 @@ from pyfmi_runner.replay import Replayer
 __all__ = ["Diagnosis", "diagnose", "report_json"]
 
 HELD_OUT = "contour_straight"  # the log that no fit sees, where the campaign has it; else its last log
-VIEW_BLOCKS = {"mechanics": ("friction_x", "friction_z", "contact"), "contact": ("contact",), "valve_x": ("valve_x",), "valve_z": ("valve_z",),
-               "sensors": ("sensors",), "timing": ("timing",)}  # fmt: skip
+VIEW_BLOCKS = {
+    "mechanics": ("friction_x", "friction_z", "contact"), "contact": ("contact",), "valve_x": ("valve_x",),
+    "valve_z": ("valve_z",), "sensors": ("sensors",), "timing": ("timing",),
+}  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -93,7 +95,9 @@ def _values(found: Search, decision: Decision) -> dict[str, float]:
     return {name: float(value) for name, value in values.items()}
 
 
-def _confirm(gantry: FmuFile, run: LoggedRun, values: Mapping[str, float], notes: list[str]) -> tuple[GapResult | None, dict[str, float] | None]:
+def _confirm(
+    gantry: FmuFile, run: LoggedRun, values: Mapping[str, float], notes: list[str]
+) -> tuple[GapResult | None, dict[str, float] | None]:
     augmented = Augmented.of(values)
     try:
         with Replayer(gantry) as plant:
@@ -182,7 +186,14 @@ def report_json(d: Diagnosis) -> dict[str, Any]:
     """The JSON of gap.md, "gap/1"."""
     gap = None
     if d.gap is not None:
-        gap = {"nominal": d.gap.nominal, "augmented": d.gap.augmented, "floor": d.gap.floor, "shrink": d.gap.shrink, "ci95": list(d.gap.ci95), "log": d.held_out}
+        gap = {
+            "nominal": d.gap.nominal,
+            "augmented": d.gap.augmented,
+            "floor": d.gap.floor,
+            "shrink": d.gap.shrink,
+            "ci95": list(d.gap.ci95),
+            "log": d.held_out,
+        }
     return {
         "schema": "gap/1", "verdict": d.decision.verdict, "where": d.where, "causes": d.causes, "answer_set": d.decision.answer_set,
         "gap": gap, "closed_loop": d.closed, "next_experiment": None, "notes": d.notes, "unknown_probability": d.decision.unknown,

@@ -16,7 +16,7 @@ __all__ = ["Coordinate", "Fit", "Problem", "effect_coordinate", "fit", "objectiv
 
 Array = NDArray[np.float64]
 Columns = dict[tuple[str, str], Array]
-MAX_STEPS = 8  # of a quick fit; a careful one takes twice as many
+MAX_STEPS = 6  # of a quick fit; a careful one takes twice as many
 FARTHEST = 15.0  # standard deviations that tolerance may be off
 ENOUGH = 0.5  # fall of the objective below which a fit ends
 
@@ -105,8 +105,8 @@ class Fit:
 class Problem(Protocol):
     """Residual vectors by view; a coordinate moves only the views that depend on it."""
 
-    views: Sequence[str]
-
+    @property
+    def views(self) -> Sequence[str]: ...
     def residual(self, view: str, values: Mapping[str, float]) -> Array: ...
     def depends(self, view: str, name: str) -> bool: ...
 
@@ -162,7 +162,9 @@ class _Fitter:
         return gradient.reshape(n), hessian
 
 
-def fit(problem: Problem, coordinates: Sequence[Coordinate], start: Array | None = None, stale: Columns | None = None, careful: bool = True) -> Fit:
+def fit(
+    problem: Problem, coordinates: Sequence[Coordinate], start: Array | None = None, stale: Columns | None = None, careful: bool = True
+) -> Fit:
     """Minimises the sum of squares plus prior by damped Gauss-Newton steps. Always returns the best point seen.
 
     `stale`: Jacobian columns of the tolerance that serve from the start; without them the first ones serve on. Where progress ends a
@@ -191,7 +193,8 @@ def fit(problem: Problem, coordinates: Sequence[Coordinate], start: Array | None
                 damping *= 100
         gradient, hessian = fitter.slopes(point, stale=kept)
     misfit = point.objective - float(np.sum((point.theta / fitter.spread) ** 2))
-    return Fit(fitter.coordinates, point.theta, np.linalg.pinv(hessian), misfit, {**kept, **fitter.seen})
+    covariance: Array = np.asarray(np.linalg.pinv(hessian), dtype=np.float64)
+    return Fit(fitter.coordinates, point.theta, covariance, misfit, {**kept, **fitter.seen})
 
 
 def predict(problem: Problem, coordinates: Sequence[Coordinate], start: Array, stale: Columns | None = None, chord: float = 0.3) -> float:

@@ -6,7 +6,6 @@ what the valves do plays no part: in the gantry FMU they pass the measured force
 
 from __future__ import annotations
 
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -33,7 +32,11 @@ class MechanicsView:
     """(f_ax, f_az) → v_x, v_z, f_x, f_z on the logs in which an axis is free."""
 
     name = "mechanics"
-    tolerance = tuple(f"axis_{a}.{p}" for a in "xz" for p in ("m", "C", "F_w", "friction.F_s", "friction.F_d")) + ("contact.K_c", "contact.C_c")
+    tolerance: tuple[str, ...] = (
+        *(f"axis_{axis}.{name}" for axis in "xz" for name in ("m", "C", "F_w", "friction.F_s", "friction.F_d")),
+        "contact.K_c",
+        "contact.C_c",
+    )
 
     def __init__(self, gantry: BlockFmu, store: SignalStore) -> None:
         self._gantry, self._store = gantry, store

@@ -10,15 +10,18 @@ from diagnosis.search import Search
 
 __all__ = ["regime_of"]
 
-VIEW_OF = {"friction_x": ("mechanics", (0,)), "friction_z": ("mechanics", (1,)), "contact": ("contact", (0, 1)), "valve_x": ("valve_x", (0,)),
-           "valve_z": ("valve_z", (0,)), "sensors": ("sensors", (0, 1, 2, 3)), "timing": ("timing", (0, 1))}  # fmt: skip
+VIEW_OF = {
+    "friction_x": ("mechanics", (0,)), "friction_z": ("mechanics", (1,)), "contact": ("contact", (0, 1)), "valve_x": ("valve_x", (0,)),
+    "valve_z": ("valve_z", (0,)), "sensors": ("sensors", (0, 1, 2, 3)), "timing": ("timing", (0, 1)),
+}  # fmt: skip
 
 
 def regime_of(bench: Bench, found: Search, block: str) -> tuple[list[str], str]:
     """Logs that hold most of a block's residual under tolerance alone, and the regime in which it is strongest."""
     view, columns = VIEW_OF[block]
     residual = bench.all[view].residual(found.null[view].values)[:, columns]
-    square = np.nan_to_num(np.nanmean(np.where(np.isfinite(residual), residual**2, np.nan), axis=1) if residual.shape[1] > 1 else residual[:, 0] ** 2)
+    channels = np.isfinite(residual).sum(axis=1)
+    square = np.nan_to_num(residual**2).sum(axis=1) / np.maximum(channels, 1)
     excess = np.maximum(square - 1.0, 0.0)
     by_log = {name: float(excess[first:last].sum()) for name, (first, last) in zip(bench.table.names, bench.table.spans, strict=True)}
     total = sum(by_log.values()) or 1.0
@@ -42,7 +45,8 @@ def _regimes(bench: Bench, block: str) -> dict[str, NDArray[np.bool_]]:
         rising = np.convolve(change, np.ones(300), mode="full")[: len(change)]
         return {"rising command": rising > 1e-3, "falling command": rising < -1e-3, "constant command": np.abs(rising) <= 1e-3}
     return {
-        f"reversals of v_{axis}": reversal & ~onset, "contact onset": onset, f"sliding, v_{axis} > 0": speed > 0.01, f"sliding, v_{axis} < 0": speed < -0.01,
+        f"reversals of v_{axis}": reversal & ~onset, "contact onset": onset, f"sliding, v_{axis} > 0": speed > 0.01,
+        f"sliding, v_{axis} < 0": speed < -0.01,
         "at rest": (np.abs(speed) < 1e-3) & ~reversal & ~touching, "pressed at rest": (np.abs(speed) < 1e-3) & ~reversal & touching,
     }  # fmt: skip
 

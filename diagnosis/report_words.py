@@ -74,7 +74,7 @@ def shrink_words(gap: dict[str, Any] | None) -> str:
     low, high = gap["ci95"]
     return (
         f"the gap of {gap['log']} goes from {number(gap['nominal'])} to {number(gap['augmented'])} (floor {number(gap['floor'])}), "
-        f"shrink {gap['shrink']:.2f} [{low:.2f}, {high:.2f}]"
+        f"shrink {gap['shrink']:.3f} [{low:.3f}, {high:.3f}]"
     )
 
 
@@ -129,9 +129,10 @@ def runner_up(d: Diagnosis) -> str:
             else ""
         )
     first, second = ranked[0], ranked[1]
+    place = "Second within the catalogue" if d.decision.verdict == "unknown" else "Runner-up"
     behind = gain_of(first) - gain_of(second)
     text = (
-        f"Runner-up: {label(second.keys)}, probability {percent(second.probability)}. "
+        f"{place}: {label(second.keys)}, probability {percent(second.probability)}. "
         f"Its evidence over tolerance alone (fall of −2 log evidence) is {number(gain_of(second), 4)} against {number(gain_of(first), 4)}"
     )
     text += (
@@ -141,8 +142,8 @@ def runner_up(d: Diagnosis) -> str:
         if behind < 0
         else ""
     )
-    left = list(_leaves(d, first.trial, second.trial))
-    return f"{text}. {'; '.join(left)}." if left else f"{text}."
+    left = "; ".join(_leaves(d, first.trial, second.trial))
+    return f"{text}. {left[0].upper()}{left[1:]}." if left else f"{text}."
 
 
 def _leaves(d: Diagnosis, first: Trial | None, second: Trial | None) -> Iterator[str]:
@@ -208,7 +209,7 @@ def _gaps(facts: list[_Motion]) -> Iterator[str]:
     elif not any(f.dragged["x"] for f in facts):
         yield "no log slides along the edge in contact: bearing_drag, surface_waviness and workpiece_angle cannot show"
     if not any(f.closed for f in facts):
-        yield "no closed loop with a known controller: loop_delay cannot show, and the closed loop cannot be confirmed on these logs"
+        yield "no closed loop with a known controller among the fitted logs: loop_delay cannot show"
     kinds = {f.workpiece for f in facts if f.workpiece}
     if any(f.touching for f in facts) and len(kinds) == 1:
         yield f"one workpiece only ({kinds.pop()}): an error of its shape or angle looks like one of the contact"

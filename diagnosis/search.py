@@ -14,11 +14,14 @@ __all__ = ["Search", "Trial", "misfit", "search"]
 
 SCATTER = 3.0  # standard deviations of the floor's sum of squares
 QUIET = 8.0  # what a view's misfit and strained tolerance may hold together without asking for an effect
-FIT_SINGLES = 6  # hypotheses per troubled view that are fitted in full, by what one step promises
+FIT_SINGLES = 4  # hypotheses per troubled view that are fitted in full, by what one step promises
 BASES = 2  # single effects that pairs within the same views are built on
-RIVAL = 0.7  # share of the best gain from which on another single effect is a base too
-FIT_PAIRS = 3
-FIT_FRICTION = 5
+RIVAL = 0.85  # share of the best gain from which on another single effect is a base too
+FIT_PAIRS = 2
+FIT_FRICTION = 4
+NEGLIGIBLE = 0.02  # share of a view's misfit that may stay without asking for a second effect
+STILL = 1.2  # RMS of an axis' friction windows up to which its friction is not asked about, if the other axis' is worse
+WORTH = 0.02  # share of the misfit that a step must promise to be worth a fit
 REFINED = 2  # leading trials that are fitted to the end
 
 
@@ -75,20 +78,25 @@ def _troubled(found: Search) -> set[str]:
     return {name for name, outcome in found.null.items() if trouble(outcome, name) > QUIET}
 
 
-def _added(bench: Bench, catalogue: Mapping[str, Effect], found: Search, starters: Mapping[str, Outcome], base: Trial | None) -> list[Trial]:
+def _added(
+    bench: Bench, catalogue: Mapping[str, Effect], found: Search, starters: Mapping[str, Outcome], base: Trial | None
+) -> list[Trial]:
     """Hypotheses that add one effect to `base`, fitted on all views that they touch."""
     known = {name: value for outcome in [*found.null.values(), *starters.values()] for name, value in outcome.values.items()}
     if base is None:
         left = set(found.troubled)
     else:
         mine = set(base.outcome.views)
-        left = {v for v in found.troubled if v not in mine} | {v for v in mine if _left(bench, base.outcome, v) > QUIET}
+        left = {v for v in found.troubled if v not in mine} | {v for v in mine if _left(bench, base.outcome, v, found.null[v]) > QUIET}
         known |= base.outcome.values
     if not left:
         return []
     rest = {key: effect for key, effect in catalogue.items() if not effect.block.startswith("friction")}
     before = base.outcome if base else None
     candidates = list(_candidates(bench, rest, base.choice if base else Choice(), left, known, before))
+    outcomes = {v: (before if before is not None and v in before.views else found.null[v]) for v in left}
+    least = WORTH * min(max(o.squares[v] - o.floor.get(v, 1.0) ** 2 * o.counts[v], 0.0) + o.fit.penalty for v, o in outcomes.items())
+    candidates = [c for c in candidates if c.promise > max(least, QUIET)]
     trials = _fitted(bench, _chosen(candidates, left, FIT_SINGLES if base is None else FIT_PAIRS))
     return trials + _friction(bench, catalogue, left, starters, known, base)
 
@@ -98,7 +106,10 @@ def _renull(bench: Bench, found: Search) -> None:
     _score(found)
     for trial in [t for t in found.singles if "mechanics" in t.outcome.views][:2]:
         again = bench.fit(Choice(), ("mechanics",), start_values=trial.outcome.values)
-        if again.squares["mechanics"] + again.fit.penalty < found.null["mechanics"].squares["mechanics"] + found.null["mechanics"].fit.penalty:
+        if (
+            again.squares["mechanics"] + again.fit.penalty
+            < found.null["mechanics"].squares["mechanics"] + found.null["mechanics"].fit.penalty
+        ):
             found.null["mechanics"] = again
     found.troubled = _troubled(found)
     _score(found)
@@ -121,7 +132,8 @@ def _valves(bench: Bench, catalogue: Mapping[str, Effect], null: Mapping[str, Ou
 
 
 def _friction(
-    bench: Bench, catalogue: Mapping[str, Effect], troubled: set[str], starters: Mapping[str, Outcome], known: Mapping[str, float], base: Trial | None
+    bench: Bench, catalogue: Mapping[str, Effect], troubled: set[str], starters: Mapping[str, Outcome], known: Mapping[str, float],
+    base: Trial | None,
 ) -> list[Trial]:  # fmt: skip
     """Friction effects: ranked on the short windows of their axis, where no missed break-away misleads, then fitted on the mechanics."""
     if "mechanics" not in troubled:
@@ -131,13 +143,15 @@ def _friction(
     ranked: list[tuple[float, Trial]] = []
     for axis in "xz":
         name = f"friction_{axis}"
-        if starters[name].counts[name] == 0:
+        if starters[name].counts[name] == 0 or (base is None and _still(starters, axis)):
             continue
         own = {key: effect for key, effect in catalogue.items() if effect.block == name}
         held = {n: v for n, v in choice_values(before).items() if not bench.all[name].depends_on(n)}
         values = {**starters[name].values, **choice_values(before)}
-        candidates = list(_candidates(bench, own, choice, {name}, {**values, **held}, before, within=(name,)))
-        candidates += list(_candidates(bench, own, choice, {name}, choice_values(before), before, within=(name,)))  # and from nominal
+        if base is not None:
+            own = {key: effect for key, effect in own.items() if not any(form.settings for form in effect.forms)}
+        start = {**values, **held} if base is not None else {}  # tolerance alone may have stuck in explaining the effect
+        candidates = list(_candidates(bench, own, choice, {name}, start, before, within=(name,)))
         for trial in _fitted(bench, candidates):
             ranked.append((windows_gain(starters[name], trial.outcome, name), trial))
     ranked.sort(key=lambda item: -item[0])
@@ -147,7 +161,7 @@ def _friction(
     for _, trial in [*lawful, *(item for item in ranked if item[1].choice.effects[-1][1].settings)]:  # windows tell little of another law
         views = set(bench.touched(trial.choice.parameter_names + tuple(trial.choice.settings))) | set(before.views if before else ())
         ordered = tuple(v for v in bench.views if v in views)
-        start = {**known, **{n: v for n, v in starters["contact"].values.items()}, **trial.outcome.values, **choice_values(before)}
+        start = {**known, **starters["contact"].values, **trial.outcome.values, **choice_values(before)}
         chosen.append(_Candidate(trial.choice, ordered, {}, start, math.inf, before))
     return _fitted(bench, chosen)
 
@@ -158,6 +172,13 @@ def choice_values(outcome: Outcome | None) -> dict[str, float]:
         return {}
     names = set(outcome.choice.parameter_names)
     return {name: value for name, value in outcome.values.items() if name in names}
+
+
+def _still(starters: Mapping[str, Outcome], axis: str) -> bool:
+    """Whether an axis' friction windows are quiet while the other's are not."""
+    own, other = (starters[f"friction_{a}"] for a in (axis, "z" if axis == "x" else "x"))
+    mine, theirs = own.rms(f"friction_{axis}"), other.rms(other.views[0])
+    return mine < STILL < theirs and own.fit.penalty < 5 * len(own.fit.coordinates)
 
 
 def windows_gain(null: Outcome, outcome: Outcome, view: str) -> float:
@@ -179,10 +200,15 @@ def trouble(outcome: Outcome, view: str) -> float:
     return misfit(outcome, view) + outcome.fit.penalty - len(outcome.fit.coordinates)
 
 
-def _left(bench: Bench, outcome: Outcome, view: str) -> float:
-    """Trouble that a hypothesis leaves in one of its views."""
-    of_view = [(c, theta) for c, theta in zip(outcome.fit.coordinates, outcome.fit.theta, strict=True) if c.name in bench.views[view].tolerance]
-    return misfit(outcome, view) + sum((theta / c.spread) ** 2 - 1 for c, theta in of_view if not c.effect)
+def _left(bench: Bench, outcome: Outcome, view: str, null: Outcome) -> float:
+    """Trouble that a hypothesis leaves in one of its views; next to nothing of a large misfit counts as none: forms differ a little."""
+    of_view = [
+        (c, theta) for c, theta in zip(outcome.fit.coordinates, outcome.fit.theta, strict=True) if c.name in bench.views[view].tolerance
+    ]
+    strain = sum((theta / c.spread) ** 2 - 1 for c, theta in of_view if not c.effect)
+    floor = outcome.floor.get(view, 1.0) ** 2 * outcome.counts[view]
+    negligible = outcome.squares[view] - floor < NEGLIGIBLE * (null.squares[view] - floor)
+    return strain + (0.0 if negligible else misfit(outcome, view))
 
 
 def misfit(outcome: Outcome, view: str) -> float:
@@ -215,7 +241,9 @@ def _candidates(
             views = within or views
             values = {name: value for name, value in known.items() if name not in {p.name for p in form.parameters if not p.relative}}
             for starts in _starts(form.parameters):
-                promise = math.inf if form.settings or form.estimator or within else bench.predict(choice, views, starts, values, before)  # another law has no small step
+                promise = (
+                    math.inf if form.settings or form.estimator or within else bench.predict(choice, views, starts, values, before)
+                )  # another law has no small step
                 yield _Candidate(choice, views, starts, values, promise, before)
 
 

@@ -70,7 +70,9 @@ def table_of(campaign: Campaign) -> Table:
     steps = {name: converter_step(columns[name], SIGMA[name]) for name in SIGMA}
     quanta = {name: step for name, step in steps.items() if step > 0}
     sigma = {name: float(np.hypot(SIGMA[name], steps[name] / np.sqrt(12))) for name in SIGMA}
-    return Table(tuple(campaign.logs), tuple(run.setup for run in campaign), np.array(spans, dtype=np.int64), columns, clamped, quanta, sigma)
+    return Table(
+        tuple(campaign.logs), tuple(run.setup for run in campaign), np.array(spans, dtype=np.int64), columns, clamped, quanta, sigma
+    )
 
 
 def corrected(table: Table, sensors: Mapping[str, float]) -> Signals:

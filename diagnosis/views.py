@@ -120,7 +120,14 @@ class FrictionView:
 
     def depends_on(self, parameter: str) -> bool:
         a = self.axis
-        mine = {"sensors.bias_f_x", "sensors.bias_f_z", "sensors.gain_f_x", "sensors.gain_f_z", "sensors.crosstalk_f_x", "sensors.crosstalk_f_z"}
+        mine = {
+            "sensors.bias_f_x",
+            "sensors.bias_f_z",
+            "sensors.gain_f_x",
+            "sensors.gain_f_z",
+            "sensors.crosstalk_f_x",
+            "sensors.crosstalk_f_z",
+        }
         mine |= {f"sensors.gain_f_a{a}", f"sensors.tau_v_{a}"} | ({"coupling"} if a == "z" else set())
         return parameter.startswith(self.prefix) or parameter in mine
 
@@ -133,7 +140,10 @@ class FrictionView:
         parameters.pop("s_start", None)
         tau = values.get(f"sensors.tau_v_{self.axis}", 0.0)
         speed, rate = self._starts(signals, tau)
-        names, columns = ["f_a", "f_c", "f_load"], [signals.actuator[self.axis], signals.force[self.axis], np.hypot(signals.force["x"], signals.force["z"])]
+        names, columns = (
+            ["f_a", "f_c", "f_load"],
+            [signals.actuator[self.axis], signals.force[self.axis], np.hypot(signals.force["x"], signals.force["z"])],
+        )
         if values.get("coupling", 0.0) != 0.0:
             names.append("f_couple")
             columns.append(values["coupling"] * _acceleration(signals.speed["x"], table))
@@ -228,7 +238,7 @@ class ContactView:
     """(s, v) → contact force, on the logs that have a workpiece."""
 
     name = "contact"
-    tolerance = ("contact.K_c", "contact.C_c")
+    tolerance: tuple[str, ...] = ("contact.K_c", "contact.C_c")
 
     def __init__(self, block: BlockFmu, nominal: Values, store: SignalStore) -> None:
         self._block, self._nominal, self._store = block, nominal, store

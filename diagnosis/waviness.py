@@ -61,11 +61,12 @@ def _height(bench: Bench, known: dict[str, float]) -> tuple[Array, Array]:
 
 
 def sines(x: Array, height: Array, most: int = MOST) -> list[tuple[float, float, float]]:
-    """(amplitude [m], wavelength [m], phase [rad]) of sines A sin(2 pi x / lambda + phi) by orthogonal matching pursuit; a constant is fitted too."""
+    """(amplitude [m], wavelength [m], phase [rad]) of sines A sin(2 pi x / lambda + phi), by orthogonal matching pursuit; a constant is
+    fitted too."""
     wavelengths = np.geomspace(SHORTEST, min(LONGEST, np.ptp(x)), 500)
     chosen: list[float] = []
-    left = height - height.mean()
-    solution = np.zeros(0)
+    left: Array = height - height.mean()
+    solution: Array = np.zeros(0)
     for _ in range(most):
         power = [_explained(x, left, w) for w in wavelengths]
         best = float(wavelengths[int(np.argmax(power))])
@@ -76,7 +77,7 @@ def sines(x: Array, height: Array, most: int = MOST) -> list[tuple[float, float,
         after = height - basis @ weights
         if after @ after > (1 - WORTH) * (left @ left):
             break
-        chosen, left, solution = trial, after, weights
+        chosen, left, solution = trial, np.asarray(after, dtype=np.float64), np.asarray(weights, dtype=np.float64)
     pairs = [(solution[1 + 2 * i], solution[2 + 2 * i]) for i in range(len(chosen))]
     return [(float(np.hypot(s, c)), w, float(np.arctan2(c, s))) for (s, c), w in zip(pairs, chosen, strict=True)]
 

@@ -30,6 +30,7 @@ PARTED = 6.0  # RMS of a window beyond which the replay has parted
 LASTING = 5  # windows over which it must stay parted (median)
 STAGES = 6
 LOOSE, TIGHT = 1e-3, 3e-7  # relative fall of the sum of squares at which a stage ends
+HOPELESS = 3.0  # RMS beyond which a stage ends after a few steps: another plant than the model
 ROUNDINGS = 20  # replays with other roundings of the commands
 TOLD = 0.25  # relative standard deviation beyond which a parameter is not told
 BORROWED = 0.5  # share of a parameter's variance from which on it rests on the plant sheet's cable force
@@ -123,7 +124,7 @@ def _stages(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinate
 
 
 def _solve(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, theta: Array, end: float) -> Array:
-    """Least squares over the samples that count, with the prior."""
+    """Least squares over the samples that count, with the prior; cut short where the plant does not fit anyway."""
     prior, centre = coordinates.prior, coordinates.theta({})
 
     def residual(at: Array) -> Array:
@@ -132,7 +133,10 @@ def _solve(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates
     def jacobian(at: Array) -> Array:
         return np.vstack([*plants.each(lambda log: log.jacobian(at), logs), np.diag(1 / prior)])
 
-    found = least_squares(residual, theta, jacobian, bounds=_bounds(coordinates), x_scale="jac", ftol=end, xtol=1e-10, gtol=None, max_nfev=25)
+    first = residual(theta)
+    fits = float(first @ first) < HOPELESS**2 * len(first)
+    most = 25 if fits and end == TIGHT else 8
+    found = least_squares(residual, theta, jacobian, bounds=_bounds(coordinates), x_scale="jac", ftol=end, xtol=1e-10, gtol=None, max_nfev=most)
     return np.asarray(found.x)
 
 

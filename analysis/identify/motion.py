@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from analysis.identify.interval import Estimate, mean, quantile
+from analysis.identify.interval import Estimate, quantile
 from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.log import PERIOD, SIGMA, STROKE_X, STROKE_Z, Log
 from pyfmi_runner.smoothing import smooth_axis
@@ -244,9 +244,7 @@ def stops(stretches: Sequence[Signals], direction: float, cable: float) -> list[
             if part.way * s.calm[end] > THRESHOLD or part.way != direction:
                 continue
             k = part.b - HALF + int(np.argmax(part.way * s.calm[part.b - HALF : end + 1] < THRESHOLD))
+            if not 3 * NEAR[s.axis] < s.position[k] < STROKE[s.axis] - 3 * NEAR[s.axis]:
+                continue  # an end stop held it
             found.append(float(part.way * (_calmed(s.drive)[k] - cable)))
     return found
-
-
-def level(found: Sequence[float]) -> Estimate:
-    return mean(list(found))

@@ -150,9 +150,10 @@ def diagnosis(kind: str) -> Diagnosis:
     ranked = [Hypothesis(("presliding/z",), 0.94, best), Hypothesis(("stribeck/z",), 0.04, rival), Hypothesis((), 0.0, None)]
     decision = Decision("identified", ranked, best, 0.02, 0.01, "mechanics", [["presliding/z"]])
     closed = {"nominal": 3.1, "augmented": 0.4, "floor": 0.3, "shrink": 0.98}
+    values, stages = {"axis_z.friction.C": 46.1, "valve_z.tau": 0.1}, {"search": 18.0, "confirmation": 3.4}
     d = Diagnosis(
-        measured, decision, searched({"mechanics"}), {"axis_z.friction.C": 46.1, "valve_z.tau": 0.1}, where, [presliding, cause("stribeck/z", 0.04)],
-        gap_result(run), "contour_curved", closed, ["a note with <b>"], 21.4, {"search": 18.0, "confirmation": 3.4},
+        measured, decision, searched({"mechanics"}), values, where, [presliding, cause("stribeck/z", 0.04)],
+        gap_result(run), "contour_curved", closed, ["a note with <b>"], 21.4, stages,
     )  # fmt: skip
     if kind == "two":
         hypotheses = [Hypothesis(pair.choice.keys, 0.91, pair), Hypothesis(("presliding/z",), 0.07, best)]
@@ -234,7 +235,7 @@ def test_a_page_says_what_was_found(tmp_path: Path) -> None:
     said = words(page("identified", tmp_path))
     assert "presliding/z (displacement-dependent friction instead of a stick band) explains the gap (probability 94 %)" in said
     assert "Runner-up: stribeck/z, probability 4 %." in said
-    assert "is 287 against 412, 125 less. in mechanics it leaves a residual of 1.31 RMS, the first 1.02 (floor" in said
+    assert "is 287 against 412, 125 less. In mechanics it leaves a residual of 1.31 RMS, the first 1.02 (floor" in said
     assert "axis_z.friction.sigma 97000 89000 to 106000 N/m" in said
     assert said.count("poorly determined") == 1
     assert "reversals of v_z" in said

@@ -1,0 +1,54 @@
+"""`pneugantry blind`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from pneugantry.progress import bar
+from pyfmi_runner.errors import InputError
+from studies.blind import TARGETS, diagnose_cases, draw_cases, score, unseal
+
+HELP = """Draw sealed cases from an independent truth plant, diagnose them, unseal, score.
+
+The labels' hash is printed before the first diagnosis starts. Seeds 1000..1999 are development seeds; take others to judge."""
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--cases", type=int, default=20, metavar="N", help="number of cases (default: %(default)s)")
+    command.add_argument("--seed", type=int, default=50_000, metavar="S", help="seed of the first case (default: %(default)s)")
+    command.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)")
+    command.add_argument(
+        "--out", type=Path, metavar="DIR", default=Path("out/blind"), help="folder of the cases; a run resumes there (default: %(default)s)"
+    )
+
+
+def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    if options.cases < 1:
+        raise InputError(f"is {options.cases}, expected >= 1", field="--cases", mend="draw at least one case")
+    folder = options.out / f"seed_{options.seed}_cases_{options.cases}"
+    seeds = range(options.seed, options.seed + options.cases)
+    digest = draw_cases(folder, bar(seeds, options.cases, "draw"))
+    print(f"{options.cases} cases in {folder}; sealed labels: sha256 {digest}")
+    counter = bar(range(options.cases), options.cases, "diagnose")
+
+    def advance(name: str) -> None:
+        next(counter, None)
+
+    results = diagnose_cases(folder, options.workers, advance)
+    result = score(unseal(folder, digest), results)
+    print(f"\n{'measure':<32} {'target':>9} {'got':>8}")
+    for name, target in TARGETS.items():
+        print(f"{name:<32} {target:>9} {result.table[name]:8.3f}")
+    print("\nprobability  share right  claims")
+    for probability, right, n in result.reliability:
+        print(f"{probability:11.2f} {right:12.2f} {n:7d}")
+    print("\nvisibility up to  share right  cases")
+    for limit, right, n in result.by_severity:
+        print(f"{limit:16.1f} {right:12.2f} {n:6d}")
+    print("\nwrong:" if result.confusions else "")
+    for text in result.confusions:
+        print("  " + text)
+    return {"schema": "blind/1", "sha256": digest, "table": result.table, "targets": TARGETS, "confusions": result.confusions,
+            "reliability": result.reliability, "by_severity": result.by_severity}, 0  # fmt: skip
