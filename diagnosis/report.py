@@ -40,7 +40,7 @@ def _context(d: Diagnosis) -> dict[str, Any]:
         "where": facts["where"], "plant": plant_svg({w["block"]: w["share"] for w in facts["where"]}),
         "rivals": rivals(d.decision), "runner_up": runner_up(d), "causes": facts["causes"],
         "answer_set": [" + ".join(keys) or "no effect" for keys in facts["answer_set"]],
-        "unexplained": (d.decision.unexplained, d.decision.unknown_view) if d.decision.unknown_view else None,
+        "unexplained": (min(d.decision.unexplained, 1.0), d.decision.unknown_view) if d.decision.unknown_view else None,
         "gap": facts["gap"], "shrinks": shrinkable(facts["gap"]), "shrink_words": shrink_words(facts["gap"]),
         "closed": facts["closed_loop"], "channels": _channels(d), "gap_picture": _gap_picture(d, after),
         "parameters": _parameters(facts["causes"], _chosen(d)), "tolerance": _tolerance(d),

@@ -28,7 +28,7 @@ BLOCKS = {  # x, y, width, height, caption
 SAMPLES = 20_000  # per curve in the page; longer logs are decimated
 STATIC = 240  # bins of the static picture
 MISSING = 65535
-PANEL = {"width": 520, "height": 158, "left": 52, "right": 8, "top": 20, "bottom": 30}
+PANEL = {"width": 520, "height": 168, "left": 52, "right": 8, "top": 30, "bottom": 30}
 DISPLAY = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}  # unit on the page, factor
 
 
@@ -195,13 +195,13 @@ def panel_svg(channel: str, time: Array, curves: Mapping[str, Array], phases: Se
     for name, start, _ in phases:
         if t0 <= start < t1:
             body.append(f'<path d="M{x(start):.1f} {p["top"]}V{base}" stroke="{QUIET}" stroke-dasharray="2 2"/>')
-            body.append(_text(x(start) + 3, p["top"] + 9, name, "start", 9, fill=LINE))
+            body.append(_text(x(start), p["top"] - 4, name, "start", 9, fill=LINE))
     for tick in ticks(low, high, 4):
         body.append(f'<path d="M{p["left"]} {y(tick):.1f}H{p["left"] + width}" stroke="{QUIET}" stroke-width=".6"/>')
         body.append(_text(p["left"] - 5, y(tick) + 4, f"{tick:.6g}", "end", 10.5))
     body += [_text(x(tick), base + 13, f"{tick:.6g}", size=10.5) for tick in ticks(t0, t1, 8)]
     body.append(_text(p["left"] + width, base + 26, "time [s]", "end", 10.5))
-    body.append(_text(p["left"], p["top"] - 7, f"{channel} [{unit}]", "start", 11.5, "600"))
+    body.append(_text(p["left"], p["top"] - 17, f"{channel} [{unit}]", "start", 11.5, "600"))
     for name, values in curves.items():
         colour, thick, dashes = CURVES[name]
         index, extremes = _extremes(values, STATIC)

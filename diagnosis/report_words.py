@@ -91,8 +91,9 @@ def verdict_sentence(d: Diagnosis, facts: dict[str, Any]) -> str:
     if decision.verdict == "none":
         return f"Nothing beyond tolerance and noise was found in these logs; with the tolerance fitted, {far}."
     if decision.verdict == "unknown":
-        nearest = (
-            f"; the nearest, {label(ranked[0].keys)}, leaves {percent(decision.unexplained)} of the misfit of {decision.unknown_view}"
+        left = percent(min(decision.unexplained, 1.0))
+        nearest = f"; the nearest, {label(ranked[0].keys)}, leaves {left} of the misfit of {decision.unknown_view}" if ranked else ""
+            f"; the nearest, {label(ranked[0].keys)}, leaves {percent(min(decision.unexplained, 1.0))} of the misfit of {decision.unknown_view}"
             if ranked
             else ""
         )

@@ -34,6 +34,7 @@ HOPELESS = 3.0  # RMS beyond which a stage ends after a few steps: another plant
 ROUNDINGS = 20  # replays with other roundings of the commands
 TOLD = 0.25  # relative standard deviation beyond which a parameter is not told
 BORROWED = 0.5  # share of a parameter's variance from which on it rests on the plant sheet's cable force
+FITS = 1.1  # gap of a log below which the plant replays it
 LAGS = 200  # of blocks, over which the residual's correlation is summed
 
 
@@ -52,6 +53,11 @@ class JointFit:
     @property
     def values(self) -> dict[str, float]:
         return self.coordinates.values(self.theta)
+
+    @property
+    def fits(self) -> bool:
+        """The plant replays every log nearly to the noise."""
+        return all(gap < FITS for gap in self.gaps.values())
 
     @property
     def gap(self) -> float:
@@ -90,13 +96,17 @@ def reach(residual: Array) -> int:
 
 def fit_logs(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, start: Mapping[str, float], progress: Progress) -> JointFit:
     """The fit from parameters `start`: first the logs of open loops, then all of them. Raises RunError where the FMU fails."""
-    theta = np.clip(coordinates.theta(start), *_bounds(coordinates))
+    first = theta = np.clip(coordinates.theta(start), *_bounds(coordinates))
     still = [log for log in logs if log.run.setup.loop == "open"]
     if still and len(still) < len(logs):
         progress("open-loop logs")
-        theta = _stages(still, plants, coordinates, theta, LOOSE)
+        theta, _ = _stages(still, plants, coordinates, theta, LOOSE)
     progress("all logs")
-    theta = _stages(logs, plants, coordinates, theta, TIGHT)
+    theta, whole = _stages(logs, plants, coordinates, theta, TIGHT)
+    if not whole:  # another plant than the model: the best that it can do over everything
+        for log in logs:
+            log.rows = len(log.measured)
+        theta = _solve(logs, plants, coordinates, first, LOOSE)
     progress("intervals")
     return _judged(logs, plants, coordinates, theta)
 
@@ -107,20 +117,21 @@ def _bounds(coordinates: Coordinates) -> tuple[Array, Array]:
     return ends.min(axis=1), ends.max(axis=1)
 
 
-def _stages(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, theta: Array, end: float) -> Array:
+def _stages(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, theta: Array, end: float) -> tuple[Array, bool]:
+    """(theta, whether every log counts as a whole)."""
     before = -1
     for _ in range(STAGES):
         for log, residual in zip(logs, plants.each(lambda log: log.residual(theta), logs), strict=True):  # noqa: B023, done before the next
-            log.rows = reach(residual)
+            log.rows = len(residual) if log.steady else reach(residual)
         rows = sum(log.rows for log in logs)
         whole = all(log.whole for log in logs)
         if rows <= before and not whole:
             break
         theta = _solve(logs, plants, coordinates, theta, end if whole else LOOSE)
         if whole:
-            return theta
+            return theta, True
         before = rows
-    return _solve(logs, plants, coordinates, theta, end)
+    return theta, False
 
 
 def _solve(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, theta: Array, end: float) -> Array:
@@ -187,6 +198,8 @@ def _log_terms(log: ReplayedLog, theta: Array) -> tuple[Array, Array, Array, flo
 def _long_run_variance(values: Array) -> float:
     """Variance times the number of samples that say the same; 1 for the sensors' white noise."""
     n = len(values)
+    if n == 0:
+        return 1.0
     power = float(values @ values) / n
     if n < 4 * LAGS or power == 0.0:
         return power

@@ -94,6 +94,11 @@ class ReplayedLog:
         return self.rows == len(self.measured)
 
     @property
+    def steady(self) -> bool:
+        """Both axes are clamped throughout: nothing that could part."""
+        return not any(self._free.values())
+
+    @property
     def effort(self) -> int:
         """Samples that a Jacobian simulates."""
         return len(self.measured) * len(self.groups)

@@ -202,7 +202,7 @@ def valve_fit(runs: Sequence[LoggedRun], axis: str, direction: float, guess: tup
     scale = np.array(guess)
     found = least_squares(residual, scale, x_scale=scale, bounds=(0.02 * scale, 50 * scale))
     information = found.jac.T @ found.jac * np.outer(scale, scale)
-    if np.linalg.cond(information) > 1e13 or not np.isfinite(information).all():
+    if not (np.diag(information) > 0).all() or np.linalg.cond(information) > 1e13:
         return None
     rest = residual(found.x)
     gap = math.sqrt(float(np.mean(rest**2)))
