@@ -98,6 +98,11 @@ class Outcome:
     def values(self) -> dict[str, float]:
         return {**self.choice.settings, **self.fit.values}
 
+    @property
+    def objective(self) -> float:
+        """Sum of squares plus prior."""
+        return sum(self.squares.values()) + self.fit.penalty
+
     def rms(self, view: str) -> float:
         return math.sqrt(self.squares[view] / max(self.counts[view], 1))
 
@@ -268,19 +273,25 @@ class Bench:
         choice: Choice,
         views: Sequence[str],
         starts: Mapping[str, float] | None = None,
-        start_values: Mapping[str, float] | None = None,
+        start_values: Mapping[str, float] | tuple[Mapping[str, float], ...] | None = None,
         base: Outcome | None = None,
         careful: bool = False,
     ) -> Outcome:
-        """Fits a hypothesis on some views. `starts`: of the effects' parameters; `start_values`: of everything, from an earlier fit;
+        """Fits a hypothesis on some views. `starts`: of the effects' parameters; `start_values`: of everything, from an earlier fit,
+        the best of several;
         `base`: the outcome that the hypothesis adds an effect to."""
         views = tuple(views)
         coordinates = self.coordinates(choice, views, starts)
+        problem = _Problem(self, views, choice.settings)
         theta = None
         if start_values:
-            theta = np.array([c.theta(start_values[c.name]) if c.name in start_values else c.start for c in coordinates])
+            points = [
+                np.array([c.theta(known[c.name]) if c.name in known else c.start for c in coordinates])
+                for known in (start_values if isinstance(start_values, tuple) else (start_values,))
+            ]
+            theta = min(points, key=lambda point: objective(problem, coordinates, point)) if len(points) > 1 else points[0]
         fitted = fit(
-            _Problem(self, views, choice.settings),
+            problem,
             coordinates,
             theta,
             self._stale(choice, views, base),

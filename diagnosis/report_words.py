@@ -93,10 +93,6 @@ def verdict_sentence(d: Diagnosis, facts: dict[str, Any]) -> str:
     if decision.verdict == "unknown":
         left = percent(min(decision.unexplained, 1.0))
         nearest = f"; the nearest, {label(ranked[0].keys)}, leaves {left} of the misfit of {decision.unknown_view}" if ranked else ""
-            f"; the nearest, {label(ranked[0].keys)}, leaves {percent(min(decision.unexplained, 1.0))} of the misfit of {decision.unknown_view}"
-            if ranked
-            else ""
-        )
         where = f" in {block}" if block else ""
         what = f"A real effect{where} that no entry of the catalogue explains (probability {percent(decision.unknown)})"
         return f"{what}{nearest}; with what could be fitted, {far}."

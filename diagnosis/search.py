@@ -17,7 +17,7 @@ QUIET = 8.0  # what a view's misfit and strained tolerance may hold together wit
 FIT_SINGLES = 4  # hypotheses per troubled view that are fitted in full, by what one step promises
 BASES = 2  # single effects that pairs within the same views are built on
 RIVAL = 0.85  # share of the best gain from which on another single effect is a base too
-FIT_PAIRS = 2
+FIT_PAIRS = 3
 FIT_FRICTION = 4
 NEGLIGIBLE = 0.02  # share of a view's misfit that may stay without asking for a second effect
 STILL = 1.2  # RMS of an axis' friction windows up to which its friction is not asked about, if the other axis' is worse
@@ -140,30 +140,34 @@ def _friction(
         return []
     before = base.outcome if base else None
     choice = base.choice if base else Choice()
-    ranked: list[tuple[float, Trial]] = []
+    same_law: list[tuple[float, Outcome]] = []
+    other_law: list[Outcome] = []
     for axis in "xz":
         name = f"friction_{axis}"
         if starters[name].counts[name] == 0 or (base is None and _still(starters, axis)):
             continue
         own = {key: effect for key, effect in catalogue.items() if effect.block == name}
-        held = {n: v for n, v in choice_values(before).items() if not bench.all[name].depends_on(n)}
-        values = {**starters[name].values, **choice_values(before)}
-        if base is not None:
-            own = {key: effect for key, effect in own.items() if not any(form.settings for form in effect.forms)}
-        start = {**values, **held} if base is not None else {}  # tolerance alone may have stuck in explaining the effect
+        strained = {**starters[name].values, **choice_values(before)}
+        start = choice_values(before)  # tolerance alone may have stuck in explaining the effect
         candidates = list(_candidates(bench, own, choice, {name}, start, before, within=(name,)))
-        for trial in _fitted(bench, candidates):
-            ranked.append((windows_gain(starters[name], trial.outcome, name), trial))
-    ranked.sort(key=lambda item: -item[0])
+        for trial in _fitted(bench, [c for c in candidates if not _new_law(c.choice)]):
+            same_law.append((windows_gain(starters[name], trial.outcome, name), trial.outcome))
+        if base is None:  # windows tell little of another law: each of its forms goes on to the mechanics
+            lawed = [c for c in _candidates(bench, own, choice, {name}, strained, within=(name,)) if _new_law(c.choice)]
+            other_law += [bench.fit(c.choice, c.views, c.starts, c.known) for c in lawed]
+    same_law.sort(key=lambda item: -item[0])
     chosen = []
-    most = FIT_FRICTION if base is None else FIT_PAIRS
-    lawful = [item for item in ranked if not item[1].choice.effects[-1][1].settings][:most]
-    for _, trial in [*lawful, *(item for item in ranked if item[1].choice.effects[-1][1].settings)]:  # windows tell little of another law
-        views = set(bench.touched(trial.choice.parameter_names + tuple(trial.choice.settings))) | set(before.views if before else ())
+    for outcome in [*(o for _, o in same_law[: FIT_FRICTION if base is None else FIT_PAIRS]), *other_law]:
+        views = set(bench.touched(outcome.choice.parameter_names + tuple(outcome.choice.settings))) | set(before.views if before else ())
         ordered = tuple(v for v in bench.views if v in views)
-        start = {**known, **starters["contact"].values, **trial.outcome.values, **choice_values(before)}
-        chosen.append(_Candidate(trial.choice, ordered, {}, start, math.inf, before))
+        values = {**known, **starters["contact"].values, **outcome.values, **choice_values(before)}
+        chosen.append(_Candidate(outcome.choice, ordered, {}, values, math.inf, before))
     return _fitted(bench, chosen)
+
+
+def _new_law(choice: Choice) -> bool:
+    """Whether the effect added last sets another law."""
+    return bool(choice.effects[-1][1].settings)
 
 
 def choice_values(outcome: Outcome | None) -> dict[str, float]:
@@ -182,8 +186,8 @@ def _still(starters: Mapping[str, Outcome], axis: str) -> bool:
 
 
 def windows_gain(null: Outcome, outcome: Outcome, view: str) -> float:
-    """Gain on one view with its own correlation length."""
-    lengths = {view: outcome.lengths[view]}
+    """Gain on one view, with the correlation length under tolerance alone for all."""
+    lengths = {view: null.lengths[view]}
     return null.evidence(lengths) - outcome.evidence(lengths)
 
 
@@ -283,7 +287,7 @@ def _fitted(bench: Bench, candidates: Iterable[_Candidate], careful: bool = Fals
     for c in candidates:
         outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base, careful)
         held = best.get(c.choice.keys)
-        if held is None or outcome.evidence(outcome.lengths) < held.outcome.evidence(outcome.lengths):
+        if held is None or outcome.objective < held.outcome.objective:
             best[c.choice.keys] = Trial(c.choice, outcome)
     return list(best.values())
 

@@ -1,0 +1,67 @@
+"""`pneugantry identify`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.campaign import read_campaign
+from pyfmi_runner.fmu import FmuFile
+
+if TYPE_CHECKING:
+    from analysis.identify.identification import Identification
+
+HELP = """Plant parameters with 95 % intervals, by the thesis' tests (App. C, section 4.1) and by one fit to all logs.
+
+  pneugantry identify FOLDER          a campaign (a folder with campaign.toml)
+  pneugantry identify LOG.parquet     one log: says what it cannot tell
+
+The fit replays the whole plant by the recorded commands. Its intervals count the sensors' noise, the rounding of the recorded commands,
+and what is left where the plant does not fit. F_w of an axis that is only pushed one way is taken as on the plant sheet, +-2 % RMS."""
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument("campaign", metavar="CAMPAIGN_OR_LOG", help="folder with campaign.toml, or one log")
+    command.add_argument("--plot", metavar="FOLDER", type=Path, help="draw the steps, the friction loop and the fit's residual into this folder")
+    command.add_argument("--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface")
+
+
+def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    from analysis.identify.identification import identify  # scipy's optimisers load only when something is fitted
+    from analysis.identify.report import as_json, as_text
+
+    began = time.perf_counter()
+    campaign = read_campaign(options.campaign)
+    file = FmuFile.read(options.fmu or build_fmu().path)
+    found = identify(campaign, file, _stage)
+    _stage("")
+    for line in as_text(found):
+        print(line)
+    if options.plot:
+        _draw(found, options.plot)
+    seconds = time.perf_counter() - began
+    print(f"{seconds:.1f} s")
+    return as_json(found, seconds), 0
+
+
+def _stage(what: str) -> None:
+    """Says on a terminal what is being done."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{what}", end="", file=sys.stderr, flush=True)
+
+
+def _draw(found: Identification, folder: Path) -> None:
+    from analysis.plots import save
+    from analysis.plots_identify import hysteresis_figure, interval_figure, lag_figure
+
+    figures = {"lags": lag_figure(found.steps), "intervals": interval_figure(found.joint)}
+    if found.hysteresis is not None:
+        figures["hysteresis"] = hysteresis_figure(found.hysteresis)
+    for name, figure in figures.items():
+        path = folder / f"{name}.png"
+        save(figure, path)
+        print(f"picture: {path}")
