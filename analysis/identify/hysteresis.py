@@ -25,7 +25,7 @@ MEAN = 25  # samples averaged into one point
 LEAST_TRAVEL = 2e-4  # m, of a branch that shows anything
 SLIP = 2e-5  # m per 25 ms; faster points leave the branch: friction is a rate law there, or the mass is in flight
 FORCE_NOISE = 0.5  # N, of one point: 5 um of position on the steep part
-STIFFEST = 1e6  # N/m; what is stiffer moves less than the sensors see
+SEEN = 3e-5  # m; a creep between half the limit force either way that is less is the smoothed position's own error
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Hysteresis:
-    """beta [N] and sigma [N/m] of Eq. 4-8; rms [N] of what the branch leaves. `presliding`: sigma is within what the sensors can tell."""
+    """beta [N] and sigma [N/m] of Eq. 4-8; rms [N] of what the branch leaves. `presliding`: the piston creeps by more than the sensors' error."""
 
     beta: float
     sigma: float
@@ -102,4 +102,4 @@ def hysteresis(campaign: Campaign, m: float, C: float, cable: float) -> Hysteres
     beta, sigma = (float(v) for v in np.exp(found.x[:2]))
     fitted = law(found.x)
     rms = float(np.sqrt(np.mean((friction - fitted) ** 2)))
-    return Hysteresis(beta, sigma, rms, sigma < STIFFEST, Branch(run.log.name, travel, friction, fitted))
+    return Hysteresis(beta, sigma, rms, beta / sigma * (2.0 - 2.0 / 3.0) > SEEN, Branch(run.log.name, travel, friction, fitted))

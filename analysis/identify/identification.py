@@ -21,7 +21,7 @@ from analysis.identify.valve import Comparison, Step, ValveFit, comparisons, ste
 from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["Identification", "Start", "identify", "starting_point"]
+__all__ = ["Identification", "Start", "fit_campaign", "identify", "starting_point"]
 
 Array = NDArray[np.float64]
 Values = dict[str, float]
@@ -30,10 +30,9 @@ SHUT = 2.0  # N, actuator force below which a valve counts as shut throughout
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """What the blocks' own tests give: parameters of the FMU, and the friction law that the hysteresis calls for."""
+    """What the blocks' own tests give: parameters of the FMU, those of the VDFM and of the DDFM where the hysteresis shows them."""
 
     values: Values
-    laws: dict[str, float]
     hysteresis: Hysteresis | None
 
 
@@ -61,7 +60,6 @@ def starting_point(campaign: Campaign, file: FmuFile) -> Start:
     """Parameters by block, from measured signals on both sides of it: exact, and free of missed break-aways."""
     start = {name: float(v.start) for name, v in file.variables.items() if v.causality == "parameter" and isinstance(v.start, int | float)}
     values: Values = {}
-    laws: dict[str, float] = {}
     found: Hysteresis | None = None
     for axis in "xz":
         values |= _valve_start(campaign, start, axis)
@@ -77,13 +75,12 @@ def starting_point(campaign: Campaign, file: FmuFile) -> Start:
             values[prefix + "friction.F_s"] = float(np.median(pushed))
         if axis == "z":
             found = hysteresis(campaign, m, C, cable)
-            if found is not None and found.presliding:
-                laws["z"] = DDFM
+            if found is not None:
                 values |= {prefix + "friction.beta": found.beta, prefix + "friction.sigma": found.sigma}
     edge = edge_test(campaign)
     if edge is not None:
         values |= {"contact.K_c": edge.K_c.value, "contact.C_c": edge.C_c.value}
-    return Start(values, laws, found)
+    return Start(values, found)
 
 
 def _valve_start(campaign: Campaign, start: Mapping[str, float], axis: str) -> Values:
@@ -93,25 +90,39 @@ def _valve_start(campaign: Campaign, start: Mapping[str, float], axis: str) -> V
     return {} if fit is None else dict(zip(names, (fit.K.value, fit.u_0.value, fit.tau.value), strict=True))
 
 
+def fit_campaign(campaign: Campaign, file: FmuFile, plants: Plants, progress: Callable[[str], None] = lambda _: None) -> tuple[Start, JointFit]:
+    """The joint fit from the blocks' own tests. Raises RunError where the FMU fails."""
+    start = starting_point(campaign, file)
+    candidates = [Coordinates(file)]
+    if start.hysteresis is not None and start.hysteresis.presliding:
+        candidates.append(Coordinates(file, {"z": DDFM}))
+    best = min(candidates, key=lambda coordinates: _misfit(campaign, coordinates, plants, start.values)) if candidates[1:] else candidates[0]
+    return start, fit_logs(replayed_logs(campaign, best, plants), plants, best, start.values, progress)
+
+
+def _misfit(campaign: Campaign, coordinates: Coordinates, plants: Plants, values: Values) -> float:
+    """Sum of squares over the open-loop logs at the starting point: which friction law comes closer?"""
+    logs = [log for log in replayed_logs(campaign, coordinates, plants) if log.run.setup.loop == "open"]
+    theta = coordinates.theta(values)
+    return float(sum(np.sum(log.residual(theta) ** 2) for log in logs))
+
+
 def identify(campaign: Campaign, file: FmuFile, progress: Callable[[str], None] = lambda _: None) -> Identification:
     """All tests and the joint fit. Raises RunError where the FMU fails."""
     progress("tests of the valves")
-    nominal = Coordinates(file)
     found = {axis: steps(campaign, axis) for axis in "xz"}
     lags = {axis: list(_lags_by_log(campaign, file, axis, found[axis])) for axis in "xz"}
     progress("tests of friction and contact")
-    start = starting_point(campaign, file)
-    coordinates = Coordinates(file, start.laws)
     with Plants(file) as plants:
-        logs = replayed_logs(campaign, coordinates, plants)
-        joint = fit_logs(logs, plants, coordinates, start.values, progress)
+        start, joint = fit_campaign(campaign, file, plants, progress)
         progress("bias of the rules")
+        logs = replayed_logs(campaign, joint.coordinates, plants)
         simulated = {log.name: plants.drive(log.run.setup, log.commands, log.run.log.time, joint.values) for log in logs}
     cables = {axis: joint.values[f"axis_{axis}.F_w"] for axis in "xz"}
-    truth = {(u.symbol, u.axis): joint.values[u.name] for u in coordinates.unknowns}
+    truth = {(u.symbol, u.axis): joint.values[u.name] for u in joint.coordinates.unknowns}
     return Identification(
         campaign, found, {axis: steady_line(found[axis]) for axis in "xz"}, lags, {axis: comparisons(found[axis]) for axis in "xz"},
-        sensor_noise(campaign), start.hysteresis, joint, judged(campaign, simulated, truth, nominal.direction, cables),
+        sensor_noise(campaign), start.hysteresis, joint, judged(campaign, simulated, truth, joint.coordinates.direction, cables),
         list(_notes(campaign, joint, start.hysteresis)),
     )  # fmt: skip
 
@@ -154,10 +165,10 @@ def _notes(campaign: Campaign, joint: JointFit, found: Hysteresis | None) -> Ite
     shut = [axis for axis in "xz" if max(float(run.log[f"u_{axis}"].max()) for run in campaign) < 2.0]
     if shut:
         yield f"f_max of {' and '.join(shut)} is never reached, and not identified"
-    if found is not None and found.presliding:
+    if joint.coordinates.laws.get("z") == DDFM and found is not None:
         yield f"z creeps before it slides: fitted with the DDFM (beta, sigma) in place of F_s, F_d and v_th; hysteresis left {found.rms:.2f} N"
     elif found is not None:
-        yield f"z does not creep before it slides (stiffer than {found.sigma:.1e} N/m): no DDFM in these logs, beta and sigma are not identified"
+        yield f"z does not creep before it slides, as far as the sensors see: no DDFM in these logs, beta and sigma are not identified"
     if not joint.fits:
         worst = max(joint.gaps, key=lambda name: joint.gaps[name])
         yield (

@@ -29,7 +29,8 @@ WINDOW = 100  # samples over which a misfit is judged
 PARTED = 6.0  # RMS of a window beyond which the replay has parted
 LASTING = 5  # windows over which it must stay parted (median)
 STAGES = 6
-LOOSE, TIGHT = 1e-3, 3e-7  # relative fall of the sum of squares at which a stage ends
+LOOSE, TIGHT = 1e-3, 1e-6  # relative fall of the sum of squares at which a stage ends
+FINE = 3e-8  # relative step of theta at which it ends: a hundredth of the best-known parameter's standard deviation
 HOPELESS = 3.0  # RMS beyond which a stage ends after a few steps: another plant than the model
 ROUNDINGS = 20  # replays with other roundings of the commands
 TOLD = 0.25  # relative standard deviation beyond which a parameter is not told
@@ -147,7 +148,7 @@ def _solve(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates
     first = residual(theta)
     fits = float(first @ first) < HOPELESS**2 * len(first)
     most = 25 if fits and end == TIGHT else 8
-    found = least_squares(residual, theta, jacobian, bounds=_bounds(coordinates), x_scale="jac", ftol=end, xtol=1e-10, gtol=None, max_nfev=most)
+    found = least_squares(residual, theta, jacobian, bounds=_bounds(coordinates), x_scale="jac", ftol=end, xtol=FINE, gtol=None, max_nfev=most)
     return np.asarray(found.x)
 
 
