@@ -177,20 +177,20 @@ def fit(
     tolerance = {c.name for c in fitter.coordinates if not c.effect}
     kept = {key: column for key, column in (stale or {}).items() if key[1] in tolerance}
     gradient, hessian = fitter.slopes(point, stale=kept)
-    damping, renewals = 1e-3, 2 if careful else 0
+    damping, renewals = 1e-8, 2 if careful else 0  # little: tolerance slides along ridges that the data leave open
     for _ in range(2 * MAX_STEPS if careful else MAX_STEPS):
         trial = fitter.at(point.theta + _bounded_step(hessian, gradient, point.theta, fitter.low, fitter.high, damping))
         gain = point.objective - trial.objective
         if gain > 0:
-            point, damping = trial, max(damping * 0.1, 1e-9)
+            point, damping = trial, max(damping * 1e-2, 1e-9)
         kept = {key: column for key, column in {**kept, **fitter.seen}.items() if key[1] in tolerance}
-        if gain < ENOUGH + 1e-3 * point.objective:
+        if gain < ENOUGH + (2e-5 if careful else 1e-3) * point.objective:
             if renewals == 0 and (gain >= 0 or damping > 1e2):
                 break
             if renewals > 0:
-                kept, renewals, damping = {}, renewals - 1, 1e-3
+                kept, renewals, damping = {}, renewals - 1, (1e-8 if gain > 0 else 1e-3)
             else:
-                damping *= 100
+                damping = max(damping * 1e3, 1e-4)
         gradient, hessian = fitter.slopes(point, stale=kept)
     misfit = point.objective - float(np.sum((point.theta / fitter.spread) ** 2))
     covariance: Array = np.asarray(np.linalg.pinv(hessian), dtype=np.float64)

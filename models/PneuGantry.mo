@@ -38,6 +38,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Ratio lag_asymmetry(min = -0.95, max = 0.95) = 0 "tau grows by this share while |f_a| rises, shrinks while it falls; neutral 0";
     parameter Time delay_time(min = 0, max = 0.2) = 0 "Transport delay of the command; neutral 0";
     parameter Voltage play(min = 0, max = 5) = 0 "Half-width of the play (backlash) on the command; neutral 0";
+    parameter Boolean play_centred = false "true: the play starts in its middle at the first command; false: it starts from u = 0";
     parameter Time play_period(min = 1e-5, max = 1) = 1e-3 "Period at which the driver reads its command while play > 0";
     parameter Ratio droop(min = 0, max = 1) = 0 "Steady loss of supply pressure at full force, as a share; neutral 0";
     parameter Time droop_time(min = 1e-3, max = 1000) = 2 "Time constant with which the supply sags and recovers";
@@ -51,6 +52,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Force f_target "Steady force of the present command";
   protected
     discrete Voltage u_play(start = 0, fixed = true) "Command behind the play";
+    discrete Boolean placed(start = false, fixed = true) "The play has read its first command";
     Voltage u_late "Command behind the transport delay";
     Voltage u_eff "Command behind delay and play";
     Ratio xi "Position: -1 at the lower end, 0 in the middle, +1 at the upper end";
@@ -58,7 +60,8 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
   equation
     u_late = noEvent(if delay_time > 0 then delay(u, if delay_time > 0 then delay_time else 1e-3, 0.2) else u);
     when sample(0, if play > 0 then play_period else 1e9) then
-      u_play = max(min(pre(u_play), u_late + play), u_late - play);
+      u_play = if play_centred and not pre(placed) then u_late else max(min(pre(u_play), u_late + play), u_late - play);
+      placed = true;
     end when;
     u_eff = noEvent(if play > 0 then u_play else u_late);
     f_target = f_manual + direction*supply*min(max(K*(u_eff - u_0), if bidirectional then -f_max else 0), f_max);

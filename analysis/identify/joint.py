@@ -95,7 +95,9 @@ def reach(residual: Array) -> int:
     return len(residual) if len(bad) == 0 else int(bad[0]) * WINDOW
 
 
-def fit_logs(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, start: Mapping[str, float], progress: Progress) -> JointFit:
+def fit_logs(
+    logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, start: Mapping[str, float], progress: Progress
+) -> JointFit:
     """The fit from parameters `start`: first the logs of open loops, then all of them. Raises RunError where the FMU fails."""
     first = theta = np.clip(coordinates.theta(start), *_bounds(coordinates))
     still = [log for log in logs if log.run.setup.loop == "open"]
@@ -128,14 +130,14 @@ def _stages(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinate
         whole = all(log.whole for log in logs)
         if rows <= before and not whole:
             break
-        theta = _solve(logs, plants, coordinates, theta, end if whole else LOOSE)
+        theta = _solve(logs, plants, coordinates, theta, LOOSE)
         if whole:
-            return theta, True
+            return (_solve(logs, plants, coordinates, theta, end, central=True) if end < LOOSE else theta), True
         before = rows
     return theta, False
 
 
-def _solve(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, theta: Array, end: float) -> Array:
+def _solve(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, theta: Array, end: float, central: bool = False) -> Array:
     """Least squares over the samples that count, with the prior; cut short where the plant does not fit anyway."""
     prior, centre = coordinates.prior, coordinates.theta({})
 
@@ -143,11 +145,11 @@ def _solve(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates
         return np.concatenate([*plants.each(lambda log: log.vector(log.residual(at)), logs), (at - centre) / prior])
 
     def jacobian(at: Array) -> Array:
-        return np.vstack([*plants.each(lambda log: log.jacobian(at), logs), np.diag(1 / prior)])
+        return np.vstack([*plants.each(lambda log: log.jacobian(at, central), logs), np.diag(1 / prior)])
 
     first = residual(theta)
     fits = float(first @ first) < HOPELESS**2 * len(first)
-    most = 25 if fits and end == TIGHT else 8
+    most = 8 if central or not fits else 25
     found = least_squares(residual, theta, jacobian, bounds=_bounds(coordinates), x_scale="jac", ftol=end, xtol=FINE, gtol=None, max_nfev=most)
     return np.asarray(found.x)
 
@@ -178,7 +180,7 @@ def _judged(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinate
 
 def _log_terms(log: ReplayedLog, theta: Array) -> tuple[Array, Array, Array, float]:
     """(J'J, what noise moves, what rounding moves, gap) of one log at theta."""
-    jacobian, residual = log.jacobian(theta), log.vector(log.residual(theta))
+    jacobian, residual = log.jacobian(theta, central=True), log.vector(log.residual(theta))
     channels = len(log.columns)
     curvature = jacobian.T @ jacobian
     meat = np.zeros_like(curvature)
