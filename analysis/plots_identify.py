@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.identify.hysteresis import Hysteresis
-from analysis.identify.joint import JointFit
+from analysis.identify.joint_fit import JointFit
 from analysis.identify.valve import Step
 from analysis.plots import AUGMENTED, MEASURED, NOMINAL, REFERENCE, axes_grid
 
@@ -40,7 +40,8 @@ def hysteresis_figure(found: Hysteresis) -> Figure:
     ax, part = axes[0, 0], found.branch
     ax.plot(1e3 * part.displacement, part.friction, ".", color=MEASURED, label=f"{part.log}, measured")
     order = np.argsort(part.displacement)
-    ax.plot(1e3 * part.displacement[order], part.fitted[order], color=NOMINAL, label=f"beta {found.beta:.1f} N, sigma {found.sigma:.2e} N/m")
+    law = f"beta {found.beta:.1f} N, sigma {found.sigma:.2e} N/m"
+    ax.plot(1e3 * part.displacement[order], part.fitted[order], color=NOMINAL, label=law)
     ax.set_xlabel("displacement from the reversal [mm]")
     ax.set_ylabel("friction of z [N]")
     ax.legend(loc="best")

@@ -30,8 +30,8 @@ from studies.truth.parameters import Rig
 __all__ = ["Case", "coverage", "run_case", "truth_values"]
 
 _AXIS = {
-    "valve_{}.K": "gain", "valve_{}.u_0": "offset", "valve_{}.tau": "lag", "axis_{}.m": "mass", "axis_{}.C": "viscous", "axis_{}.F_w": "cable",
-    "axis_{}.friction.F_s": "static", "axis_{}.friction.F_d": "dynamic", "axis_{}.friction.v_th": "band",
+    "valve_{}.K": "gain", "valve_{}.u_0": "offset", "valve_{}.tau": "lag", "axis_{}.m": "mass", "axis_{}.C": "viscous",
+    "axis_{}.F_w": "cable", "axis_{}.friction.F_s": "static", "axis_{}.friction.F_d": "dynamic", "axis_{}.friction.v_th": "band",
 }  # fmt: skip
 _CONTACT = {"contact.K_c": "stiffness", "contact.C_c": "damping"}
 

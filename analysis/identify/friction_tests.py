@@ -14,10 +14,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.identify.breakaway import breakaways, stops
 from analysis.identify.edge import edge_test
 from analysis.identify.hysteresis import hysteresis
 from analysis.identify.interval import Estimate, quantile
-from analysis.identify.motion import Motion, Signals, Sliding, breakaways, free_signals, slides, sliding, stops
+from analysis.identify.motion import Motion, Sliding, slides, sliding
+from analysis.identify.signals import Signals, free_signals
 from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA, Log
 from pyfmi_runner.replay import SIGMAS
@@ -57,7 +59,7 @@ class RuleResult:
 
 def rules(campaign: Campaign, directions: Mapping[str, float], cables: Mapping[str, float]) -> list[Rule]:
     """Every test that the campaign permits. directions: of the valves; cables: F_w [N] where an axis does not slide both ways."""
-    found = []
+    found: list[Rule] = []
     for axis in "xz":
         stretches = free_signals(campaign, axis)
         motion = sliding(stretches, cables[axis])

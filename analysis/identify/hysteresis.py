@@ -40,7 +40,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Hysteresis:
-    """beta [N] and sigma [N/m] of Eq. 4-8; rms [N] of what the branch leaves. `presliding`: the piston creeps by more than the sensors' error."""
+    """beta [N] and sigma [N/m] of Eq. 4-8; rms [N] of what the branch leaves. presliding: it creeps by more than the sensors' error."""
 
     beta: float
     sigma: float
@@ -86,6 +86,7 @@ def hysteresis(campaign: Campaign, m: float, C: float, cable: float) -> Hysteres
     if points is None:
         return None
     travel, friction = points
+
     def law(p: Array) -> Array:
         beta, sigma = np.exp(p[:2])
         first = min(p[2] / beta, 0.99)

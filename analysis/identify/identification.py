@@ -8,16 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.identify.breakaway import breakaways
 from analysis.identify.edge import edge_test
 from analysis.identify.friction_tests import RuleResult, judged
 from analysis.identify.hysteresis import Hysteresis, hysteresis
 from analysis.identify.interval import Line
 from analysis.identify.joint import JointFit, fit_logs
-from analysis.identify.motion import breakaways, free_signals, sliding
+from analysis.identify.motion import sliding
 from analysis.identify.parameters import CABLE_TOLERANCE, DDFM, Coordinates, Unknown
 from analysis.identify.replayed import Plants, replayed_logs
 from analysis.identify.sensor_noise import Noise, sensor_noise
-from analysis.identify.valve import Comparison, Step, ValveFit, comparisons, steady_line, steps, valve_fit
+from analysis.identify.signals import free_signals
+from analysis.identify.valve import Comparison, Step, comparisons, steady_line, steps
+from analysis.identify.valve_fit import ValveFit, valve_fit
 from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.fmu import FmuFile
 
@@ -90,13 +93,17 @@ def _valve_start(campaign: Campaign, start: Mapping[str, float], axis: str) -> V
     return {} if fit is None else dict(zip(names, (fit.K.value, fit.u_0.value, fit.tau.value), strict=True))
 
 
-def fit_campaign(campaign: Campaign, file: FmuFile, plants: Plants, progress: Callable[[str], None] = lambda _: None) -> tuple[Start, JointFit]:
+def fit_campaign(
+    campaign: Campaign, file: FmuFile, plants: Plants, progress: Callable[[str], None] = lambda _: None
+) -> tuple[Start, JointFit]:
     """The joint fit from the blocks' own tests. Raises RunError where the FMU fails."""
     start = starting_point(campaign, file)
     candidates = [Coordinates(file)]
     if start.hysteresis is not None and start.hysteresis.presliding:
         candidates.append(Coordinates(file, {"z": DDFM}))
-    best = min(candidates, key=lambda coordinates: _misfit(campaign, coordinates, plants, start.values)) if candidates[1:] else candidates[0]
+    best = candidates[0]
+    if len(candidates) > 1:
+        best = min(candidates, key=lambda coordinates: _misfit(campaign, coordinates, plants, start.values))
     return start, fit_logs(replayed_logs(campaign, best, plants), plants, best, start.values, progress)
 
 
@@ -159,20 +166,22 @@ def _notes(campaign: Campaign, joint: JointFit, found: Hysteresis | None) -> Ite
     for axis in "xz":
         if joint.sources[f"axis_{axis}.F_w"] == "sheet":
             yield (
-                f"F_w of {axis} cannot be told from its friction: {axis} is never pushed both ways, and the logs show only F_s and F_d together"
-                f" with it. It is taken as on the plant sheet, +-{100 * CABLE_TOLERANCE:g} % RMS; F_s and F_d of {axis} rest on that."
+                f"F_w of {axis} cannot be told from its friction: {axis} is never pushed both ways, and the logs show only F_s and F_d"
+                f" together with it. It is taken from the plant sheet, +-{100 * CABLE_TOLERANCE:g} % RMS, and they rest on it."
             )
     shut = [axis for axis in "xz" if max(float(run.log[f"u_{axis}"].max()) for run in campaign) < 2.0]
     if shut:
         yield f"f_max of {' and '.join(shut)} is never reached, and not identified"
     if joint.coordinates.laws.get("z") == DDFM and found is not None:
-        yield f"z creeps before it slides: fitted with the DDFM (beta, sigma) in place of F_s, F_d and v_th; hysteresis left {found.rms:.2f} N"
+        yield (
+            "z creeps before it slides: fitted with the DDFM (beta, sigma) in place of F_s, F_d and v_th;"
+            f" its law leaves {found.rms:.2f} N of the measured hysteresis"
+        )
     elif found is not None:
-        yield f"z does not creep before it slides, as far as the sensors see: no DDFM in these logs, beta and sigma are not identified"
+        yield "z does not creep before it slides, as far as the sensors see: no DDFM here, beta and sigma are not identified"
     if not joint.fits:
         worst = max(joint.gaps, key=lambda name: joint.gaps[name])
         yield (
             f"the plant does not replay these logs (gap {joint.gaps[worst]:.3g} on {worst}): its parameters stand for something else here,"
             " and no interval holds; see `pneugantry diagnose`"
         )
-

@@ -62,7 +62,7 @@ def line(x: Array, y: Array) -> Line:
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
     if len(x) < 3 or len(x) != len(y) or np.ptp(x) == 0:
-        raise ValueError(f"a line needs at least 3 points at different x, got {len(x)} and {len(y)} over a span of {np.ptp(x) if len(x) else 0:g}")
+        raise ValueError(f"a line needs at least 3 points at different x, got x = {x.tolist()} and {len(y)} values")
     design = np.column_stack([x, np.ones_like(x)])
     (slope, offset), *_ = np.linalg.lstsq(design, y, rcond=None)
     rest = y - design @ (slope, offset)

@@ -13,8 +13,9 @@ from analysis.identify.valve import Step
 
 __all__ = ["as_json", "as_text"]
 
-# averages of the thesis' Tables 4.1-4.5 by axis and position [mm], filling and exhausting [s]
-PRINTED_LAGS = {("x", 1000): (0.13, 0.16), ("x", 500): (0.25, 0.25), ("x", 0): (0.50, 0.48), ("z", 100): (0.16, 0.16), ("z", 0): (0.14, 0.14)}
+PRINTED_LAGS = {  # averages of the thesis' Tables 4.1-4.5 by axis and position [mm], filling and exhausting [s]
+    ("x", 1000): (0.13, 0.16), ("x", 500): (0.25, 0.25), ("x", 0): (0.50, 0.48), ("z", 100): (0.16, 0.16), ("z", 0): (0.14, 0.14),
+}  # fmt: skip
 
 
 def as_json(found: Identification, seconds: float) -> dict[str, Any]:
@@ -68,7 +69,9 @@ def _valve_json(found: Identification, axis: str) -> dict[str, Any]:
                 "time_65": s.time_65, "tau_65": _estimate(s.tau_65), "tau_fit": _estimate(s.tau),
             } for s in found.steps[axis]
         ],
-        "line": None if fitted is None else {"K": _estimate(_times(fitted.slope, direction)), "u_0": _estimate(fitted.zero), "r2": fitted.r2},
+        "line": None if fitted is None else {
+            "K": _estimate(_times(fitted.slope, direction)), "u_0": _estimate(fitted.zero), "r2": fitted.r2,
+        },
         "by_log": [
             {"log": f.log, "position": f.position, "K": _estimate(f.K), "u_0": _estimate(f.u_0), "tau": _estimate(f.tau), "gap": f.gap}
             for f in found.lags[axis]
@@ -128,7 +131,8 @@ def _lag_tables(found: Identification, axis: str) -> Iterator[str]:
     line = found.lines[axis]
     if line is not None:
         direction = found.joint.coordinates.direction[axis]
-        yield f"  line through the steady forces: K = {_pm(_times(line.slope, direction))} N/V, u_0 = {_pm(line.zero)} V, R^2 = {line.r2:.7f}"
+        K = _pm(_times(line.slope, direction))
+        yield f"  line through the steady forces: K = {K} N/V, u_0 = {_pm(line.zero)} V, R^2 = {line.r2:.7f}"
     for c in found.comparisons[axis]:
         verdict = "depends" if c.p < 0.01 else "no dependence seen"
         yield f"  tau on {c.question}: {_pm(c.difference)}, {100 * c.share:+.2f} % between the extremes, p = {c.p:.2g}: {verdict}"

@@ -6,6 +6,8 @@ the sensors' noise alone would allow, so it is counted like a noise.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +37,7 @@ def programmed(command: Array) -> Array:
     knots = _knots(command, 1.2 * step)
     if len(knots) * LONGEST_SHARE > len(command):
         return np.asarray(result)
-    for a, b in zip(knots[:-1], knots[1:], strict=True):
+    for a, b in pairwise(knots):
         ends = [np.round(result[i] / NICE) * NICE for i in (a, b)]
         leg = ends[0] + (ends[1] - ends[0]) * np.arange(b - a) / (b - a)
         if np.abs(leg - result[a:b]).max() <= 0.5 * step + SLACK:

@@ -8,18 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
 from scipy.stats import f as fisher
 
 from analysis.identify.interval import Estimate, Line, line, quantile
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.log import PERIOD, SIGMA
 
-__all__ = ["Comparison", "Step", "ValveFit", "comparisons", "steady_line", "steps", "valve_fit"]
+__all__ = ["Comparison", "Step", "comparisons", "steady_line", "steps"]
 
 Array = NDArray[np.float64]
 PART = 0.65
@@ -54,7 +54,7 @@ class Step:
 def _plateaus(command: Array) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(command)) + 1
     bounds = np.concatenate([[0], edges, [len(command)]])
-    return [(int(a), int(b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    return [(int(a), int(b)) for a, b in pairwise(bounds)]
 
 
 def steps(campaign: Campaign, axis: str) -> list[Step]:
@@ -65,7 +65,7 @@ def steps(campaign: Campaign, axis: str) -> list[Step]:
         clamped = run.setup.clamp_signal(axis, run.log.time)
         if sum(b - a >= SHORTEST for a, b in plateaus) < STEPPED:
             continue
-        for (a, b), (c, d) in zip(plateaus[:-1], plateaus[1:], strict=True):
+        for (a, b), (c, d) in pairwise(plateaus):
             if b - a >= SHORTEST and d - c >= SHORTEST and clamped[a:d].all():
                 step = _step(run, axis, (a, b, d))
                 if step is not None:
@@ -173,48 +173,3 @@ def comparisons(found: Sequence[Step]) -> list[Comparison]:
 def _squares(design: Array, y: Array) -> float:
     found, *_ = np.linalg.lstsq(design, y, rcond=None)
     return float(np.sum((y - design @ found) ** 2))
-
-
-@dataclass(frozen=True)
-class ValveFit:
-    """K [N/V], u_0 [V], tau [s] of Eq. 4-5 by one fit to a whole log; `gap`: RMS of its residual in sensor noise."""
-
-    log: str
-    axis: str
-    position: float  # m, mean
-    K: Estimate
-    u_0: Estimate
-    tau: Estimate
-    gap: float
-
-
-def valve_fit(runs: Sequence[LoggedRun], axis: str, direction: float, guess: tuple[float, float, float], limit: float) -> ValveFit | None:
-    """Fit of Eq. 4-5 to the measured actuator force of some logs for their recorded commands. guess: K, u_0, tau; limit: f_max [N].
-
-    None where the command never opens the valve far enough to tell the three apart.
-    """
-    commands = [run.log[f"u_{axis}"] for run in runs]
-    forces = [run.log[f"f_a{axis}"] for run in runs]
-
-    def residual(p: Array) -> Array:
-        return np.concatenate([(_lagged(u, p, direction, limit) - f) / SIGMA["f_ax"] for u, f in zip(commands, forces, strict=True)])
-
-    scale = np.array(guess)
-    found = least_squares(residual, scale, x_scale=scale, bounds=(0.02 * scale, 50 * scale))
-    information = found.jac.T @ found.jac * np.outer(scale, scale)
-    if not (np.diag(information) > 0).all() or np.linalg.cond(information) > 1e13:
-        return None
-    rest = residual(found.x)
-    gap = math.sqrt(float(np.mean(rest**2)))
-    sigma = max(1.0, gap) * np.sqrt(np.diag(np.linalg.inv(information))) * scale
-    K, u_0, tau = (Estimate(float(v), float(s)) for v, s in zip(found.x, sigma, strict=True))
-    position = float(np.mean(np.concatenate([run.log[axis] for run in runs])))
-    return ValveFit(" ".join(run.log.name for run in runs), axis, position, K, u_0, tau, gap)
-
-
-def _lagged(command: Array, p: Array, direction: float, limit: float) -> Array:
-    """Force at each sample for commands held over the millisecond behind it; exact for Eq. 4-5."""
-    K, u_0, tau = p
-    fade = math.exp(-PERIOD / tau)
-    target = direction * np.minimum(K * np.maximum(command - u_0, 0.0), limit)
-    return np.asarray(lfilter([0.0, 1.0 - fade], [1.0, -fade], target))

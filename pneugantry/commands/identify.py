@@ -26,7 +26,7 @@ and what is left where the plant does not fit. F_w of an axis that is only pushe
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("campaign", metavar="CAMPAIGN_OR_LOG", help="folder with campaign.toml, or one log")
-    command.add_argument("--plot", metavar="FOLDER", type=Path, help="draw the steps, the friction loop and the fit's residual into this folder")
+    command.add_argument("--plot", metavar="FOLDER", type=Path, help="draw lags, friction loop and intervals into this folder")
     command.add_argument("--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface")
 
 
