@@ -32,8 +32,9 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
         module = importlib.import_module(f"pneugantry.commands.{name}")
-        summary = module.HELP.strip().splitlines()[0]
-        command = commands.add_parser(name, help=summary, description=module.HELP, formatter_class=argparse.RawDescriptionHelpFormatter)
+        text = module.HELP.replace("%", "%%")  # argparse formats it
+        summary = text.strip().splitlines()[0]
+        command = commands.add_parser(name, help=summary, description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
         command.add_argument("--json", metavar="FILE", help="write the result as JSON, - for standard output")
         module.add_arguments(command)
         command.set_defaults(execute=module.execute)
