@@ -14,7 +14,7 @@ from pyfmi_runner.errors import InputError
 from pyfmi_runner.log import REQUIRED, Log, write_log
 from pyfmi_runner.scenario import Scenario
 
-CAMPAIGNS = Path("/work/shared/campaigns")
+CAMPAIGNS = Path(__file__).resolve().parents[3] / "shared" / "campaigns"
 CONTOUR = LogSetup(
     loop="closed", clamped=("x until contour",), workpiece="curved", standoff=0.09,
     phases={"approach": (0.0, 0.1), "contact": (0.1, 0.3), "contour": (0.3, 0.5)},

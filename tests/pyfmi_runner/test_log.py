@@ -15,7 +15,7 @@ from pyfmi_runner import log as log_module
 from pyfmi_runner.errors import InputError
 from pyfmi_runner.log import MEASURED, REQUIRED, SIGMA, Log, check_table, log_warnings, read_log, write_log
 
-CAMPAIGNS = Path("/work/shared/campaigns")
+CAMPAIGNS = Path(__file__).resolve().parents[3] / "shared" / "campaigns"
 
 
 def sound_log(rows: int = 3000, seed: int = 1) -> Log:
