@@ -110,6 +110,8 @@ def _print(table: Mapping[str, Mapping[str, float | str]]) -> None:
     print(f"{'parameter':30} {'rests on':>9} {'cases':>6} {'95 % interval holds':>20} {'RMS error / sigma':>18} {'worst error':>12}")
     for name, row in table.items():
         spread = f"{row['spread']:18.2f} {100 * float(row['worst']):10.4f} %" if "spread" in row else ""
+        if "low" in row:
+            spread = f"  {100 * float(row['low']):.1f} .. {100 * float(row['high']):.1f} % by the binomial law"
         print(f"{name:30} {row['source']:>9} {row['cases']:6} {100 * float(row['holds']):18.1f} % {spread}")
 
 

@@ -77,9 +77,10 @@ def _stages(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinate
         whole = all(log.whole for log in logs)
         if rows <= before and not whole:
             break
-        theta = _solve(logs, plants, coordinates, theta, LOOSE)
+        last = whole and end < LOOSE
+        theta = _solve(logs, plants, coordinates, theta, end if last else LOOSE, central=last)
         if whole:
-            return (_solve(logs, plants, coordinates, theta, end, central=True) if end < LOOSE else theta), True
+            return theta, True
         before = rows
     return theta, False
 
@@ -96,7 +97,7 @@ def _solve(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates
 
     first = residual(theta)
     fits = float(first @ first) < HOPELESS**2 * len(first)
-    most = 8 if central or not fits else 25
+    most = 20 if fits else 8
     options = {"bounds": _bounds(coordinates), "x_scale": "jac", "ftol": end, "xtol": FINE, "gtol": None, "max_nfev": most}
     found = least_squares(residual, theta, jacobian, **options)
     return np.asarray(found.x)

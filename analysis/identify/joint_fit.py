@@ -97,11 +97,11 @@ def _log_terms(log: ReplayedLog, theta: Array) -> tuple[Array, Array, Array, flo
     """(J'J, what noise moves, what rounding moves, gap) of one log at theta."""
     jacobian, residual = log.jacobian(theta, central=True), log.vector(log.residual(theta))
     channels = len(log.columns)
-    curvature = jacobian.T @ jacobian
+    curvature = _gram(jacobian)
     meat = np.zeros_like(curvature)
     for c in range(channels):
         part, rest = jacobian[c::channels], residual[c::channels]
-        meat += part.T @ part * max(1.0, _long_run_variance(rest))
+        meat += _gram(part) * max(1.0, _long_run_variance(rest))
     moved = np.zeros_like(curvature)
     if log.rounded:
         rng = np.random.default_rng(0)
@@ -111,6 +111,11 @@ def _log_terms(log: ReplayedLog, theta: Array) -> tuple[Array, Array, Array, flo
             moved += np.outer(push, push) / ROUNDINGS
     counting = residual[residual != 0.0]
     return curvature, meat, moved, float(np.sqrt(np.mean(counting**2))) if len(counting) else math.nan
+
+
+def _gram(jacobian: Array) -> Array:
+    """J'J, on the calling thread alone: several logs are at it, and a threaded BLAS would get in its own way."""
+    return np.asarray(np.einsum("ki,kj->ij", jacobian, jacobian))
 
 
 def _long_run_variance(values: Array) -> float:

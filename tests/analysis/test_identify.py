@@ -29,6 +29,8 @@ from pyfmi_runner.build import ROOT, build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, write_campaign
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import PERIOD, SIGMA, Log
+from studies.identify_coverage import Case, coverage, truth_values
+from studies.truth.parameters import nominal as nominal_rig
 
 NOMINAL = ROOT.parent / "shared" / "campaigns" / "nominal"
 
@@ -288,6 +290,26 @@ def test_single_log_says_what_it_cannot_tell(plants: Plants, tmp_path: Path) -> 
     assert parameters["axis_x.m"]["value"] is None
     assert parameters["axis_x.m"]["why_not"] == "x is clamped"
     assert parameters["contact.K_c"]["why_not"] == "nothing is touched"
+
+
+def test_coverage_table_counts_what_the_logs_tell() -> None:
+    names = {"valve_x.K": "logs", "axis_x.F_w": "sheet"}
+    cases = [
+        Case(seed, dict.fromkeys(names, 1.0), {"valve_x.K": seed > 0, "axis_x.F_w": True}, dict.fromkeys(names, 0.01), names, 1.0, 1.0)
+        for seed in range(20)
+    ]
+    table = coverage(cases)
+    assert table["all"]["holds"] == pytest.approx(0.95)
+    assert float(table["all"]["low"]) < 0.95 < float(table["all"]["high"])
+    assert table["axis_x.F_w"]["holds"] == 1.0
+
+
+def test_truth_rig_is_the_plant_sheet_under_the_names_of_the_fmu(fmu: FmuFile) -> None:
+    truth = truth_values(nominal_rig())
+    for u in Coordinates(fmu).unknowns:
+        assert truth[u.name] == pytest.approx(u.nominal), u.name
+    assert truth["axis_x.friction.F_s - F_w"] == pytest.approx(20.0)
+    assert truth["axis_z.friction.F_d + F_w"] == pytest.approx(20.0)
 
 
 @pytest.mark.slow
