@@ -246,7 +246,7 @@ class Bench:
             ]
             return np.concatenate(parts) if parts else np.zeros(0)
         if isinstance(view, TimingView):
-            raw = raw / 0.7  # the log's own rounding makes 0.7 of its unit
+            return np.asarray(np.nan_to_num(raw[view.judged]) / 0.7)  # the log's own rounding makes 0.7 of its unit
         return np.asarray(raw[np.isfinite(raw)])
 
     def neutral(self, name: str) -> float | None:

@@ -323,6 +323,7 @@ class TimingView:
             if commands is not None:
                 self._computed[first:last] = commands
         self.quantum = COMMAND_QUANTUM
+        self.judged = np.isfinite(self._computed)  # whatever the delay: a residual vector must keep its length
 
     def depends_on(self, parameter: str) -> bool:
         return parameter == "timing.delay"

@@ -182,6 +182,6 @@ def _notes(campaign: Campaign, joint: JointFit, found: Hysteresis | None) -> Ite
     if not joint.fits:
         worst = max(joint.gaps, key=lambda name: joint.gaps[name])
         yield (
-            f"the plant does not replay these logs (gap {joint.gaps[worst]:.3g} on {worst}): its parameters stand for something else here,"
-            " and no interval holds; see `pneugantry diagnose`"
+            f"the plant does not replay these logs (gap {joint.gaps[worst]:.3g} on {worst}): no interval is given, and a parameter may"
+            " stand for something else; see `pneugantry diagnose`"
         )

@@ -8,6 +8,7 @@ parts; a better fit carries it further, and the stages end when all logs count a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,18 +48,21 @@ def fit_logs(
 ) -> JointFit:
     """The fit from parameters `start`: first the logs of open loops, then all of them. Raises RunError where the FMU fails."""
     first = theta = np.clip(coordinates.theta(start), *_bounds(coordinates))
+    whole = True
     still = [log for log in logs if log.run.setup.loop == "open"]
     if still and len(still) < len(logs):
         progress("open-loop logs")
-        theta, _ = _stages(still, plants, coordinates, theta, LOOSE)
-    progress("all logs")
-    theta, whole = _stages(logs, plants, coordinates, theta, TIGHT)
-    if not whole:  # another plant than the model: the best that it can do over everything
-        for log in logs:
-            log.rows = len(log.measured)
-        theta = _solve(logs, plants, coordinates, first, LOOSE)
+        theta, whole = _stages(still, plants, coordinates, theta, LOOSE)
+    if whole:
+        progress("all logs")
+        theta, whole = _stages(logs, plants, coordinates, theta, TIGHT)
     progress("intervals")
-    return judged_fit(logs, plants, coordinates, theta)
+    if whole:
+        return judged_fit(logs, plants, coordinates, theta)
+    for log in logs:  # another plant than the model: what its blocks say by themselves is the best there is
+        log.rows = len(log.measured)
+    fit = judged_fit(logs, plants, coordinates, first)
+    return replace(fit, sources={name: "blocks" if name in start else "none" for name in coordinates.names})
 
 
 def _bounds(coordinates: Coordinates) -> tuple[Array, Array]:

@@ -26,7 +26,11 @@ LAGS = 200  # of blocks, over which the residual's correlation is summed
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """Parameters by name with their covariance; `sources`: what each rests on, "logs", "sheet" or "none"."""
+    """Parameters by name with their covariance; `sources`: what each rests on.
+
+    "logs": the fit; "sheet": the fit and the plant sheet's cable force; "blocks": a block's own test, where the plant does not replay the
+    logs; "none": nothing.
+    """
 
     coordinates: Coordinates
     theta: Array

@@ -173,7 +173,7 @@ class ReplayedLog:
             change = (self.simulate(theta - step) - ahead) / 2 if base is None else base - ahead
             for i in group:
                 column = self.vector(change if len(group) == 1 else change * self._side(i)) / step[i]
-                norm = float(np.sqrt(column @ column))
+                norm = float(np.sqrt(np.sum(column**2)))  # no BLAS: its threads would fight those of the logs
                 result[:, i] = column
                 self._steps[i] = float(np.clip(MOVE / norm, *STEPS)) if norm > 0 else FIRST_STEP
         self._kept = (theta.tobytes(), central, result)

@@ -27,13 +27,13 @@ def as_json(found: Identification, seconds: float) -> dict[str, Any]:
         told = source != "none"
         parameters[u.name] = {
             "symbol": u.symbol, "axis": u.axis, "unit": u.unit, "provenance": u.source, "plant_sheet": u.nominal,
-            "value": estimates[u.name].value if told else None, "ci95": _ends(estimates[u.name]) if told else None,
+            "value": estimates[u.name].value if told else None, "ci95": _ends(estimates[u.name]) if told and joint.fits else None,
             "rests_on": source, "why_not": None if told else found.reason(u),
         }  # fmt: skip
     return {
         "schema": "identify/1",
         "parameters": parameters,
-        "sums": {name: _estimate(e) for name, e in joint.sums().items()},
+        "sums": {name: _estimate(e) for name, e in joint.sums().items()} if joint.fits else {},
         "fits": joint.fits,
         "gap": joint.gap,
         "logs": {name: {"gap": gap, "samples": joint.rows[name][0], "of": joint.rows[name][1]} for name, gap in joint.gaps.items()},
@@ -188,9 +188,12 @@ def _joint_table(found: Identification) -> Iterator[str]:
             yield f"  {u.name:24} {'-':>12}   not identified: {found.reason(u)}"
             continue
         off = 100 * (e.value / u.nominal - 1)
+        if not joint.fits:
+            yield f"  {u.name:24} {e.value:12.7g}   {'none: the plant does not replay':34} {u.nominal:12g} {off:+8.3f} %"
+            continue
         rests = " rests on F_w of the plant sheet" if source == "sheet" else ""
         interval = f"{e.low:.7g} .. {e.high:.7g} {u.unit}"
         yield f"  {u.name:24} {e.value:12.7g}   {interval:34} {u.nominal:12g} {off:+8.3f} %{rests}"
-    for name, e in joint.sums().items():
+    for name, e in joint.sums().items() if joint.fits else ():
         yield f"  {name:30} {e.value:6.7g}   {e.low:.7g} .. {e.high:.7g} N   what the logs show by themselves"
     yield ""

@@ -292,6 +292,15 @@ def test_single_log_says_what_it_cannot_tell(plants: Plants, tmp_path: Path) -> 
     assert parameters["contact.K_c"]["why_not"] == "nothing is touched"
 
 
+def test_plant_that_does_not_replay_gets_no_intervals(plants: Plants, fmu: FmuFile) -> None:
+    late = identify(rig_campaign(plants, {"valve_z.delay_time": 0.03, "valve_z.lag_asymmetry": 0.4}), fmu)
+    assert not late.joint.fits
+    assert any("does not replay" in note for note in late.notes)
+    parameters = as_json(late, 1.0)["parameters"]
+    assert all(p["ci95"] is None for p in parameters.values())
+    assert parameters["valve_x.K"]["value"] == pytest.approx(186.0, rel=1e-3)
+
+
 def test_coverage_table_counts_what_the_logs_tell() -> None:
     names = {"valve_x.K": "logs", "axis_x.F_w": "sheet"}
     cases = [
