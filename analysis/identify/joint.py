@@ -81,10 +81,9 @@ def _stages(logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinate
         whole = all(log.whole for log in logs)
         if rows <= before and not whole:
             break
-        last = whole and end < LOOSE
-        theta = _solve(logs, plants, coordinates, theta, end if last else LOOSE, central=last)
+        theta = _solve(logs, plants, coordinates, theta, LOOSE)
         if whole:
-            return theta, True
+            return (_solve(logs, plants, coordinates, theta, end, central=True) if end < LOOSE else theta), True
         before = rows
     return theta, False
 

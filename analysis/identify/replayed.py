@@ -149,7 +149,11 @@ class ReplayedLog:
 
     def vector(self, values: Array) -> Array:
         """What counts of a residual (samples, shown channels): sums over blocks, noise 1; (blocks * channels,)."""
-        n = self.rows // BLOCK
+        return self._blocks(values)[: self._entries]
+
+    def _blocks(self, values: Array) -> Array:
+        """As `vector`, of the whole log."""
+        n = len(values) // BLOCK
         shape = (n, BLOCK, len(self.columns))
         held = self.counts[: n * BLOCK].reshape(shape).sum(axis=1)
         sums = (values * self.counts)[: n * BLOCK].reshape(shape).sum(axis=1)
@@ -162,21 +166,24 @@ class ReplayedLog:
         central ones, about 0.05 % off: curvature cancels, and a wide step outweighs the small jumps that events make.
         """
         central = central and self.coupled
-        if self._kept is not None and self._kept[:2] == (theta.tobytes(), central) and len(self._kept[2]) == self._entries:
-            return self._kept[2]
+        if self._kept is None or self._kept[:2] != (theta.tobytes(), central):
+            self._kept = (theta.tobytes(), central, self._differences(theta, central))
+        return self._kept[2][: self._entries]
+
+    def _differences(self, theta: Array, central: bool) -> Array:
+        """Jacobian of the whole log."""
         base = None if central else self.simulate(theta)
-        result = np.zeros((self._entries, len(theta)), order="F")
+        result = np.zeros((len(self.measured) // BLOCK * len(self.columns), len(theta)), order="F")
         for group in self.groups:
             chosen, step = list(group), np.zeros(len(theta))
             step[chosen] = self._steps[chosen] * (WIDER if central else 1.0)
             ahead = self.simulate(theta + step)
             change = (self.simulate(theta - step) - ahead) / 2 if base is None else base - ahead
             for i in group:
-                column = self.vector(change if len(group) == 1 else change * self._side(i)) / step[i]
+                column = self._blocks(change if len(group) == 1 else change * self._side(i)) / step[i]
                 norm = float(np.sqrt(np.sum(column**2)))  # no BLAS: its threads would fight those of the logs
                 result[:, i] = column
                 self._steps[i] = float(np.clip(MOVE / norm, *STEPS)) if norm > 0 else FIRST_STEP
-        self._kept = (theta.tobytes(), central, result)
         return result
 
     @property
