@@ -38,7 +38,7 @@ KEPT = 400  # residual vectors
 FOLD = 5  # samples averaged to one: what hypotheses differ in is slower
 CLASSES = {"valve": "PneuGantry.Valve", "friction": "PneuGantry.Cylinder", "contact": "PneuGantry.Edge"}
 # RMS of each view's white residual where its block is right: what rounding, window starts and the smoothed position's error leave.
-# Measured on tolerance-only campaigns of the truth plant's development seeds.
+# Read off the nominal campaign and a handful of tolerance-only development cases, rounded up.
 FLOOR = {
     "valve_x": 1.003,
     "valve_z": 1.003,
@@ -69,9 +69,6 @@ class Choice:
 
     def plus(self, effect: Effect, form: Form) -> Choice:
         return Choice((*self.effects, (effect, form)))
-
-    def without(self, key: str) -> Choice:
-        return Choice(tuple((e, f) for e, f in self.effects if e.key != key))
 
     @property
     def settings(self) -> dict[str, float]:
@@ -273,23 +270,18 @@ class Bench:
         choice: Choice,
         views: Sequence[str],
         starts: Mapping[str, float] | None = None,
-        start_values: Mapping[str, float] | tuple[Mapping[str, float], ...] | None = None,
+        start_values: Mapping[str, float] | None = None,
         base: Outcome | None = None,
         careful: bool = False,
     ) -> Outcome:
-        """Fits a hypothesis on some views. `starts`: of the effects' parameters; `start_values`: of everything, from an earlier fit,
-        the best of several;
+        """Fits a hypothesis on some views. `starts`: of the effects' parameters; `start_values`: of everything, from an earlier fit;
         `base`: the outcome that the hypothesis adds an effect to."""
         views = tuple(views)
         coordinates = self.coordinates(choice, views, starts)
         problem = _Problem(self, views, choice.settings)
         theta = None
         if start_values:
-            points = [
-                np.array([c.theta(known[c.name]) if c.name in known else c.start for c in coordinates])
-                for known in (start_values if isinstance(start_values, tuple) else (start_values,))
-            ]
-            theta = min(points, key=lambda point: objective(problem, coordinates, point)) if len(points) > 1 else points[0]
+            theta = np.array([c.theta(start_values[c.name]) if c.name in start_values else c.start for c in coordinates])
         fitted = fit(
             problem,
             coordinates,

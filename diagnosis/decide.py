@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from diagnosis.bench import Outcome
-from diagnosis.search import Search, Trial, misfit
+from diagnosis.search import QUIET, Search, Trial, misfit
 
 __all__ = ["Decision", "Hypothesis", "Weights", "decide"]
 
 
 @dataclass(frozen=True)
 class Weights:
-    """How evidence becomes probability; fitted on development cases of the truth plant (`python -m studies.calibrate`)."""
+    """How evidence becomes probability. Set by hand: not yet calibrated on development cases of the truth plant."""
 
     temperature: float = 0.08  # evidence is optimistic: functional forms differ from the rig's
     pair_cost: float = 16.0  # gain that a second effect must bring
@@ -50,7 +50,6 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
         alone = Hypothesis(seen, weights.cap, None)
         return Decision("identified" if seen else "none", [alone], None, 0.0, 1.0 - weights.cap, "", [list(seen)])
     trials = [(t, t.gain) for t in found.singles] + [(t, t.gain - weights.pair_cost) for t in found.pairs]
-    trials = _joined(found, trials)
     scored = [((), 0.0, None), *((t.choice.keys, gain, t) for t, gain in trials)]
     top = max(gain for _, gain, _ in scored)
     raw = [(keys, math.exp(max(-700.0, 0.5 * weights.temperature * (gain - top))), t) for keys, gain, t in scored]
@@ -83,18 +82,13 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
     return Decision(verdict, ranked, best, share, unknown, view, answers)
 
 
-def _joined(found: Search, trials: list[tuple[Trial, float]]) -> list[tuple[Trial, float]]:
-    """Pairs compete with singles on the same views: gains are counted over all troubled views, a view that a trial leaves out gaining 0."""
-    return sorted(trials, key=lambda item: -item[1])
-
-
 def unexplained(found: Search, best: Trial | None) -> tuple[float, str]:
     """Share of the misfit under tolerance alone that the best hypothesis leaves, at its worst view, and that view."""
     worst, name = 0.0, ""
     for view in found.troubled:
         before = _excess(found.null[view], view)
         outcome = best.outcome if best is not None and view in best.outcome.views else found.null[view]
-        if misfit(outcome, view) <= 8.0:
+        if misfit(outcome, view) <= QUIET:
             continue
         share = _excess(outcome, view) / max(before, 1e-9)
         if share > worst:

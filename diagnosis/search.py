@@ -10,7 +10,7 @@ from diagnosis.bench import Bench, Choice, Outcome
 from diagnosis.catalogue import Effect, Form, Parameter
 from diagnosis.waviness import estimate_waviness
 
-__all__ = ["Search", "Trial", "misfit", "search"]
+__all__ = ["QUIET", "Search", "Trial", "misfit", "search"]
 
 SCATTER = 3.0  # standard deviations of the floor's sum of squares
 QUIET = 8.0  # what a view's misfit and strained tolerance may hold together without asking for an effect
