@@ -20,7 +20,11 @@ TRUTH = sorted((ROOT / "studies" / "truth").rglob("*.py"))
 TRUTH_LIBRARIES = {"numpy", "scipy", "numba", "pandas"}
 CONTROLLER_LIBRARIES = {"numpy", "numba"}
 WRAPPED = {  # library: the files that may import it
-    "fmpy": {"pyfmi_runner/fmu.py", "studies/solver_check.py"},  # solver_check: fmpy's CVode as an independent master
+    "fmpy": {  # solver_check: fmpy's CVode as an independent master; paths: its loops, timed
+        "pyfmi_runner/fmu.py",
+        "studies/solver_check.py",
+        "studies/bench/paths.py",
+    },
     "matplotlib": {path.relative_to(ROOT).as_posix() for path in (ROOT / "analysis").glob("plots*.py")},
     "rumoca": {"pyfmi_runner/build/frontend.py"},
     "llvmlite": {"pyfmi_runner/native.py"},
