@@ -1,7 +1,8 @@
 """SX expressions → C, written to be fast where models branch.
 
 CasADi's own printer evaluates both sides of every conditional. Here a value that only one side needs is computed inside that side's `if`,
-and whatever depends on parameters alone is hoisted: computed when a parameter changes, read from an array afterwards.
+one that several conditionals need under the same condition inside an `if` of its own ahead of them, and whatever depends on parameters
+alone is hoisted: computed when a parameter changes, read from an array afterwards.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ C_LOGIC = {
     ca.OP_LT: "{0} < {1}", ca.OP_LE: "{0} <= {1}", ca.OP_EQ: "{0} == {1}", ca.OP_NE: "{0} != {1}", ca.OP_NOT: "!({0})",
     ca.OP_AND: "{0} && {1}", ca.OP_OR: "{0} || {1}",
 }  # fmt: skip
-CHEAP = {ca.OP_NEG, ca.OP_ASSIGN, ca.OP_NOT}
+CHEAP = (*C_LOGIC, ca.OP_NEG, ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_SQ, ca.OP_TWICE, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX)
+COST = dict.fromkeys(CHEAP, 1) | {ca.OP_DIV: 4, ca.OP_INV: 4, ca.OP_SQRT: 4}  # of an operation, in additions; 8 where it is not named
+WORTH_A_BRANCH = 8
 
 
 @dataclass
@@ -38,14 +41,19 @@ class Node:
     text: str = ""  # of inputs and constants
     hoisted: bool = False  # depends on parameters alone
     guard: tuple[int, ...] | None = None  # the conditionals, outermost first, inside which it is needed
+    needs: frozenset[int] = frozenset()  # conditions that hold wherever it is needed
 
 
 @dataclass
 class Hoist:
-    """Parameter-only values of all functions of a model: C statements and how many slots they fill."""
+    """Parameter-only values of all functions of a model: C statements and how many slots they fill.
+
+    `readers`: for each delayed value, the parameter-only conditions, all of them, around each function's readings of it.
+    """
 
     statements: list[str] = field(default_factory=list)
     slots: dict[str, int] = field(default_factory=dict)
+    readers: dict[str, set[frozenset[str]]] = field(default_factory=dict)
 
     def slot(self, expression: str) -> str:
         if expression not in self.slots:
@@ -96,6 +104,7 @@ class Emitter:
 
     def _body(self, nodes: list[Node], results: list[tuple[str, int]]) -> list[str]:
         self._guards(nodes, results)
+        self._note_readers(nodes)
         names: dict[int, str] = {}
         blocks: dict[tuple[int, ...], list[int]] = {}
         for i, node in enumerate(nodes):
@@ -135,28 +144,66 @@ class Emitter:
             for position, a in enumerate(node.args):
                 lazy = node.op == ca.OP_IF_ELSE_ZERO and position == 1
                 need = (*node.guard, i) if lazy else node.guard
+                needs = node.needs | {node.args[0]} if lazy else node.needs
                 known = nodes[a].guard
+                nodes[a].needs = needs if known is None else nodes[a].needs & needs
                 nodes[a].guard = need if known is None else _common(known, need)
+
+    def _note_readers(self, nodes: list[Node]) -> None:
+        for node in nodes:
+            if node.guard is not None and node.text.startswith("q->late["):
+                conditions = [nodes[i].args[0] for i in node.guard]
+                known = frozenset(self._hoisted(nodes, c) for c in conditions if nodes[c].hoisted)
+                self.hoist.readers.setdefault(node.text, set()).add(known)
 
     def _block(
         self, guard: tuple[int, ...], nodes: list[Node], blocks: dict[tuple[int, ...], list[int]],
         names: dict[int, str], lines: list[str], indent: str,
     ) -> None:  # fmt: skip
+        inside = frozenset(nodes[i].args[0] for i in guard)
+        ahead: list[int] = []  # statements in a row that are needed under the same conditions
+        shared: tuple[str, ...] = ()
         for i in blocks.get(guard, []):
             node = nodes[i]
+            branch = node.op == ca.OP_IF_ELSE_ZERO
+            conditions = () if branch else _visible(nodes, i, node.needs - inside, names)
+            if branch or conditions != shared:
+                lines += _statements(nodes, ahead, shared, names, indent)
+                ahead, shared = [], conditions
             names[i] = f"w{i}"
-            if node.op == ca.OP_IF_ELSE_ZERO:
-                inner: list[str] = []
-                self._block((*guard, i), nodes, blocks, names, inner, indent + "    ")
-                condition, value = (names[a] for a in node.args)
-                if not inner:
-                    lines.append(f"{indent}const double w{i} = ({condition}) ? {value} : 0.0;")
-                    continue
-                lines += [f"{indent}double w{i} = 0.0;", f"{indent}if ({condition}) {{", *inner]
-                lines += [f"{indent}    w{i} = {value};", f"{indent}}}"]
-            else:
-                kind = "int" if node.op in C_LOGIC else "double"
-                lines.append(f"{indent}const {kind} w{i} = {_expression(node.op, [names[a] for a in node.args])};")
+            if not branch:
+                ahead.append(i)
+                continue
+            inner: list[str] = []
+            self._block((*guard, i), nodes, blocks, names, inner, indent + "    ")
+            condition, value = (names[a] for a in node.args)
+            if not inner:
+                lines.append(f"{indent}const double w{i} = ({condition}) ? {value} : 0.0;")
+                continue
+            lines += [f"{indent}double w{i} = 0.0;", f"{indent}if ({condition}) {{", *inner]
+            lines += [f"{indent}    w{i} = {value};", f"{indent}}}"]
+        lines += _statements(nodes, ahead, shared, names, indent)
+
+
+def _visible(nodes: list[Node], i: int, needs: frozenset[int], names: dict[int, str]) -> tuple[str, ...]:
+    """The conditions among `needs` that node i can be put behind: already computed, and in its own scope."""
+    guard = nodes[i].guard or ()
+
+    def visible(c: int) -> bool:
+        inlined = nodes[c].hoisted or nodes[c].op in (ca.OP_INPUT, ca.OP_CONST)
+        return c in names and (inlined or nodes[c].guard == guard[: len(nodes[c].guard or ())])
+
+    return tuple(names[c] for c in sorted(needs) if visible(c))
+
+
+def _statements(nodes: list[Node], row: list[int], conditions: tuple[str, ...], names: dict[int, str], indent: str) -> list[str]:
+    """Statements in a row, inside an `if` where that spares more than the branch costs."""
+    kinds = {i: "int" if nodes[i].op in C_LOGIC else "double" for i in row}
+    texts = {i: _expression(nodes[i].op, [names[a] for a in nodes[i].args]) for i in row}
+    if not conditions or sum(COST.get(nodes[i].op, 8) for i in row) < WORTH_A_BRANCH:
+        return [f"{indent}const {kinds[i]} w{i} = {texts[i]};" for i in row]
+    declared = [f"{indent}{kinds[i]} w{i} = 0;" for i in row]
+    return [*declared, f"{indent}if ({' && '.join(conditions)}) {{", *(f"{indent}    w{i} = {texts[i]};" for i in row), f"{indent}}}"]
 
 
 def _common(a: tuple[int, ...], b: tuple[int, ...]) -> tuple[int, ...]:

@@ -122,6 +122,7 @@ void model_locals(const ModelData *q, double *y);
 void model_conditions(const ModelData *q, double *c);
 void model_updates(const ModelData *q, double *d, double *x);
 void model_delays(const ModelData *q, double *value, double *delay, double *maximum);
+void model_delays_used(const ModelData *q, double *used); /* by the parameters alone: does anything read the delayed value? */
 void model_samples(const ModelData *q, double *start, double *interval);
 void model_check(const ModelData *q, double *ok);
 void model_directional(const ModelData *q, const double *seed, double *dx, double *y);
@@ -152,10 +153,22 @@ def source(
         emitter.function("model_check", {"ok": column(e.assertions)}, f"{q}, double *ok"),
         _directional(inputs, layout, e, hoist),
     ]  # fmt: skip
+    functions.append(_delays_used(system, hoist))
     calculated = _calculated(layout, e)
     prepare = "void model_prepare(ModelData *q) {\n    (void)q;\n" + "\n".join(hoist.statements) + "\n}\n"
     text = "\n".join([_preamble(), _tables(system, layout, variables, identity), calculated, prepare, *functions])
     return header(system, layout, len(hoist.slots)), _silence_unused(text)
+
+
+def _delays_used(system: HybridSystem, hoist: Hoist) -> str:
+    """Where every reader of a delayed value stands inside an `if` on parameters, the delay is used only while one of these holds."""
+    lines = []
+    for i in range(len(system.delays)):
+        readers = hoist.readers.get(f"q->late[{i}]", set())
+        weakest = [r for r in readers if not any(other < r for other in readers)]  # a && b || a is a
+        used = " || ".join(sorted(f"({' && '.join(sorted(conditions)) or '1'})" for conditions in weakest)) or "0"
+        lines.append(f"    used[{i}] = {used};")
+    return "void model_delays_used(const ModelData *q, double *used) {\n" + "\n".join(lines) + "\n}\n"
 
 
 def _directional(inputs: dict[str, ca.SX], layout: Layout, e: Expressions, hoist: Hoist) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import re
 import subprocess
 from pathlib import Path
 
@@ -517,6 +518,40 @@ end M;
     m.set(**{"solver.max_step": 0.01}).start().run(0.3, step=0.02)
     assert m.get("a") == pytest.approx(0.3 - 0.0885, abs=1e-9)
     assert m.get("b") == pytest.approx(0.3 - 0.1564, abs=1e-9)
+
+
+SWITCHED = """model M
+  parameter Real T(min = 0, max = 0.2) = 0;
+  input Real u(start = 0);
+  Real x(start = 0, fixed = true);
+  output Real y;
+equation
+  y = noEvent(if T > 0 then delay(u, if T > 0 then T else 1e-3, 0.2) else u);
+  der(x) = y;
+end M;
+"""
+
+
+def test_a_delay_switched_off_costs_no_event_and_one_switched_on_late_knows_its_history(tiny):
+    m = tiny(SWITCHED).start()
+    for k in range(100):
+        assert m.set(u=float(k % 7)).step(1e-3) == 0
+        assert m.get("y") == float(k % 7)
+    m.set(T=0.03)
+    got = []
+    for k in range(100, 160):
+        assert m.set(u=float(k % 7)).step(1e-3) == 0
+        got.append(m.get("y"))
+    assert got == [float((k - 29) % 7) for k in range(100, 160)]  # read at the end of step k, at the instant of a jump
+    m.set(T=0.0, u=-1.0).step(1e-3)
+    assert m.get("y") == -1.0
+
+
+def test_a_delay_that_nothing_reads_is_left_out_by_the_parameters_alone(tmp_path):
+    (tmp_path / "m.mo").write_text(SWITCHED.replace("der(x) = y", "der(x) = y + delay(x, 0.05)"))
+    source = compile_model(tmp_path / "m.mo", "M").sources["model.c"]
+    used = dict(re.findall(r"used\[(\d)\] = (.*);", source.partition("void model_delays_used")[2]))
+    assert sorted(used.values()) == ["(1)", "(q->h[0])"]
 
 
 def test_two_jumps_within_one_delay_arrive_one_after_the_other(tiny):

@@ -26,6 +26,7 @@ typedef struct {
     double tick_start[AT_LEAST_1(N_SAMPLES)], tick_interval[AT_LEAST_1(N_SAMPLES)];
     int64_t tick_count[AT_LEAST_1(N_SAMPLES)]; /* ticks already taken */
     double step; /* last internal step that the error estimate allowed, s */
+    double delay_used[AT_LEAST_1(N_DELAYS)]; /* 0: nothing reads the delayed value with the present parameters */
     int started, rates_valid, parameters_changed, events_possible;
 } Core;
 
@@ -92,9 +93,9 @@ static int history_record(History *h, double time, double value) {
 }
 
 static void history_trim(History *h, double before) {
-    size_t keep = 0;
+    size_t keep = 256;
+    if (h->n < keep + 2 || h->time[keep] >= before) return; /* move rarely */
     while (keep + 2 < h->n && h->time[keep + 1] < before) keep++;
-    if (keep < 256) return; /* move rarely */
     memmove(h->time, h->time + keep, (h->n - keep) * sizeof *h->time);
     memmove(h->value, h->value + keep, (h->n - keep) * sizeof *h->value);
     h->n -= keep;
@@ -126,7 +127,14 @@ static int history_moves(const History *h) {
 
 static void look_up_delays(Instance *s, int right) {
     for (int i = 0; i < N_DELAYS; i++)
-        s->c.q.late[i] = history_value(&s->history[i], s->c.q.time - s->delay[i], right);
+        if (s->c.delay_used[i]) s->c.q.late[i] = history_value(&s->history[i], s->c.q.time - s->delay[i], right);
+}
+
+/* Whether any delayed value is read: if not, time and a recorded signal alone change no rate. */
+static int delays_matter(const Instance *s) {
+    for (int i = 0; i < N_DELAYS; i++)
+        if (s->c.delay_used[i]) return 1;
+    return 0;
 }
 
 static CoreStatus record_delays(Instance *s) {
@@ -152,6 +160,8 @@ static void prepare(Instance *s) {
     model_calculated(&s->c.q);
     model_prepare(&s->c.q);
     model_samples(&s->c.q, s->c.tick_start, s->c.tick_interval);
+    model_delays_used(&s->c.q, s->c.delay_used);
+    if (N_DELAYS && s->c.started) look_up_delays(s, 1); /* one that has just been switched on: its history is kept all the time */
     s->c.parameters_changed = 0;
     s->c.rates_valid = s->outputs_valid = s->locals_valid = 0;
 }
@@ -269,6 +279,7 @@ static double next_time_event(const Instance *s) {
         if (next_tick(s, i) < next) next = next_tick(s, i);
     for (int i = 0; i < N_DELAYS; i++) {
         const History *h = &s->history[i];
+        if (!s->c.delay_used[i]) continue;
         for (size_t k = h->n; k-- > 1;) {
             double due = h->time[k] + s->delay[i];
             if (due <= now) break;
@@ -360,7 +371,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     memcpy(z0, c->z, sizeof z0);
     double h = c->step < longest ? c->step : longest;
     for (int i = 0; i < N_DELAYS; i++) /* a moving signal is not known further ahead than its delay; a held one is */
-        if (history_moves(&s->history[i]) && h > s->delay[i]) h = s->delay[i] > 1e-5 ? s->delay[i] : 1e-5;
+        if (s->c.delay_used[i] && history_moves(&s->history[i]) && h > s->delay[i]) h = s->delay[i] > 1e-5 ? s->delay[i] : 1e-5;
     double left = end - time;
     int pieces = (int)ceil(left / h * (1 - 1e-9));
     int last = pieces <= 1;
@@ -402,7 +413,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
 static CoreStatus settle_now(Instance *s) {
     CoreStatus status = record_delays(s);
     if (status != CORE_OK) return status;
-    if (N_DELAYS) invalidate(s);
+    if (delays_matter(s)) invalidate(s);
     if (take_due_ticks(s) || s->c.events_possible) {
         s->c.events_possible = 0;
     } else {
@@ -433,7 +444,7 @@ CoreStatus core_step(Instance *s, double time, double step) {
         if (N_DELAYS && status == CORE_OK) {
             double jump = s->c.q.time;
             status = record_delays(s);
-            if (jump >= due) invalidate(s), rates(s);
+            if (jump >= due && delays_matter(s)) invalidate(s), rates(s);
         }
         if (status == CORE_OK && s->c.q.time < end && due <= s->c.q.time + time_slack(end)) status = settle_now(s);
     }
@@ -645,7 +656,7 @@ CoreStatus core_completed_step(Instance *s, int *enter_event_mode) {
     *enter_event_mode = 0;
     prepare(s);
     CoreStatus status = record_delays(s);
-    if (N_DELAYS) invalidate(s);
+    if (delays_matter(s)) invalidate(s);
     return status == CORE_OK ? check_assertions(s) : status;
 }
 
