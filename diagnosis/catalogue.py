@@ -6,6 +6,7 @@ name = "valve_delay"; block = "valve"; axes = ["x", "z"]
 [form.parameters."valve_{axis}.delay_time"]              what is fitted: parameters of the FMU, or `sensors.*`, `timing.*`
 neutral = 0.0 (value without the effect; relative = true: the nominal value), scale (a usual size), low, high, unit,
 starts = [..] (further starting values), positive = true (fitted as its logarithm)
+refines = ["viscous_friction"]             optional: effects that it shapes, and that a user's own plant is offered first
 """
 
 from __future__ import annotations
@@ -58,6 +59,7 @@ class Effect:
     block: str  # where it sits: "valve_x", "contact", ...
     summary: str
     forms: tuple[Form, ...]
+    refines: tuple[str, ...] = ()  # names of the effects without which it is nothing (`diagnosis.own_search`)
 
     @property
     def key(self) -> str:
@@ -100,7 +102,7 @@ def _effects(path: Path, tables: Iterable[Mapping[str, Any]]) -> dict[str, Effec
         for axis in table.get("axes", [""]):
             block = f"{table['block']}_{axis}" if axis and table["block"] in AXIS_BLOCKS else table["block"]
             forms = tuple(_form(path, form, axis) for form in table["form"])
-            effect = Effect(table["name"], axis, block, table.get("summary", ""), forms)
+            effect = Effect(table["name"], axis, block, table.get("summary", ""), forms, tuple(table.get("refines", ())))
             found[effect.key] = effect
     return found
 
