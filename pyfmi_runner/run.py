@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -64,23 +65,26 @@ def make_scenario_controller(scenario: Scenario) -> Controller:
 
 def _log(scenario: Scenario, plan: Plan, rows: Rows, fmu: FmuFile, outcome: str, reason: str) -> Log:
     n = rows.done
-    table = pd.DataFrame({"time": np.arange(n) * scenario.timing.period, "u_x": rows.commands[:n, 0], "u_z": rows.commands[:n, 1]})
-    for column, name in enumerate(MEASURED):
-        table[name] = rows.measured[:n, column]
-    table["f_nd"], table["v_td"], table["theta"] = plan.f_nd[:n], plan.v_td[:n], rows.theta[:n]
-    table["phase"] = plan.phase[:n].astype(float)
-    return Log(table, scenario.name, _provenance(scenario, fmu, outcome, reason))
+    columns = {"time": np.arange(n) * scenario.timing.period, "u_x": rows.commands[:n, 0], "u_z": rows.commands[:n, 1]}
+    columns |= {name: rows.measured[:n, column] for column, name in enumerate(MEASURED)}
+    columns |= {"f_nd": plan.f_nd[:n], "v_td": plan.v_td[:n], "theta": rows.theta[:n], "phase": plan.phase[:n].astype(float)}
+    return Log(pd.DataFrame(columns), scenario.name, _provenance(scenario, fmu, outcome, reason))
 
 
 def _provenance(scenario: Scenario, fmu: FmuFile, outcome: str, reason: str) -> dict[str, Any]:
-    packages = ("pneugantry", "fmpy", "numpy", "numba")
     return {
         "setup": setup_table(scenario_setup(scenario)),
         "scenario": scenario_text(scenario),
         "seed": scenario.seed,
         "fmu": {"file": fmu.path.name, "sha256": fmu.sha256},
         "parameters": dict(scenario.plant),
-        "versions": {name: version(name) for name in packages} | {"python": platform.python_version()},
+        "versions": _versions(),
         "outcome": outcome,
         "reason": reason,
     }
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """Read from the packages' files, which takes as long as a second of simulation."""
+    return {name: version(name) for name in ("pneugantry", "fmpy", "numpy", "numba")} | {"python": platform.python_version()}

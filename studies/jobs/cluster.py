@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import uuid
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 from distributed import Client, Future, KilledWorker, Worker, WorkerPlugin, as_completed, get_worker
@@ -55,8 +56,10 @@ def run_cluster(factory: Factory, jobs: Sequence[Job], address: str) -> Iterator
         for suspect in suspects:
             for job, ended in _finished(client, f"{name}-again", [suspect], equipment=name):
                 yield ended or end_of(job)
-        client.unregister_worker_plugin(name)
     finally:
+        if client.status == "running":  # else the scheduler is gone, and asking it would wait
+            with suppress(Exception):
+                client.unregister_worker_plugin(name)
         client.close()  # its futures go with it: what still waits is dropped by the scheduler
 
 
@@ -79,7 +82,7 @@ def _equip(client: Client, name: str, factory: Factory) -> None:
 
 def _finished(client: Client, name: str, jobs: Sequence[Job], ahead: int = 1, equipment: str = "") -> Iterator[tuple[Job, Ended | None]]:
     """Jobs with their ends; None where the scheduler gave a job up because its workers died."""
-    coming, running, queue = iter(jobs), {}, as_completed()
+    coming, running, queue = iter(jobs), {}, as_completed(loop=client.loop)
 
     def submit() -> None:
         for job in coming:

@@ -139,8 +139,8 @@ class Store:
         changed = [key for key in self.identity if not isinstance(found, dict) or found.get(key) != self.identity[key]]
         if changed:
             raise InputError(
-                "holds results of another study", file=path, field=", ".join(changed),
-                mend="choose another --out, bring back the spec and the FMU it was run with, or delete the folder",
+                "the results there are of another one", file=path, field=" and ".join(changed),
+                mend="choose another --out, bring back what it was run with, or delete the folder",
             )  # fmt: skip
 
     def _clear_torn(self) -> None:

@@ -1,0 +1,208 @@
+"""One study run in every way a sweep can run, and killed: the same results bit for bit? `python -m studies.sweep_check [--cases N]`
+
+Each way is `pneugantry sweep` in a process of its own, on the same FMU; workers, cluster workers and the command itself are killed with
+SIGKILL when two fifths of the results are on disk.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.errors import RunError
+from pyfmi_runner.log import write_atomically
+
+__all__ = ["Way", "cluster", "kill_when", "main", "parts_of", "sweep", "worker_of"]
+
+SPEC = """name = "check"
+[base]
+workpiece = "straight"
+start = {{ x = 0.95, z = 0.038 }}
+phases = {{ approach = [0.0, 1.0], contact = [1.0, 2.0], contour = [2.0, 3.0] }}
+gains = "table_4_6"
+[sample]
+method = "latin_hypercube"
+n = {cases}
+seed = 1
+[sample.bounds]
+f_nd = [20.0, 40.0]
+seed = [0, 999]
+"gains.Kp_vx" = [0.5, 1.5]
+"plant.contact.K_c" = {{ low = 1e4, high = 4e4, scale = "log" }}
+"""
+KILL_AT = 0.4  # of the cases
+LIMIT = 600.0  # s, for any one way
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way of running the study."""
+
+    name: str
+    seconds: float  # wall time of the commands, their start included
+    sha256: str  # of results.parquet
+    killed: str = ""
+    on_disk: int = 0  # results that the second command found, where the first was killed
+
+
+def command(spec: Path, out: Path, *options: str) -> list[str]:
+    return [sys.executable, "-m", "pneugantry", "sweep", str(spec), "--out", str(out), "--json", str(out.with_suffix(".json")), *options]
+
+
+def sweep(spec: Path, out: Path, *options: str, meanwhile: Callable[[subprocess.Popen[bytes]], object] | None = None) -> float:
+    """Runs the command; `meanwhile` looks on. Seconds; raises RunError where it ends badly without having been killed."""
+    started = time.perf_counter()
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with (
+        (out.parent / f"{out.name}.log").open("ab") as text,
+        subprocess.Popen(command(spec, out, *options), stdout=text, stderr=text) as process,
+    ):
+        try:
+            if meanwhile is not None:
+                meanwhile(process)
+            process.wait(LIMIT)
+        finally:
+            process.kill()
+    if process.returncode not in (0, -signal.SIGKILL):
+        raise RunError(f"the sweep ended with code {process.returncode}; see {out.parent / out.name}.log")
+    return time.perf_counter() - started
+
+
+def parts_of(out: Path) -> list[Path]:
+    return sorted((out / "parts").glob("*.parquet"))
+
+
+def worker_of(out: Path) -> int:
+    """Process of the worker that wrote the last result."""
+    newest = max(parts_of(out), key=lambda path: path.stat().st_mtime_ns)
+    return int(pq.ParquetFile(newest).read(["worker"])[0][0].as_py().rpartition(":")[2])
+
+
+def kill_when(out: Path, count: int, victim: Callable[[subprocess.Popen[bytes]], int]) -> Callable[[subprocess.Popen[bytes]], None]:
+    """For `meanwhile`: SIGKILL to a process once `count` results are on disk."""
+
+    def look_on(process: subprocess.Popen[bytes]) -> None:
+        while len(parts_of(out)) < count:
+            if process.poll() is not None:
+                raise RunError(f"the sweep ended before it was killed; see {out.parent / out.name}.log")
+            time.sleep(0.002)
+        os.kill(victim(process), signal.SIGKILL)
+
+    return look_on
+
+
+@contextmanager
+def cluster(folder: Path, workers: int = 2) -> Iterator[tuple[str, list[int]]]:
+    """A Dask cluster of processes on this machine, without nannies: its address and the workers' processes."""
+    file = folder / "scheduler.json"
+    file.unlink(missing_ok=True)
+    dask, common = [sys.executable, "-m", "dask"], ["--scheduler-file", str(file), "--no-dashboard"]
+    with (folder / "cluster.log").open("ab") as text, contextlib.ExitStack() as stack:
+
+        def start(*arguments: str) -> subprocess.Popen[bytes]:
+            process = stack.enter_context(subprocess.Popen([*dask, *arguments, *common], stdout=text, stderr=text))
+            stack.callback(process.kill)  # before the wait of its context
+            return process
+
+        start("scheduler", "--port", "0", "--host", "127.0.0.1")
+        _wait_for(file.is_file, "the scheduler does not start")
+        address = json.loads(file.read_text())["address"]
+        hands = [start("worker", "--no-nanny", "--nthreads", "1", "--local-directory", str(folder / "dask")) for _ in range(workers)]
+        yield address, [hand.pid for hand in hands]
+
+
+def _wait_for(condition: Callable[[], bool], what: str) -> None:
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        if time.monotonic() > deadline:
+            raise RunError(what)
+        time.sleep(0.05)
+
+
+def measure(folder: Path, cases: int, tell: Callable[[Way], object]) -> list[Way]:
+    """Every way in turn. Raises RunError where one fails or leaves an unreadable file."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    fmu, spec, count = folder / "plant.fmu", folder / "check.toml", max(int(KILL_AT * cases), 1)
+    shutil.copyfile(build_fmu().path, fmu)
+    spec.write_text(SPEC.format(cases=cases), encoding="utf-8")
+    ways: list[Way] = []
+
+    def way(name: str, *options: str, killed: str = "", victim: Callable[[subprocess.Popen[bytes]], int] | None = None) -> None:
+        out = folder / f"way_{len(ways) + 1}"
+        run = (*options, "--fmu", str(fmu))
+        seconds = sweep(spec, out, *run, meanwhile=kill_when(out, count, victim) if victim else None)
+        if killed == "the command":
+            for path in out.rglob("*.parquet"):
+                pq.ParquetFile(path).read()  # every file that the killed one left
+            seconds += sweep(spec, out, *run)
+        report = json.loads(out.with_suffix(".json").read_text())
+        ways.append(Way(name, seconds, report["sha256"], killed, report["resumed"]))
+        tell(ways[-1])
+
+    def local_worker(_: subprocess.Popen[bytes]) -> int:
+        return worker_of(folder / f"way_{len(ways) + 1}")
+
+    way("1 process", "--workers", "1")
+    way("2 processes", "--workers", "2")
+    way("2 processes", "--workers", "2", killed="a worker", victim=local_worker)
+    way("2 processes", "--workers", "2", killed="the command", victim=lambda process: process.pid)
+    for killed in ("", "a worker"):
+        with cluster(folder) as (address, workers):
+            victim = partial(_first, workers) if killed else None
+            way("cluster, 2 workers", "--scheduler", address, killed=killed, victim=victim)
+    return ways
+
+
+def _first(workers: list[int], _: object) -> int:
+    return workers[0]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--cases", type=int, default=1000, metavar="N")
+    options.add_argument("--out", type=Path, default=Path("out/sweep_check"), metavar="DIR")
+    options.add_argument("--json", type=Path, metavar="FILE")
+    chosen = options.parse_args(arguments)
+    print(
+        f"{chosen.cases} runs of 3 s\n\n| how | killed with SIGKILL | seconds | against 1 process | found on disk | results.parquet |\n"
+        + "|---" * 6
+        + "|"
+    )
+    first: list[Way] = []
+
+    def tell(way: Way) -> None:
+        first.append(way)
+        disk = str(way.on_disk) if way.on_disk else ""
+        print(
+            f"| {way.name} | {way.killed} | {way.seconds:.1f} | {way.seconds / first[0].seconds:.2f} | {disk} | {way.sha256[:12]} |",
+            flush=True,
+        )
+
+    ways = measure(chosen.out, chosen.cases, tell)
+    same = len({way.sha256 for way in ways}) == 1
+    print("\nthe same results, bit for bit" if same else "\nTHE RESULTS DIFFER")
+    if chosen.json:
+        report: dict[str, Any] = {"schema": "sweep_check/1", "cases": chosen.cases, "same": same, "ways": [asdict(way) for way in ways]}
+        write_atomically(chosen.json, lambda temporary: temporary.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8"))
+    return 0 if same else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
