@@ -32,9 +32,8 @@ __all__ = ["Way", "cluster", "kill_when", "main", "parts_of", "sweep", "worker_o
 
 SPEC = """name = "check"
 [base]
-workpiece = "straight"
-start = {{ x = 0.95, z = 0.038 }}
-phases = {{ approach = [0.0, 1.0], contact = [1.0, 2.0], contour = [2.0, 3.0] }}
+workpiece = "curved"
+phases = "short"
 gains = "table_4_6"
 [sample]
 method = "latin_hypercube"
@@ -61,18 +60,21 @@ class Way:
     on_disk: int = 0  # results that the second command found, where the first was killed
 
 
-def command(spec: Path, out: Path, *options: str) -> list[str]:
-    return [sys.executable, "-m", "pneugantry", "sweep", str(spec), "--out", str(out), "--json", str(out.with_suffix(".json")), *options]
+def sweep(
+    spec: Path,
+    out: Path,
+    *options: str,
+    meanwhile: Callable[[subprocess.Popen[bytes]], object] | None = None,
+    program: tuple[str, ...] = ("-m", "pneugantry"),
+) -> float:
+    """Runs the command; `meanwhile` looks on. Seconds; raises RunError where it ends badly without having been killed.
 
-
-def sweep(spec: Path, out: Path, *options: str, meanwhile: Callable[[subprocess.Popen[bytes]], object] | None = None) -> float:
-    """Runs the command; `meanwhile` looks on. Seconds; raises RunError where it ends badly without having been killed."""
+    Its JSON and what it says stand beside `out`. program: what Python runs.
+    """
     started = time.perf_counter()
     out.parent.mkdir(parents=True, exist_ok=True)
-    with (
-        (out.parent / f"{out.name}.log").open("ab") as text,
-        subprocess.Popen(command(spec, out, *options), stdout=text, stderr=text) as process,
-    ):
+    command = [sys.executable, *program, "sweep", str(spec), "--out", str(out), "--json", str(out.with_suffix(".json")), *options]
+    with (out.parent / f"{out.name}.log").open("ab") as text, subprocess.Popen(command, stdout=text, stderr=text) as process:
         try:
             if meanwhile is not None:
                 meanwhile(process)
@@ -108,8 +110,8 @@ def kill_when(out: Path, count: int, victim: Callable[[subprocess.Popen[bytes]],
 
 
 @contextmanager
-def cluster(folder: Path, workers: int = 2) -> Iterator[tuple[str, list[int]]]:
-    """A Dask cluster of processes on this machine, without nannies: its address and the workers' processes."""
+def cluster(folder: Path, workers: int = 2, *options: str) -> Iterator[tuple[str, list[int]]]:
+    """A Dask cluster of processes on this machine, without nannies: its address and the workers' processes. options: of a worker."""
     file = folder / "scheduler.json"
     file.unlink(missing_ok=True)
     dask, common = [sys.executable, "-m", "dask"], ["--scheduler-file", str(file), "--no-dashboard"]
@@ -123,7 +125,8 @@ def cluster(folder: Path, workers: int = 2) -> Iterator[tuple[str, list[int]]]:
         start("scheduler", "--port", "0", "--host", "127.0.0.1")
         _wait_for(file.is_file, "the scheduler does not start")
         address = json.loads(file.read_text())["address"]
-        hands = [start("worker", "--no-nanny", "--nthreads", "1", "--local-directory", str(folder / "dask")) for _ in range(workers)]
+        alone = ("--no-nanny", "--nthreads", "1", "--local-directory", str(folder / "dask"))
+        hands = [start("worker", *alone, *options) for _ in range(workers)]
         yield address, [hand.pid for hand in hands]
 
 
@@ -180,11 +183,8 @@ def main(arguments: list[str] | None = None) -> int:
     options.add_argument("--out", type=Path, default=Path("out/sweep_check"), metavar="DIR")
     options.add_argument("--json", type=Path, metavar="FILE")
     chosen = options.parse_args(arguments)
-    print(
-        f"{chosen.cases} runs of 3 s\n\n| how | killed with SIGKILL | seconds | against 1 process | found on disk | results.parquet |\n"
-        + "|---" * 6
-        + "|"
-    )
+    head = "| how | killed with SIGKILL | seconds | against 1 process | found on disk | results.parquet |"
+    print(f"{chosen.cases} runs of 16 s, curved edge\n\n{head}\n" + "|---" * 6 + "|")
     first: list[Way] = []
 
     def tell(way: Way) -> None:
