@@ -6,17 +6,19 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from pyfmi_runner.build import build_fmu
+from controllers.catalogue import controller_names
+from pyfmi_runner.build import build_controller_fmu, build_fmu
 from pyfmi_runner.build.toolchain import PLATFORMS
 from pyfmi_runner.plant import DEFAULT_CLASS
 
-HELP = """Compile a Modelica class to an FMU (co-simulation and model exchange in one).
+HELP = """Compile a Modelica class, or a controller, to an FMU (co-simulation and model exchange in one).
 
 Rebuilds only if the Modelica file, the compiler or the platforms have changed.
 
   pneugantry build                                       the gantry, FMI 2.0, this machine, into fmus/
   pneugantry build --fmi 3.0
   pneugantry build --class PneuGantry.Valve              one block
+  pneugantry build --controller pi_fv                    a controller, sampled at 1 ms: a loop of two FMUs
   pneugantry build --platform linux64 --platform win64   needs the extra [zig]"""
 
 
@@ -25,6 +27,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--class", dest="class_name", metavar="NAME", default=DEFAULT_CLASS, help="class to compile (default: %(default)s)"
     )
+    exported = "controller to export instead of a class; without arrays in its parameters and state: "
+    command.add_argument("--controller", metavar="NAME", help=exported + ", ".join(controller_names()))
     command.add_argument("--fmi", choices=("2.0", "3.0"), default="2.0", help="FMI version (default: %(default)s)")
     platforms = f"platform of the binary, may be repeated (default: this machine): {', '.join(p.fmi3 for p in PLATFORMS)}"
     command.add_argument("--platform", action="append", metavar="NAME", help=platforms)
@@ -33,6 +37,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    result = build_fmu(options.class_name, options.model, options.fmi, options.out, options.platform, options.force)
+    if options.controller:
+        result = build_controller_fmu(options.controller, options.fmi, options.out, options.platform, options.force)
+    else:
+        result = build_fmu(options.class_name, options.model, options.fmi, options.out, options.platform, options.force)
     print(f"{'built' if result.rebuilt else 'up to date'}: {result.path}")
     return {"schema": "build/1", "fmu": str(result.path), "manifest": str(result.manifest), "rebuilt": result.rebuilt}, 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from pneugantry.progress import loop_progress
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.fmu_controller import FmuController
 from pyfmi_runner.log import write_log
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario, read_scenario, short_phases
@@ -30,7 +32,7 @@ HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of 
 def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("scenario", nargs="?", metavar="SCENARIO.toml", help="scenario file (default: as the campaigns contour)")
     command.add_argument("--workpiece", metavar="NAME|FILE.csv", help=f"{', '.join(WORKPIECES)} or a CSV of x, z_w")
-    command.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(controller_names())}")
+    command.add_argument("--controller", metavar="NAME|FILE.fmu", help=f"one of {', '.join(controller_names())}, or an FMU")
     command.add_argument("--set", action="append", default=[], metavar="PARAM=VALUE", help="plant parameter, may be repeated")
     command.add_argument("--seed", type=int, help="of sensor noise and jitter")
     command.add_argument("--out", metavar="LOG", type=Path, help="write the log, .parquet or .csv")
@@ -41,7 +43,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     scenario = chosen_scenario(options)
     fmu = FmuFile.read(options.fmu or build_fmu().path)
-    result = run_scenario(scenario, fmu, progress=loop_progress(scenario.name))
+    with own_controller(scenario) as controller:
+        result = run_scenario(scenario, fmu, progress=loop_progress(scenario.name), controller=controller)
     if options.out:
         write_log(result.log, options.out)
         print(f"log: {options.out} ({len(result.log)} rows)")
@@ -61,6 +64,11 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     print(f"{scenario.workpiece}, {scenario.controller}: f_n RMSE {metrics.rmse_fn:.2f} N, ME {metrics.me_fn:.1f} N;"
           f" v_t RMSE {metrics.rmse_vt:.3f} m/s, ME {metrics.me_vt:.3f} m/s  ({simulated:.0f} s in {result.seconds:.2f} s)")  # fmt: skip
     return report | {"metrics": metrics._asdict()}, 0
+
+
+def own_controller(scenario: Scenario) -> AbstractContextManager[FmuController | None]:
+    """The controller of a scenario that names an FMU; None where it names one of ours."""
+    return FmuController(FmuFile.read(scenario.controller)) if scenario.controller.endswith(".fmu") else nullcontext()
 
 
 def chosen_scenario(options: argparse.Namespace) -> Scenario:
