@@ -20,7 +20,7 @@ from pyfmi_runner.plant import CLAMPS, COMMANDS, MANUAL, OUTPUTS, PROFILE
 from pyfmi_runner.sensors import SensorParams, initial_state, sense
 from pyfmi_runner.workpiece import local_profile
 
-__all__ = ["MICROSECOND", "Progress", "Rows", "python_loop"]
+__all__ = ["MICROSECOND", "Progress", "Rows", "python_loop", "set_inputs"]
 
 MICROSECOND = 1e-6  # s
 Progress = Callable[[int, int], bool]  # (samples done, samples in all) -> go on?
@@ -54,7 +54,7 @@ def python_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: Se
     for k in range(plan.samples):
         now, end = k * plan.period, (k + 1) * plan.period
         try:
-            _set_inputs(fmu, plan, k)
+            set_inputs(fmu, plan, k)
             sensor_state, measured = sense(sensors, sensor_state, tuple(fmu.get(OUTPUTS)), plan.noise[k])
             given.append(_command(plan, k, controller, Sense(*measured)))
             while acted <= k and plan.acts[acted] <= now:
@@ -77,7 +77,7 @@ def python_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: Se
     return rows
 
 
-def _set_inputs(fmu: FmuSession, plan: Plan, k: int) -> None:
+def set_inputs(fmu: FmuSession, plan: Plan, k: int) -> None:
     """Clamps and hand-set forces where they change, the user's own edge about the present position."""
     if k == 0 or (plan.clamps[k] != plan.clamps[k - 1]).any():
         fmu.set(CLAMPS, plan.clamps[k])

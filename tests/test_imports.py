@@ -28,6 +28,7 @@ WRAPPED = {  # library: the files that may import it
     "matplotlib": {path.relative_to(ROOT).as_posix() for path in (ROOT / "analysis").glob("plots*.py")},
     "rumoca": {"pyfmi_runner/build/frontend.py"},
     "llvmlite": {"pyfmi_runner/native.py"},
+    "gymnasium": {"pyfmi_runner/gym_env.py"},  # an extra: nothing else needs it
     "distributed": {"studies/jobs/cluster.py"},  # loaded only where a scheduler is given
 }
 
