@@ -9,20 +9,16 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diagnosis.catalogue import read_catalogue
-from diagnosis.diagnose import diagnose, report_json
 from pyfmi_runner.build import build_fmu
-from pyfmi_runner.campaign import read_campaign
-from pyfmi_runner.errors import InputError, RunError
-from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.errors import InputError
 from pyfmi_runner.log import write_atomically
+from studies.campaigns import diagnose_campaigns
 from studies.truth.campaign import write as write_truth
 from studies.truth.case import draw_case
 
@@ -49,34 +45,11 @@ def draw_cases(folder: Path, seeds: Iterable[int]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def diagnose_cases(folder: Path, workers: int = 2, done: Callable[[str], None] | None = None) -> dict[str, dict[str, Any]]:
+def diagnose_cases(folder: Path, workers: int = 2, done: Callable[[str], object] | None = None) -> dict[str, dict[str, Any]]:
     """JSON of each case's diagnosis; results that are already on disk are taken from there."""
-    build_fmu()
     cases = sorted(p for p in folder.glob("case_*") if (p / "campaign.toml").is_file())
-    waiting = [p for p in cases if not (p / "diagnosis.json").is_file()]
-    with ProcessPoolExecutor(max_workers=workers) as pool:
-        for path in pool.map(_diagnose_one, waiting):
-            if done is not None:
-                done(path.name)
-    return {p.name.removeprefix("case_"): json.loads((p / "diagnosis.json").read_text()) for p in cases}
-
-
-def _diagnose_one(path: Path) -> Path:
-    try:
-        result = report_json(diagnose(read_campaign(path), FmuFile.read(build_fmu().path), read_catalogue()))
-    except (InputError, RunError) as error:
-        result = {
-            "verdict": "failed",
-            "reason": str(error),
-            "where": [],
-            "causes": [],
-            "answer_set": [],
-            "gap": None,
-            "seconds": float("nan"),
-        }
-    text = json.dumps(result, default=float)
-    write_atomically(path / "diagnosis.json", lambda temporary: temporary.write_text(text, encoding="utf-8"))
-    return path
+    results = diagnose_campaigns(cases, build_fmu().path, workers=workers, done=done)
+    return {path.name.removeprefix("case_"): result for path, result in results.items()}
 
 
 def unseal(folder: Path, digest: str) -> dict[str, dict[str, Any]]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import uuid
 from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from typing import Any
 
@@ -17,6 +19,7 @@ __all__ = ["run_cluster"]
 
 AHEAD = 8  # jobs a thread of the cluster that the scheduler holds; more only fill its memory
 CONNECT = 10.0  # s
+GONE = "the scheduler went away; start it again and repeat the command, what is done stays done"
 
 
 class Equipment(WorkerPlugin):  # type: ignore[misc]
@@ -43,6 +46,8 @@ def run_cluster(factory: Factory, jobs: Sequence[Job], address: str) -> Iterator
     once more at the end, alone, since it also blames a job that only waited on a worker that died.
     Raises InputError for an address without a scheduler, RunError for workers that cannot be made ready and a lost scheduler.
     """
+    for logger in ("distributed", "distributed.client"):  # a lost worker or scheduler is told in our words
+        logging.getLogger(logger).setLevel(logging.CRITICAL)
     name = f"pneugantry-{uuid.uuid4().hex[:12]}"
     client = _connect(address)
     try:
@@ -101,7 +106,10 @@ def _finished(client: Client, name: str, jobs: Sequence[Job], ahead: int = 1, eq
 
 def _end(future: Future) -> Ended | None:
     if future.status == "finished":
-        value = future.result()
+        try:
+            value = future.result()
+        except (OSError, CancelledError):  # the connection, or the future with it
+            raise RunError(GONE) from None
         if isinstance(value, str):
             raise RunError(f"a worker cannot be made ready: {value}")
         return value  # type: ignore[no-any-return]
@@ -110,7 +118,7 @@ def _end(future: Future) -> Ended | None:
         if isinstance(error, KilledWorker):
             return None
         raise RunError(f"the cluster failed: {reason_of(error)}")
-    raise RunError("the scheduler went away; start it again and repeat the command, what is done stays done")
+    raise RunError(GONE)
 
 
 def _work(equipment: str, job: Job) -> Any:

@@ -1,0 +1,65 @@
+"""Many campaigns: each diagnosed once, what fails said and tried again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.errors import InputError
+from studies import campaigns
+from studies.campaigns import RESULT, campaign_folders, diagnose_campaigns
+from studies.jobs.job import Ended, Factory, Job, answer
+
+RUNS: list[str] = []
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Three campaigns, the second unreadable; the diagnosis is a stand-in that says which campaign it saw."""
+
+    def read(path: Path, strict: bool) -> SimpleNamespace:
+        if path.name == "b" and not (path / "mended").exists():
+            raise InputError("no usable log", file=path / "campaign.toml", mend="mend its logs")
+        return SimpleNamespace(name=path.name, strict=strict)
+
+    def here(factory: Factory, jobs: Sequence[Job], **_: object) -> Iterator[Ended]:
+        function = factory()
+        return (answer(function, job) for job in jobs)
+
+    def report(found: Any) -> dict[str, Any]:
+        RUNS.append(found.name)
+        return {"verdict": "none", "strict": found.strict, "campaign": found.name}
+
+    for name, value in {"read_campaign": read, "run_jobs": here, "diagnose": lambda found, *_: found, "report_json": report}.items():
+        monkeypatch.setattr(campaigns, name, value)
+    RUNS.clear()
+    for name in "abc":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "campaign.toml").touch()
+    return tmp_path
+
+
+def test_each_is_diagnosed_once_and_what_failed_is_tried_again(folder: Path) -> None:
+    found = campaign_folders(folder)
+    told: list[str] = []
+    fmu = build_fmu().path
+    results = diagnose_campaigns(found, fmu, strict=False, done=told.append)
+    assert [path.name for path in results] == told == ["a", "b", "c"]
+    assert results[folder / "a"] == {"verdict": "none", "strict": False, "campaign": "a"}
+    assert results[folder / "b"]["verdict"] == "failed"
+    assert "no usable log; mend its logs" in results[folder / "b"]["reason"]
+    assert json.loads((folder / "c" / RESULT).read_text())["campaign"] == "c"
+    assert not (folder / "b" / RESULT).exists()
+    (folder / "b" / "mended").touch()
+    assert diagnose_campaigns(found, fmu)[folder / "b"]["verdict"] == "none"
+    assert RUNS == ["a", "c", "b"]
+
+
+def test_a_campaign_is_no_folder_of_campaigns(folder: Path) -> None:
+    assert campaign_folders(folder / "a") == campaign_folders(folder / "a" / "campaign.toml") == campaign_folders(folder / "gone") == []
