@@ -185,36 +185,58 @@ class OwnBench:
         raw = [self.residual(log, values) for log in self.fitted]
         return tuple(whitener_of([r[:, c] for r in raw]) for c in range(len(self.plant.channels)))
 
-    def fit(self, hypothesis: Hypothesis, base: Trial | None = None, starts: Mapping[str, float] | None = None) -> Trial:
-        """Fits a hypothesis in rounds: parameters under the noise's colour, then its colour anew. `base`: where to start from."""
+    def fit(
+        self,
+        hypothesis: Hypothesis,
+        base: Trial | None = None,
+        starts: Mapping[str, float] | None = None,
+        whiteners: tuple[Whitener, ...] | None = None,
+    ) -> Trial:
+        """Fits a hypothesis in rounds: parameters under the noise's colour, then its colour anew. `base`: where to start from;
+        `whiteners`: a given colour, which stays. The first round is without colour: that of a poor base would hide what is missing."""
         coordinates = self.coordinates(hypothesis, starts)
         known = base.values if base is not None else {}
         theta = np.array([c.theta(known[c.name]) if c.name in known and known[c.name] > c.low else c.start for c in coordinates])
         at = {**hypothesis.settings, **{c.name: c.value(t) for c, t in zip(coordinates, theta, strict=True)}}
-        whiteners = base.whiteners if base is not None else self.whiteners(at)
+        if whiteners is not None:
+            fitted = fit(_Problem(self, self.fitted, whiteners, hypothesis.settings), coordinates, theta, careful=False)
+            return self._trial(hypothesis, fitted, whiteners)
+        colour = self.plain(base.values if base is not None else at)
         best: Trial | None = None
         for _ in range(ROUNDS):
-            fitted = fit(_Problem(self, self.fitted, whiteners, hypothesis.settings), coordinates, theta, careful=False)
-            trial = self._trial(hypothesis, fitted)
+            fitted = fit(_Problem(self, self.fitted, colour, hypothesis.settings), coordinates, theta, careful=False)
+            trial = self._trial(hypothesis, fitted, self.whiteners({**hypothesis.settings, **fitted.values}))
             if best is not None and trial.evidence > best.evidence - 0.5:
                 break
-            best, theta, whiteners = trial, fitted.theta, trial.whiteners
+            best, theta, colour = trial, fitted.theta, trial.whiteners
         assert best is not None
         return best
 
-    def promise(self, hypothesis: Hypothesis, base: Trial, starts: Mapping[str, float] | None = None) -> float:
+    def plain(self, values: Mapping[str, float]) -> tuple[Whitener, ...]:
+        """No colour at all: the residual at these values scaled to 1."""
+        raw = np.concatenate([self.residual(log, values) for log in self.fitted])
+        return tuple(Whitener(np.zeros(0), max(float(s), 1e-9)) for s in np.sqrt(np.mean(raw**2, axis=0)))
+
+    def excess(self, trial: Trial) -> float:
+        """Mean square of the fitted logs' residual above the noise, in sensor noise."""
+        raw = np.concatenate([self.residual(log, trial.values) for log in self.fitted])
+        return max(0.0, float(np.mean(raw**2)) - 1.0)
+
+    def promise(
+        self, hypothesis: Hypothesis, base: Trial, whiteners: tuple[Whitener, ...], starts: Mapping[str, float] | None = None
+    ) -> float:
         """Fall of the whitened sum of squares that one step from `base` towards the hypothesis promises."""
         coordinates = self.coordinates(hypothesis, starts)
         theta = np.array(
             [c.theta(base.values[c.name]) if c.name in base.values else (c.start if hypothesis.settings else 0.0) for c in coordinates]
         )
-        problem = _Problem(self, self.fitted, base.whiteners, hypothesis.settings)
-        before = sum(float(r @ r) for r in (problem.residual(v, base.values) for v in problem.views)) + base.fit.penalty
-        return before - predict(problem, coordinates, theta)
+        problem = _Problem(self, self.fitted, whiteners, hypothesis.settings)
+        before = _Problem(self, self.fitted, whiteners, base.hypothesis.settings)
+        squares = sum(float(r @ r) for r in (before.residual(v, base.values) for v in before.views)) + base.fit.penalty
+        return squares - predict(problem, coordinates, theta)
 
-    def _trial(self, hypothesis: Hypothesis, fitted: Fit) -> Trial:
+    def _trial(self, hypothesis: Hypothesis, fitted: Fit, whiteners: tuple[Whitener, ...]) -> Trial:
         values = {**hypothesis.settings, **fitted.values}
-        whiteners = self.whiteners(values)
         blocks: list[float] = []
         count = 0
         for log in self.fitted:

@@ -17,34 +17,71 @@ HELP = """Where the sim-to-real gap of a campaign lies, which effect causes it, 
 Logs that cannot be used are left out and named. One log gives what one log can; the report says what it cannot excite.
 
   pneugantry diagnose FOLDER --html report.html --json out.json
-  pneugantry diagnose LOG.parquet               a campaign of one"""
+  pneugantry diagnose FOLDER --augmented out/   the plant with the effect added, as Modelica and as FMU
+  pneugantry diagnose LOG.parquet               a campaign of one
+  pneugantry diagnose plant.toml                a plant of your own: FMU, logs and catalogue as that file says (README)"""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("campaign", metavar="CAMPAIGN_OR_LOG", help="folder with campaign.toml, or one log")
+    command.add_argument("campaign", metavar="CAMPAIGN_OR_LOG", help="folder with campaign.toml, one log, or a plant.toml")
     command.add_argument(
         "--catalogue", metavar="FILE.toml", type=Path, help="effects of your own: a file with [[effect]] tables, or a folder"
     )
-    command.add_argument("--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface")
+    command.add_argument("--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the same interface")
+    command.add_argument(
+        "--augmented", metavar="FOLDER", type=Path, help="write the plant with the effect added: AugmentedGantry.mo and its FMU"
+    )
     command.add_argument("--html", metavar="FILE", type=Path, help="write the report, one self-contained page")
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    from diagnosis.augmented import write_augmented
     from diagnosis.catalogue import read_catalogue
     from diagnosis.diagnose import diagnose, report_json
+    from diagnosis.own_plant import is_own_plant
     from diagnosis.report import write_report
 
     if options.html is not None and options.html.is_dir():
         raise InputError("is a folder", file=options.html, mend="name the file of the page, as in --html report.html")
+    if is_own_plant(Path(options.campaign)):
+        return _execute_own(options)
     catalogue = read_catalogue(options.catalogue)
     campaign = read_campaign(options.campaign, strict=False)
     gantry = FmuFile.read(options.fmu or build_fmu().path)
     result = diagnose(campaign, gantry, catalogue, _say)
     found = report_json(result)
     print_diagnosis(found)
+    if options.augmented is not None:
+        remarks = [f"{c['effect']}{'/' if c['axis'] else ''}{c['axis']}: probability {c['probability']:.2f}" for c in found["causes"]]
+        print("augmented plant: " + ", ".join(map(str, write_augmented(options.augmented, gantry, result.values, remarks))))
     if options.html is not None:
         print(f"report: {write_report(result, options.html)}")
     return found, 0
+
+
+def _execute_own(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    """A user's own plant with a user's own catalogue."""
+    from diagnosis.catalogue import read_catalogue
+    from diagnosis.own_diagnose import diagnose_own, own_json
+    from diagnosis.own_plant import read_own_plant
+
+    if options.html is not None:
+        raise InputError("the page shows the gantry", field="--html", mend="use --json for a plant of your own")
+    plant = read_own_plant(Path(options.campaign), options.fmu)
+    source = options.catalogue or plant.catalogue
+    if source is None:
+        raise InputError("names no catalogue", file=options.campaign, field="plant", mend="write catalogue = ..., or give --catalogue")
+    found = own_json(diagnose_own(plant, read_catalogue(source), _say))
+    print_path(found)
+    print_diagnosis(found)
+    return found, 0
+
+
+def print_path(found: dict[str, Any]) -> None:
+    """How an own plant's effects were found, with the error over the signal after each step."""
+    for step in found["path"]:
+        errors = "  ".join(f"{log}: " + ", ".join(f"{c} {100 * e:.2f} %" for c, e in by.items()) for log, by in step["errors"].items())
+        print(f"{step['effect']:<20} {step['step']:<24} log evidence {step['evidence']:8.1f}   {errors}")
 
 
 def _say(stage: str) -> None:
