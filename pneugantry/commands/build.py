@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import Any
 
@@ -42,4 +43,6 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     else:
         result = build_fmu(options.class_name, options.model, options.fmi, options.out, options.platform, options.force)
     print(f"{'built' if result.rebuilt else 'up to date'}: {result.path}")
+    for platform, made in json.loads(result.manifest.read_text(encoding="utf-8"))["compilers"].items():
+        print(f"  {platform}: {made['version']}" + (f"; runs with glibc {made['glibc']} or newer" if "glibc" in made else ""))
     return {"schema": "build/1", "fmu": str(result.path), "manifest": str(result.manifest), "rebuilt": result.rebuilt}, 0

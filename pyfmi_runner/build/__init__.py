@@ -110,7 +110,7 @@ def _source_key(models: Sequence[Path], class_name: str, fmi: str, platforms: Se
     targets = [find_platform(name) for name in platforms] if platforms else [host_platform()]
     digest = hashlib.sha256(f"{class_name} {fmi} {version('rumoca')} {version('casadi')} {version('fmpy')}".encode())
     for target in targets:
-        compiler = find_compiler(target)
+        compiler = find_compiler(target, portable=bool(platforms))
         digest.update(f"{target.fmi3} {compiler.version} {flags_for(compiler, target)}".encode())
     files = sorted(p for p in COMPILER.rglob("*") if p.suffix in (".py", ".c", ".h"))
     for file in [*models, *files]:

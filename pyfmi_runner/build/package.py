@@ -24,6 +24,7 @@ from pyfmi_runner.build.toolchain import (
     find_compiler,
     find_platform,
     flags_for,
+    glibc_needed,
     host_platform,
 )
 from pyfmi_runner.errors import InputError
@@ -60,7 +61,7 @@ def package_fmu(
     if fmi == "3.0":
         members["sources/buildDescription.xml"] = _build_description(compiled, files)
     members["documentation/index.html"] = _documentation(compiled, token)
-    binaries, compilers = _binaries(compiled, fmi, sources, files, targets)
+    binaries, compilers = _binaries(compiled, fmi, sources, files, targets, bool(platforms))
     members |= binaries
     manifest = _manifest(compiled, fmi, token, members) | {"compilers": compilers} | dict(provenance or {})
     _write(out, _archive(members))
@@ -115,7 +116,7 @@ def _documentation(compiled: CompiledModel, token: str) -> bytes:
 
 
 def _binaries(
-    compiled: CompiledModel, fmi: str, sources: Mapping[str, str], files: Sequence[str], targets: Sequence[Platform]
+    compiled: CompiledModel, fmi: str, sources: Mapping[str, str], files: Sequence[str], targets: Sequence[Platform], portable: bool
 ) -> tuple[dict[str, bytes], dict[str, dict[str, object]]]:
     """Zip members and, for the manifest, compiler and flags by platform."""
     binaries: dict[str, bytes] = {}
@@ -125,10 +126,11 @@ def _binaries(
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
         for target in targets:
-            compiler = find_compiler(target)
+            compiler = find_compiler(target, portable)
             name = f"binaries/{target.folder(fmi)}/{compiled.identifier}{target.extension}"
             binaries[name] = compile_library(compiler, target, folder, files, name).read_bytes()
-            compilers[target.folder(fmi)] = {"version": compiler.version, "flags": list(flags_for(compiler, target))}
+            made: dict[str, object] = {"version": compiler.version, "flags": list(flags_for(compiler, target))}
+            compilers[target.folder(fmi)] = made | ({"glibc": glibc} if (glibc := glibc_needed(binaries[name])) else {})
     return binaries, compilers
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import platform as host
+import re
 import shlex
 import shutil
 import subprocess
@@ -72,9 +73,14 @@ def fmi_headers() -> Path:
     raise InputError("the FMI C headers are missing; they come with the fmpy package", mend="pip install fmpy")
 
 
-def find_compiler(target: Platform) -> Compiler:
-    """The system compiler if `target` is this machine, else zig; InputError says what to install."""
-    if target == host_platform():
+def find_compiler(target: Platform, portable: bool = False) -> Compiler:
+    """The system compiler if `target` is this machine, else zig; InputError says what to install.
+
+    `portable`: for this machine, too, zig is taken where it is installed and $CC names no compiler: its binaries need glibc 2.17 and
+    no newer one, the system compiler's whatever is installed here.
+    """
+    zig = importlib.util.find_spec("ziglang") is not None
+    if target == host_platform() and not (portable and zig and not os.environ.get("CC")):
         command = os.environ.get("CC")
         candidates = [command] if command else ["cc", "gcc", "clang"]
         for candidate in candidates:
@@ -83,11 +89,17 @@ def find_compiler(target: Platform) -> Compiler:
                 return Compiler(tuple(words), _version(words), zig=False)
         if command:
             raise InputError(f"no compiler {command!r}", field="CC", mend="correct or unset the variable CC")
-    if importlib.util.find_spec("ziglang"):
+    if zig:
         words = [sys.executable, "-m", "ziglang", "cc"]
         return Compiler(tuple(words), "zig " + _version(words), zig=True)
     system = ", or install gcc or clang (Debian: apt install gcc)" if target == host_platform() else ""
     raise InputError(f"no C compiler for {target.fmi3}", mend="pip install ziglang" + system)
+
+
+def glibc_needed(library: bytes) -> str | None:
+    """The oldest glibc that a Linux binary runs with, "2.17": the newest version among its symbols'. None where it needs none."""
+    versions = {tuple(map(int, v.split(b"."))) for v in re.findall(rb"\0GLIBC_([0-9]+(?:\.[0-9]+)+)(?=\0)", library)}
+    return ".".join(map(str, max(versions))) if versions else None
 
 
 def _version(words: Sequence[str]) -> str:
