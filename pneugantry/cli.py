@@ -13,7 +13,21 @@ from pyfmi_runner.errors import InputError, RunError
 from pyfmi_runner.log import write_atomically
 
 # each a module of `commands` with HELP, add_arguments, execute
-COMMANDS = ("demo", "build", "run", "replay", "diagnose", "blind", "identify", "linearize", "rootlocus", "thesis", "sweep", "bench")
+COMMANDS = (
+    "demo",
+    "build",
+    "run",
+    "replay",
+    "diagnose",
+    "blind",
+    "identify",
+    "linearize",
+    "rootlocus",
+    "thesis",
+    "sweep",
+    "bench",
+    "completion",
+)
 
 
 class OneLineParser(argparse.ArgumentParser):
