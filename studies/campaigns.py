@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnosis.catalogue import read_catalogue
+from diagnosis.catalogue import FOLDER, read_catalogue
 from diagnosis.diagnose import diagnose, report_json
 from diagnosis.report import write_report
 from pyfmi_runner.campaign import read_campaign
@@ -60,13 +61,14 @@ def diagnose_campaigns(
     pages: bool = False,
     done: Callable[[str], object] | None = None,
 ) -> dict[Path, dict[str, Any]]:
-    """JSON of each campaign's diagnosis; what is on disk already is taken from there.
+    """JSON of each campaign's diagnosis; what is on disk already, by the same FMU and catalogue, is taken from there.
 
     A campaign whose diagnosis fails, or takes its worker with it three times, has the verdict "failed" and a reason; nothing of it goes
     to disk, so that the next call tries it again. strict: as in `read_campaign`; pages: a report as HTML beside each result; done: told
     the name of each campaign as it ends.
     """
-    results = {folder: json.loads((folder / RESULT).read_text(encoding="utf-8")) for folder in folders if (folder / RESULT).is_file()}
+    by = {"fmu": FmuFile.read(fmu).sha256, "catalogue": _catalogue_hash(catalogue)}
+    results = {folder: found for folder in folders if (found := _on_disk(folder / RESULT, by)) is not None}
     by_name = {str(folder): folder for folder in folders if folder not in results}
     jobs = [Job(name, folder) for name, folder in by_name.items()]
     for ended in run_jobs(Diagnoser(str(fmu), catalogue, strict, pages), jobs, workers=workers):
@@ -74,12 +76,27 @@ def diagnose_campaigns(
         if ended.failure:
             results[folder] = FAILED | {"reason": ended.failure}
         else:
-            _write(folder / RESULT, ended.value)
-            results[folder] = json.loads(ended.value)
+            results[folder] = json.loads(ended.value) | {"diagnosed_by": by}
+            text = json.dumps(results[folder])
+            write_atomically(folder / RESULT, partial(_write, text))
         if done is not None:
             done(folder.name)
     return {folder: results[folder] for folder in folders}
 
 
-def _write(path: Path, text: str) -> None:
-    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+def _on_disk(path: Path, by: dict[str, str]) -> dict[str, Any] | None:
+    """A finished diagnosis; None where there is none or another FMU or catalogue made it."""
+    try:
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if found.get("diagnosed_by", by) == by else None
+
+
+def _catalogue_hash(source: Path | None) -> str:
+    files = [*sorted(FOLDER.glob("*.toml")), *(sorted(source.glob("*.toml")) if source and source.is_dir() else [source] if source else [])]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+def _write(text: str, path: Path) -> None:
+    path.write_text(text, encoding="utf-8")

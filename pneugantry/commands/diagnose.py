@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from pneugantry.progress import bar
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.errors import InputError
@@ -19,11 +20,14 @@ Logs that cannot be used are left out and named. One log gives what one log can;
   pneugantry diagnose FOLDER --html report.html --json out.json
   pneugantry diagnose FOLDER --augmented out/   the plant with the effect added, as Modelica and as FMU
   pneugantry diagnose LOG.parquet               a campaign of one
-  pneugantry diagnose plant.toml                a plant of your own: FMU, logs and catalogue as that file says (README)"""
+  pneugantry diagnose plant.toml                a plant of your own: FMU, logs and catalogue as that file says (README)
+  pneugantry diagnose FOLDER_OF_CAMPAIGNS       each one: diagnosis.json and diagnosis.html beside it; the same command goes on"""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("campaign", metavar="CAMPAIGN_OR_LOG", help="folder with campaign.toml, one log, or a plant.toml")
+    command.add_argument(
+        "campaign", metavar="CAMPAIGN_OR_LOG", help="folder with campaign.toml, one log, a plant.toml, or a folder of campaigns"
+    )
     command.add_argument(
         "--catalogue", metavar="FILE.toml", type=Path, help="effects of your own: a file with [[effect]] tables, or a folder"
     )
@@ -32,6 +36,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--augmented", metavar="FOLDER", type=Path, help="write the plant with the effect added: AugmentedGantry.mo and its FMU"
     )
     command.add_argument("--html", metavar="FILE", type=Path, help="write the report, one self-contained page")
+    command.add_argument("--workers", type=int, default=2, metavar="N", help="processes, for a folder of campaigns (default: %(default)s)")
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
@@ -40,9 +45,12 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from diagnosis.diagnose import diagnose, report_json
     from diagnosis.own_plant import is_own_plant
     from diagnosis.report import write_report
+    from studies.campaigns import campaign_folders
 
     if options.html is not None and options.html.is_dir():
         raise InputError("is a folder", file=options.html, mend="name the file of the page, as in --html report.html")
+    if folders := campaign_folders(Path(options.campaign)):
+        return _execute_many(folders, options)
     if is_own_plant(Path(options.campaign)):
         return _execute_own(options)
     catalogue = read_catalogue(options.catalogue)
@@ -57,6 +65,30 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     if options.html is not None:
         print(f"report: {write_report(result, options.html)}")
     return found, 0
+
+
+def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    """A folder of campaigns, in worker processes."""
+    from diagnosis.catalogue import read_catalogue
+    from studies.campaigns import diagnose_campaigns
+
+    for option, target in (("--html", options.html), ("--augmented", options.augmented)):
+        if target is not None:
+            raise InputError("is for one campaign", field=option, mend="leave it out; each campaign gets a diagnosis.html beside it")
+    read_catalogue(options.catalogue)  # refused here, not by every worker
+    gantry = FmuFile.read(options.fmu or build_fmu().path)
+    counter = bar(range(len(folders)), len(folders), "diagnose")
+    results = diagnose_campaigns(
+        folders, gantry.path, workers=options.workers, catalogue=options.catalogue, strict=False, pages=True,
+        done=lambda _: next(counter, None),
+    )  # fmt: skip
+    for folder, found in results.items():
+        causes = " + ".join(f"{c['effect']}/{c['axis']}" if c["axis"] else c["effect"] for c in found["causes"])
+        shrink = f", shrink {found['gap']['shrink']:.3f}" if found["gap"] and causes else ""
+        reason = f": {found['reason']}" if "reason" in found else ""
+        print(f"{folder.name}: {found['verdict']}{' ' if causes else ''}{causes}{shrink}{reason}")
+    failed = sum(found["verdict"] == "failed" for found in results.values())
+    return {"schema": "gaps/1", "campaigns": {folder.name: found for folder, found in results.items()}}, int(failed == len(results))
 
 
 def _execute_own(options: argparse.Namespace) -> tuple[dict[str, Any], int]:

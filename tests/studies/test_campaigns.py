@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from diagnosis.catalogue import FOLDER
+from pneugantry.cli import main
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.errors import InputError
 from studies import campaigns
@@ -51,7 +53,7 @@ def test_each_is_diagnosed_once_and_what_failed_is_tried_again(folder: Path) -> 
     fmu = build_fmu().path
     results = diagnose_campaigns(found, fmu, strict=False, done=told.append)
     assert [path.name for path in results] == told == ["a", "b", "c"]
-    assert results[folder / "a"] == {"verdict": "none", "strict": False, "campaign": "a"}
+    assert results[folder / "a"].items() >= {"verdict": "none", "strict": False, "campaign": "a"}.items()
     assert results[folder / "b"]["verdict"] == "failed"
     assert "no usable log; mend its logs" in results[folder / "b"]["reason"]
     assert json.loads((folder / "c" / RESULT).read_text())["campaign"] == "c"
@@ -59,6 +61,25 @@ def test_each_is_diagnosed_once_and_what_failed_is_tried_again(folder: Path) -> 
     (folder / "b" / "mended").touch()
     assert diagnose_campaigns(found, fmu)[folder / "b"]["verdict"] == "none"
     assert RUNS == ["a", "c", "b"]
+    catalogue = folder / "own.toml"
+    catalogue.write_bytes((FOLDER / "stribeck.toml").read_bytes())
+    diagnose_campaigns(found, fmu, catalogue=catalogue)  # what another catalogue found is no answer
+    assert RUNS == ["a", "c", "b", "a", "b", "c"]
+
+
+def test_the_command_says_a_line_for_each(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    cause = {"effect": "presliding", "axis": "z"}
+    found = {"verdict": "identified", "causes": [cause], "gap": {"shrink": 0.91}}
+    monkeypatch.setattr(campaigns, "report_json", lambda _: found)
+    monkeypatch.setattr(campaigns, "write_report", lambda _, path: path.touch())
+    assert main(["diagnose", str(folder), "--json", str(folder / "all.json")]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "a: identified presliding/z, shrink 0.910"
+    assert said[1].startswith("b: failed: ")
+    assert set(json.loads((folder / "all.json").read_text())["campaigns"]) == {"a", "b", "c"}
+    assert (folder / "a" / "diagnosis.html").is_file()
+    assert main(["diagnose", str(folder), "--html", "x.html"]) == 2
+    assert "--html: is for one campaign" in capsys.readouterr().err
 
 
 def test_a_campaign_is_no_folder_of_campaigns(folder: Path) -> None:
