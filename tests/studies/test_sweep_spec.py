@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -82,6 +83,17 @@ def test_changes_go_to_their_place_and_leave_the_base_alone() -> None:
     assert (table["gains"]["Kp_vx"], table["gains"]["Ki_vx"]) == (2.0, 4.0)
     assert (table["start"], table["sensors"], table["f_nd"]) == ({"x": 0.9}, {"sigma": {"z": 0.0}}, 20.0)
     assert base == {"gains": "table_4_6", "plant": {"valve_z.tau": 0.1}}
+
+
+def test_the_studies_of_the_readme_are_ones(tmp_path: Path) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    grid, sample = re.findall(r"```\n(.*?)```", readme.split("\n## Studies\n")[1].split("\n## ")[0], re.DOTALL)
+    (tmp_path / "scenario.toml").write_text('workpiece = "straight"')
+    fmu = FmuFile.read(build_fmu().path)
+    for text, cases in ((grid, 18), (sample, 256)):
+        spec = spec_of(tmp_path, text)
+        check_spec(spec, fmu)
+        assert len(spec.cases) == cases
 
 
 GRID = "[grid]\n"
