@@ -1,0 +1,1 @@
+"""What must not grow, crash or be believed: a million steps, many instances, calls in any order under the sanitizers, damaged files."""
