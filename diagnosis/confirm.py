@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.mechanics import first_order
 from diagnosis.signals import SENSOR_NEUTRAL
+from diagnosis.views import first_order
 from pyfmi_runner.campaign import LoggedRun, LogSetup
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED, PERIOD, Log
@@ -37,10 +37,10 @@ class Augmented:
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Augmented:
-        """From values by name, `sensors.*` and `timing.delay` among them."""
+        """From values by name, `sensors.*` and `timing.*` among them."""
         plant = {k: v for k, v in values.items() if not k.startswith(("sensors.", "timing."))}
         sensors = {k: v for k, v in values.items() if k.startswith("sensors.")}
-        return cls(plant, sensors, values.get("timing.delay", 0.0))
+        return cls(plant, sensors, values.get("timing.delay", 0.0) + values.get("timing.sense_delay", 0.0))
 
 
 @dataclass(frozen=True)

@@ -7,20 +7,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from diagnosis.bench import Outcome
-from diagnosis.search import QUIET, Search, Trial, misfit
+from diagnosis.search import QUIET, Search, Trial, advantage, excess, misfit, strength
 
 __all__ = ["Decision", "Hypothesis", "Weights", "decide"]
 
 
 @dataclass(frozen=True)
 class Weights:
-    """How evidence becomes probability. Set by hand: not yet calibrated on development cases of the truth plant."""
+    """How evidence becomes probability."""
 
-    temperature: float = 0.08  # evidence is optimistic: functional forms differ from the rig's
-    pair_cost: float = 16.0  # gain that a second effect must bring
-    unknown_share: float = 0.30  # share of a block's misfit left unexplained at which "unknown" is as likely as not
+    temperature: float = 0.5  # evidence is optimistic: functional forms differ from the rig's
+    single_cost: float = 8.0  # evidence that an effect must bring
+    pair_cost: float = 16.0  # and a second one besides
+    unknown_share: float = 0.10  # share of a block's misfit left unexplained at which "unknown" is as likely as not
     unknown_slope: float = 3.0
+    unknown_least: float = 30.0  # evidence of that misfit, below which nothing is made of it
     cap: float = 0.99
+
+    def cost(self, effects: int) -> float:
+        return (0.0, self.single_cost, self.single_cost + self.pair_cost)[effects]
 
 
 @dataclass(frozen=True)
@@ -49,19 +54,22 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
     if not found.troubled:
         alone = Hypothesis(seen, weights.cap, None)
         return Decision("identified" if seen else "none", [alone], None, 0.0, 1.0 - weights.cap, "", [list(seen)])
-    trials = [(t, t.gain) for t in found.singles] + [(t, t.gain - weights.pair_cost) for t in found.pairs]
-    scored = [((), 0.0, None), *((t.choice.keys, gain, t) for t, gain in trials)]
-    top = max(gain for _, gain, _ in scored)
-    raw = [(keys, math.exp(max(-700.0, 0.5 * weights.temperature * (gain - top))), t) for keys, gain, t in scored]
-    total = sum(w for _, w, _ in raw)
-    merged: dict[tuple[str, ...], Hypothesis] = {}
-    for keys, weight, trial in raw:
-        key = tuple(sorted(keys))
-        if key not in merged or merged[key].probability < weight / total:
-            merged[key] = Hypothesis(keys, weight / total, trial)
-    ranked = sorted(merged.values(), key=lambda h: -h.probability)
+    trials = [*found.singles, *found.pairs]
+    top = max(trials, key=lambda t: t.gain, default=None)
+    if top is None:
+        raw: list[tuple[tuple[str, ...], float, Trial | None]] = [((), 0.0, None)]
+    else:
+        lead = advantage(found, top.outcome, None)
+        ahead: list[tuple[tuple[str, ...], float, Trial | None]] = [((), lead, None)]
+        for t in trials:  # no nearer than what it has over tolerance alone
+            ahead.append((t.choice.keys, max(advantage(found, top.outcome, t.outcome), lead - advantage(found, t.outcome, None)), t))
+        raw = [(keys, -0.5 * weights.temperature * (behind + weights.cost(len(keys))), t) for keys, behind, t in ahead]
+    most = max(score for _, score, _ in raw)
+    total = sum(math.exp(max(-700.0, score - most)) for _, score, _ in raw)
+    ranked = [Hypothesis(keys, math.exp(max(-700.0, score - most)) / total, t) for keys, score, t in raw]
+    ranked.sort(key=lambda h: -h.probability)
     best = ranked[0].trial
-    share, view = unexplained(found, best)
+    share, view = unexplained(found, best, weights.unknown_least)
     unknown = 1.0 / (1.0 + (weights.unknown_share / max(share, 1e-6)) ** weights.unknown_slope) if view else 0.0
     ranked = [Hypothesis((*h.keys, *seen), h.probability * (1 - unknown) * weights.cap, h.trial) for h in ranked]
     answers, held = [], 0.0
@@ -82,13 +90,13 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
     return Decision(verdict, ranked, best, share, unknown, view, answers)
 
 
-def unexplained(found: Search, best: Trial | None) -> tuple[float, str]:
+def unexplained(found: Search, best: Trial | None, least: float = Weights.unknown_least) -> tuple[float, str]:
     """Share of the misfit under tolerance alone that the best hypothesis leaves, at its worst view, and that view."""
     worst, name = 0.0, ""
     for view in found.troubled:
         before = _excess(found.null[view], view)
         outcome = best.outcome if best is not None and view in best.outcome.views else found.null[view]
-        if misfit(outcome, view) <= QUIET:
+        if misfit(outcome, view) <= QUIET or strength(excess(found, outcome, view)) <= least:
             continue
         share = _excess(outcome, view) / max(before, 1e-9)
         if share > worst:

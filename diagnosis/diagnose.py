@@ -25,7 +25,7 @@ __all__ = ["Diagnosis", "diagnose", "report_json"]
 
 HELD_OUT = "contour_straight"  # the log that no fit sees, where the campaign has it; else its last log
 VIEW_BLOCKS = {
-    "mechanics": ("friction_x", "friction_z", "contact"), "contact": ("contact",), "valve_x": ("valve_x",),
+    "friction_x": ("friction_x",), "friction_z": ("friction_z",), "contact": ("contact",), "valve_x": ("valve_x",),
     "valve_z": ("valve_z",), "sensors": ("sensors",), "timing": ("timing",),
 }  # fmt: skip
 
@@ -64,9 +64,9 @@ def diagnose(campaign: Campaign, gantry: FmuFile, catalogue: Mapping[str, Effect
         seen = ("quantisation",) if bench.table.quanta and "quantisation" in catalogue else ()
         decision = decide(found, seen=seen)
         quanta = dict(bench.table.quanta)
-        values = _values(found, decision)
+        values = _values(bench, found, decision)
         where = _where(bench, found, decision, catalogue)
-    causes = _causes(decision, catalogue, quanta)
+    causes = _causes(decision, catalogue, quanta) if decision.verdict != "none" else []
     say("confirmation")
     run = held or next(iter(campaign.logs.values()))
     gap, closed = _confirm(gantry, run, values, notes)
@@ -84,13 +84,16 @@ def _split(campaign: Campaign) -> tuple[Campaign, LoggedRun | None]:
     return Campaign(campaign.name, campaign.path, rest, campaign.notes), campaign.logs[name]
 
 
-def _values(found: Search, decision: Decision) -> dict[str, float]:
-    """Tolerance of all views, and the best hypothesis' own values where it has them. Friction and contact come from the mechanics."""
+def _values(bench: Bench, found: Search, decision: Decision) -> dict[str, float]:
+    """Tolerance of all views, and the best hypothesis' own values where it has them; friction and contact from the mechanics run freely."""
     values: dict[str, float] = {}
-    for view in ("valve_x", "valve_z", "contact", "mechanics"):
-        values |= found.null[view].values
+    for outcome in found.null.values():
+        values |= outcome.values
+    choice = Choice()
     if decision.best is not None:
+        choice = decision.best.choice
         values |= decision.best.outcome.values
+    values |= bench.polish(choice, values).values
     values.pop("waviness", None)
     return {name: float(value) for name, value in values.items()}
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from diagnosis.catalogue import Parameter
 
-__all__ = ["Coordinate", "Fit", "Problem", "effect_coordinate", "fit", "objective", "predict", "tolerance_coordinate"]
+__all__ = ["Coordinate", "Fit", "Problem", "both", "effect_coordinate", "fit", "objective", "predict", "tolerance_coordinate"]
 
 Array = NDArray[np.float64]
 Columns = dict[tuple[str, str], Array]
@@ -100,6 +100,15 @@ class Fit:
         """Standard deviation of a coordinate's theta."""
         i = [c.name for c in self.coordinates].index(name)
         return math.sqrt(max(float(self.covariance[i, i]), 0.0))
+
+
+def both(a: Fit, b: Fit) -> Fit:
+    """Two fits that share no coordinate as one."""
+    n = len(a.coordinates)
+    covariance = np.zeros((n + len(b.coordinates),) * 2)
+    covariance[:n, :n], covariance[n:, n:] = a.covariance, b.covariance
+    theta = np.concatenate([a.theta, b.theta])
+    return Fit((*a.coordinates, *b.coordinates), theta, covariance, a.misfit + b.misfit, {**a.columns, **b.columns})
 
 
 class Problem(Protocol):

@@ -6,25 +6,24 @@ what the valves do plays no part: in the gantry FMU they pass the measured force
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from diagnosis.signals import Table
-from diagnosis.views import SignalStore, Values
-from pyfmi_runner.block_fmu import BlockFmu
+from diagnosis.views import SOLVER, SignalStore, Values, first_order
+from pyfmi_runner.block_fmu import BlockFmu, Guide
 from pyfmi_runner.log import PERIOD
 from pyfmi_runner.plant import plant_parameters
 
-__all__ = ["MechanicsView"]
+__all__ = ["MechanicsView", "sensed", "smoothed"]
 
 Array = NDArray[np.float64]
-SEGMENT = 100  # samples; a segment far off (a missed break-away) counts by its logarithm only
-KNEE = 4.0  # mean square of a segment from which on it does
+STATES = ("x", "z", "v_x", "v_z")
 OUTPUTS = ("v_x", "v_z", "f_x", "f_z")
 # The valves pass the hand-set force on, within their shortest lag of 1 ms, which the inputs lead.
-SOLVER = {"solver.tolerance": 0.1}  # a millisecond a step but for stiff friction: exact to 0.01 of the noise
 BYPASS = {f"valve_{a}.{p}": v for a in "xz" for p, v in (("K", 0.0), ("tau", 1e-3))}
 
 
@@ -38,15 +37,18 @@ class MechanicsView:
         "contact.C_c",
     )
 
-    def __init__(self, gantry: BlockFmu, store: SignalStore) -> None:
-        self._gantry, self._store = gantry, store
+    def __init__(self, gantry: BlockFmu, store: SignalStore, mass: Mapping[str, float]) -> None:
+        self._gantry, self._store, self._mass = gantry, store, mass
+        self.guided = 0.0  # s in which the simulated carriages are led back to the measured ones; 0: they run freely
         self.actuator = {a: smoothed(store.table.columns[f"f_a{a}"], store.table.spans) for a in "xz"}
-        self.logs = [i for i, (first, last) in enumerate(store.table.spans) if not _all_clamped(store.table, first, last)]
+        self.every = [i for i, (first, last) in enumerate(store.table.spans) if not _all_clamped(store.table, first, last)]
+        self.opened = [i for i in self.every if store.table.setups[i].loop == "open"]
+        self.logs = self.every
 
     def depends_on(self, parameter: str) -> bool:
         if parameter.startswith("sensors."):
             return not parameter.startswith("sensors.quantum")
-        return parameter.startswith(("axis_", "contact.", "workpiece.")) or parameter in ("coupling", "waviness")
+        return parameter.startswith(("axis_", "contact.", "workpiece.")) or parameter in ("coupling", "coupling_limit", "waviness")
 
     def residual(self, values: Values) -> Array:
         """(rows, 4) in units of the noise; NaN on logs that are not judged."""
@@ -67,7 +69,18 @@ class MechanicsView:
         clamps = np.column_stack([table.clamped[a][rows] for a in "xz"]).astype(np.float64)
         plant = {k: v for k, v in values.items() if not k.startswith(("sensors.", "timing.", "valve_")) and k != "waviness"}
         parameters = {**SOLVER, **BYPASS, **plant_parameters(setup), **plant}
-        return self._gantry.run_clamped(parameters, ("f_manual_x", "f_manual_z"), force, ("clamp_x", "clamp_z"), clamps, OUTPUTS)
+        inputs, flags = ("f_manual_x", "f_manual_z"), ("clamp_x", "clamp_z")
+        if self.guided <= 0:
+            return self._gantry.run_clamped(parameters, inputs, force, flags, clamps, OUTPUTS)
+        tau = [values.get(f"sensors.tau_v_{a}", 0.0) for a in "xz"]
+        position = self._store.signals({k: v for k, v in values.items() if k.startswith("sensors.tau_v")}).position
+        per_speed = [self._mass[a] / self.guided for a in "xz"]
+        guide = Guide(
+            np.column_stack([position[a][rows] for a in "xz"]), np.column_stack([table.columns[f"v_{a}"][rows] for a in "xz"]),
+            np.tile([g / (4 * self.guided) for g in per_speed], (len(force), 1)), per_speed,
+            [np.exp(-PERIOD / t) if t > 0 else 0.0 for t in tau],
+        )  # fmt: skip
+        return self._gantry.run_guided(parameters, inputs, force, flags, clamps, (*STATES, *OUTPUTS[2:]), guide)[:, 2:]
 
 
 def ahead(force: Array) -> Array:
@@ -89,26 +102,6 @@ def _tachometer(speed: Array, tau: float) -> Array:
     return speed if tau <= 0 else first_order(np.ascontiguousarray(speed), float(np.exp(-PERIOD / tau)))
 
 
-@njit(cache=True)
-def first_order(speed: Array, keep: float) -> Array:
-    result = np.empty(len(speed))
-    value = speed[0]
-    for k in range(len(speed)):
-        driven = speed[k] if k == 0 else 0.5 * (speed[k] + speed[k - 1])
-        value = keep * value + (1 - keep) * driven
-        result[k] = value
-    return result
-
-
-def robust_segments(residual: Array) -> Array:
-    """Columns of one log (n, channels) in segments; a segment that went astray counts by its logarithm only."""
-    n = len(residual) // SEGMENT * SEGMENT
-    blocks = residual[:n].reshape(-1, SEGMENT, residual.shape[1])
-    square = np.mean(blocks**2, axis=1, keepdims=True)
-    scale = np.where(square > KNEE, np.sqrt(KNEE * (1 + np.log(np.maximum(square, KNEE) / KNEE)) / np.maximum(square, KNEE)), 1.0)
-    return np.asarray((blocks * scale).reshape(n, -1))
-
-
 def smoothed(values: Array, spans: NDArray[np.int64]) -> Array:
     """A measured signal with its noise taken out, log by log."""
     result = np.empty(len(values))
@@ -119,6 +112,3 @@ def smoothed(values: Array, spans: NDArray[np.int64]) -> Array:
 
 def _all_clamped(table: Table, first: int, last: int) -> bool:
     return bool(table.clamped["x"][first:last].all() and table.clamped["z"][first:last].all())
-
-
-__all__ += ["first_order", "robust_segments", "sensed", "smoothed"]

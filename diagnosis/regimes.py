@@ -11,7 +11,7 @@ from diagnosis.search import Search
 __all__ = ["regime_of"]
 
 VIEW_OF = {
-    "friction_x": ("mechanics", (0,)), "friction_z": ("mechanics", (1,)), "contact": ("contact", (0, 1)), "valve_x": ("valve_x", (0,)),
+    "friction_x": ("friction_x", (0,)), "friction_z": ("friction_z", (0,)), "contact": ("contact", (0, 1)), "valve_x": ("valve_x", (0,)),
     "valve_z": ("valve_z", (0,)), "sensors": ("sensors", (0, 1, 2, 3)), "timing": ("timing", (0, 1)),
 }  # fmt: skip
 

@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from diagnosis.bench import Bench, Choice, Outcome
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.bench import BLOCK, Bench, Choice, Outcome, joined
 from diagnosis.catalogue import Effect, Form, Parameter
+from diagnosis.delays import estimate_delays
 from diagnosis.waviness import estimate_waviness
 
-__all__ = ["QUIET", "Search", "Trial", "misfit", "search"]
+__all__ = ["QUIET", "Search", "Trial", "advantage", "excess", "misfit", "search", "strength"]
 
 SCATTER = 3.0  # standard deviations of the floor's sum of squares
+OUTSTANDING = 0.05  # share of the stretches that may stand out by a break-away that was missed
+Array = NDArray[np.float64]
 QUIET = 8.0  # what a view's misfit and strained tolerance may hold together without asking for an effect
-FIT_SINGLES = 4  # hypotheses per troubled view that are fitted in full, by what one step promises
-BASES = 2  # single effects that pairs within the same views are built on
-RIVAL = 0.85  # share of the best gain from which on another single effect is a base too
-FIT_PAIRS = 3
-FIT_FRICTION = 4
-NEGLIGIBLE = 0.02  # share of a view's misfit that may stay without asking for a second effect
-STILL = 1.2  # RMS of an axis' friction windows up to which its friction is not asked about, if the other axis' is worse
-WORTH = 0.02  # share of the misfit that a step must promise to be worth a fit
-REFINED = 2  # leading trials that are fitted to the end
+BASES = 3  # single effects per troubled view that pairs are built on
+RIVAL = 0.25  # share of its view's best gain from which on a single effect is a base too
+FIT_PAIRS = 5  # second effects per base that are fitted in full, by what one step promises
+NEGLIGIBLE = 0.01  # share of a view's misfit that may stay without asking for a second effect
+FEW = 2  # parameters of a form that a quick fit does justice to
+REFINED = 4  # leading trials, of each troubled view and among pairs, that are fitted to the end
 
 
 @dataclass
@@ -51,123 +54,101 @@ class _Candidate:
     views: tuple[str, ...]
     starts: dict[str, float]
     known: dict[str, float]
-    promise: float
     base: Outcome | None = None
+    promise: float = math.inf
 
 
 def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
-    null = bench.settle_valves()
-    valves, early = _valves(bench, catalogue, null)
-    bench.drive(valves)
-    starters = {name: null[name] for name in ("friction_x", "friction_z", "contact")}
-    null["mechanics"] = bench.settle_mechanics(null)
-    found = Search({name: null[name] for name in bench.views}, set(), early)
+    found = Search({name: bench.settle(name) for name in bench.views if name.startswith("valve")}, set())
     found.troubled = _troubled(found)
-    others = {key: effect for key, effect in catalogue.items() if not effect.block.startswith("valve")}
-    found.singles += _added(bench, others, found, starters, None)
-    _renull(bench, found)
-    _refine(bench, found, found.singles)
-    for base in [t for t in found.singles if t.gain > max(QUIET, RIVAL * found.singles[0].gain)][:BASES]:
-        found.pairs += _added(bench, catalogue, found, starters, base)
+    valves = {key: effect for key, effect in catalogue.items() if effect.block.startswith("valve")}
+    found.singles = _singles(bench, valves, found)
     _score(found)
-    _refine(bench, found, found.pairs)
+    _refine(bench, found, _leading(found))
+    bench.drive({view: _best(found, view) for view in found.null})
+    found.null |= {name: bench.settle(name) for name in bench.views if name not in found.null}
+    found.troubled = _troubled(found)
+    rest = {key: effect for key, effect in catalogue.items() if key not in valves}
+    found.singles += _singles(bench, rest, found)
+    _renull(bench, found)
+    _refine(bench, found, [t for t in _leading(found) if t.choice.keys[0] not in valves])
+    tried: set[str] = set()
+    for base in _bases(found):
+        found.pairs += _seconds(bench, catalogue, found, base)
+        tried.add(base.choice.keys[0])
+    _score(found)
+    for key in [k for t in found.pairs[:1] for k in t.choice.keys if k not in tried]:  # exchange: the leading pair's other effect as base
+        found.pairs += [p for t in found.singles if t.choice.keys == (key,) for p in _seconds(bench, catalogue, found, t)]
+    _score(found)
+    found.pairs = _distinct(found.pairs)
+    _refine(bench, found, found.pairs[:REFINED])
     return found
+
+
+def _distinct(pairs: Iterable[Trial]) -> list[Trial]:
+    """The first of each pair, whatever the order of its effects."""
+    first: dict[frozenset[str], Trial] = {}
+    for trial in pairs:
+        first.setdefault(frozenset(trial.choice.keys), trial)
+    return list(first.values())
+
+
+def _renull(bench: Bench, found: Search) -> None:
+    """Tolerance alone once more from where the best hypotheses have left it: a fit that had stuck must not count for them."""
+    _score(found)
+    for view in sorted(found.troubled):
+        for trial in [t for t in found.singles if view in t.outcome.views][:2]:
+            again = bench.fit(Choice(), (view,), start_values=trial.outcome.values)
+            if again.objective < found.null[view].objective:
+                found.null[view] = again
+    found.troubled = _troubled(found)
+    _score(found)
 
 
 def _troubled(found: Search) -> set[str]:
     return {name for name, outcome in found.null.items() if trouble(outcome, name) > QUIET}
 
 
-def _added(
-    bench: Bench, catalogue: Mapping[str, Effect], found: Search, starters: Mapping[str, Outcome], base: Trial | None
-) -> list[Trial]:
-    """Hypotheses that add one effect to `base`, fitted on all views that they touch."""
-    known = {name: value for outcome in [*found.null.values(), *starters.values()] for name, value in outcome.values.items()}
-    if base is None:
-        left = set(found.troubled)
-    else:
-        mine = set(base.outcome.views)
-        left = {v for v in found.troubled if v not in mine} | {v for v in mine if _left(bench, base.outcome, v, found.null[v]) > QUIET}
-        known |= base.outcome.values
+def _best(found: Search, view: str) -> Outcome:
+    """The outcome that leaves least of a view."""
+    outcomes = [t.outcome for t in found.singles if view in t.outcome.views]
+    return min([found.null[view], *outcomes], key=lambda outcome: outcome.squares[view])
+
+
+def _singles(bench: Bench, catalogue: Mapping[str, Effect], found: Search) -> list[Trial]:
+    """Every effect that touches a troubled view, fitted in full on all views that it touches."""
+    if not found.troubled:
+        return []
+    return _fitted(bench, _candidates(bench, catalogue, found, None))
+
+
+def _bases(found: Search) -> list[Trial]:
+    """Single effects that pairs are built on: the best of each troubled view, and what comes near them."""
+    bases: list[Trial] = []
+    for view in sorted(found.troubled):
+        mine = [t for t in found.singles if view in t.outcome.views and t.gain > QUIET]
+        near = [t for t in mine if t.gain > RIVAL * mine[0].gain][:BASES] if mine else []
+        bases += [t for t in near if t not in bases]
+    return sorted(bases, key=lambda t: -t.gain)
+
+
+def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base: Trial) -> list[Trial]:
+    """Pairs that add an effect to `base` where it leaves something."""
+    mine = set(base.outcome.views)
+    left = {v for v in found.troubled if v not in mine} | {v for v in mine if _left(bench, base.outcome, v, found.null[v]) > QUIET}
     if not left:
         return []
-    rest = {key: effect for key, effect in catalogue.items() if not effect.block.startswith("friction")}
-    before = base.outcome if base else None
-    candidates = list(_candidates(bench, rest, base.choice if base else Choice(), left, known, before))
-    outcomes = {v: (before if before is not None and v in before.views else found.null[v]) for v in left}
-    least = WORTH * min(max(o.squares[v] - o.floor.get(v, 1.0) ** 2 * o.counts[v], 0.0) + o.fit.penalty for v, o in outcomes.items())
-    candidates = [c for c in candidates if c.promise > max(least, QUIET)]
-    trials = _fitted(bench, _chosen(candidates, left, FIT_SINGLES if base is None else FIT_PAIRS))
-    return trials + _friction(bench, catalogue, left, starters, known, base)
-
-
-def _renull(bench: Bench, found: Search) -> None:
-    """Tolerance alone once more from where the best hypotheses have left it: a fit that had stuck must not count for them."""
-    _score(found)
-    for trial in [t for t in found.singles if "mechanics" in t.outcome.views][:2]:
-        again = bench.fit(Choice(), ("mechanics",), start_values=trial.outcome.values)
-        if (
-            again.squares["mechanics"] + again.fit.penalty
-            < found.null["mechanics"].squares["mechanics"] + found.null["mechanics"].fit.penalty
-        ):
-            found.null["mechanics"] = again
-    found.troubled = _troubled(found)
-    _score(found)
-
-
-def _valves(bench: Bench, catalogue: Mapping[str, Effect], null: Mapping[str, Outcome]) -> tuple[dict[str, Outcome], list[Trial]]:
-    """Each valve on its own: the best outcome, to drive the mechanics with, and all trials."""
-    best, trials = {}, []
-    for axis in "xz":
-        name = f"valve_{axis}"
-        best[name] = null[name]
-        if trouble(null[name], name) <= QUIET:
-            continue
-        own = {key: effect for key, effect in catalogue.items() if effect.block == name}
-        candidates = list(_candidates(bench, own, Choice(), {name}, null[name].values))
-        fitted = _fitted(bench, _chosen(candidates, {name}, FIT_SINGLES), careful=True)
-        trials += fitted
-        best[name] = min([null[name], *(t.outcome for t in fitted)], key=lambda outcome: outcome.squares[name])
-    return best, trials
-
-
-def _friction(
-    bench: Bench, catalogue: Mapping[str, Effect], troubled: set[str], starters: Mapping[str, Outcome], known: Mapping[str, float],
-    base: Trial | None,
-) -> list[Trial]:  # fmt: skip
-    """Friction effects: ranked on the short windows of their axis, where no missed break-away misleads, then fitted on the mechanics."""
-    if "mechanics" not in troubled:
-        return []
-    before = base.outcome if base else None
-    choice = base.choice if base else Choice()
-    same_law: list[tuple[float, Outcome]] = []
-    other_law: list[Outcome] = []
-    for axis in "xz":
-        name = f"friction_{axis}"
-        if starters[name].counts[name] == 0 or (base is None and _still(starters, axis)):
-            continue
-        own = {key: effect for key, effect in catalogue.items() if effect.block == name}
-        strained = {**starters[name].values, **choice_values(before)}
-        start = choice_values(before)  # tolerance alone may have stuck in explaining the effect
-        candidates = list(_candidates(bench, own, choice, {name}, start, before, within=(name,)))
-        for trial in _fitted(bench, [c for c in candidates if not _new_law(c.choice)]):
-            same_law.append((windows_gain(starters[name], trial.outcome, name), trial.outcome))
-        if base is None:  # windows tell little of another law: each of its forms goes on to the mechanics
-            lawed = [c for c in _candidates(bench, own, choice, {name}, strained, within=(name,)) if _new_law(c.choice)]
-            other_law += [bench.fit(c.choice, c.views, c.starts, c.known) for c in lawed]
-    same_law.sort(key=lambda item: -item[0])
-    chosen = []
-    for outcome in [*(o for _, o in same_law[: FIT_FRICTION if base is None else FIT_PAIRS]), *other_law]:
-        views = set(bench.touched(outcome.choice.parameter_names + tuple(outcome.choice.settings))) | set(before.views if before else ())
-        ordered = tuple(v for v in bench.views if v in views)
-        values = {**known, **starters["contact"].values, **outcome.values, **choice_values(before)}
-        chosen.append(_Candidate(outcome.choice, ordered, {}, values, math.inf, before))
-    return _fitted(bench, chosen)
-
-
-def _new_law(choice: Choice) -> bool:
-    """Whether the effect added last sets another law."""
-    return bool(choice.effects[-1][1].settings)
+    apart = [
+        Trial(Choice((*base.choice.effects, *t.choice.effects)), joined(base.outcome, t.outcome))
+        for t in found.singles
+        if not mine & set(t.outcome.views) and left & set(t.outcome.views) and t.gain > QUIET
+    ]
+    beside = {t.choice.keys[-1] for t in apart}
+    rest = {key: effect for key, effect in catalogue.items() if key not in beside}
+    candidates = [c for c in _candidates(bench, rest, found, base, left) if mine & set(bench.touched_by(c.choice.effects[-1][1]))]
+    for c in candidates:
+        c.promise = bench.predict(c.choice, c.views, c.starts, c.known, base.outcome)
+    return apart + _fitted(bench, _chosen(candidates, FIT_PAIRS))
 
 
 def choice_values(outcome: Outcome | None) -> dict[str, float]:
@@ -178,25 +159,41 @@ def choice_values(outcome: Outcome | None) -> dict[str, float]:
     return {name: value for name, value in outcome.values.items() if name in names}
 
 
-def _still(starters: Mapping[str, Outcome], axis: str) -> bool:
-    """Whether an axis' friction windows are quiet while the other's are not."""
-    own, other = (starters[f"friction_{a}"] for a in (axis, "z" if axis == "x" else "x"))
-    mine, theirs = own.rms(f"friction_{axis}"), other.rms(other.views[0])
-    return mine < STILL < theirs and own.fit.penalty < 5 * len(own.fit.coordinates)
-
-
-def windows_gain(null: Outcome, outcome: Outcome, view: str) -> float:
-    """Gain on one view, with the correlation length under tolerance alone for all."""
-    lengths = {view: null.lengths[view]}
-    return null.evidence(lengths) - outcome.evidence(lengths)
-
-
 def _refine(bench: Bench, found: Search, trials: list[Trial]) -> None:
-    """The leading trials fitted to the end."""
-    for trial in trials[:REFINED]:
+    """Leading trials fitted to the end, and with the other forms of their effects."""
+    for trial in trials:
         o = trial.outcome
-        trial.outcome = bench.fit(trial.choice, o.views, start_values=o.values, base=o, careful=True)
+        again = bench.fit(trial.choice, o.views, start_values=o.values, base=o, careful=True)
+        if again.objective < o.objective:
+            trial.outcome = again
+        for i in range(len(trial.choice.effects)):
+            _reform(bench, found, trial, i)
     _score(found)
+
+
+def _reform(bench: Bench, found: Search, trial: Trial, i: int) -> None:
+    """Tries the other forms of a trial's effect `i` from where its own fit stands."""
+    effect, held = trial.choice.effects[i]
+    for form in effect.forms[1:]:
+        rest = Choice(tuple(pair for j, pair in enumerate(trial.choice.effects) if j != i))
+        if form.name == held.name or form.estimator or _clash(rest, form):
+            continue
+        choice = Choice(tuple((effect, form) if j == i else pair for j, pair in enumerate(trial.choice.effects)))
+        views = tuple(v for v in bench.views if v in set(bench.touched_by(form)) | set(trial.outcome.views))
+        for starts in _starts(form.parameters):
+            known = {k: v for k, v in trial.outcome.values.items() if k not in held.settings and k not in form.settings}
+            outcome = bench.fit(choice, views, starts, known | {k: v for k, v in starts.items() if k not in known}, trial.outcome)
+            if outcome.evidence(found.lengths) < trial.outcome.evidence(found.lengths):
+                trial.choice, trial.outcome = choice, outcome
+
+
+def _leading(found: Search) -> list[Trial]:
+    """The best single effects of each troubled view."""
+    leading: list[Trial] = []
+    for view in sorted(found.troubled):
+        mine = [t for t in found.singles if view in t.outcome.views and t.gain > QUIET][:REFINED]
+        leading += [t for t in mine if t not in leading]
+    return leading
 
 
 def trouble(outcome: Outcome, view: str) -> float:
@@ -225,30 +222,35 @@ def misfit(outcome: Outcome, view: str) -> float:
 
 
 def _candidates(
-    bench: Bench, catalogue: Mapping[str, Effect], base: Choice, troubled: set[str], known: Mapping[str, float],
-    before: Outcome | None = None, within: tuple[str, ...] | None = None,
-) -> Iterator[_Candidate]:  # fmt: skip
-    """Every form and start of every effect that touches a troubled view, with what it promises."""
+    bench: Bench, catalogue: Mapping[str, Effect], found: Search, base: Trial | None, left: set[str] | None = None
+) -> Iterator[_Candidate]:
+    """Every form and start of every effect that touches a view in which something is left."""
+    left = found.troubled if left is None else left
+    before = base.outcome if base else None
+    plain = base.choice if base else Choice()
+    known = {name: value for outcome in found.null.values() for name, value in outcome.values.items()} | (before.values if before else {})
     for effect in catalogue.values():
-        if effect.key in base.keys:
+        if effect.key in plain.keys:
             continue
-        for declared in effect.forms:
-            form = _estimated(bench, declared, known, troubled)
-            if form is None:
+        for declared in effect.forms[:1]:  # the others are tried where the first one leads
+            form = _estimated(bench, declared, known, left)
+            if form is None or _clash(plain, form):
                 continue
-            choice = base.plus(effect, form)
-            views = bench.touched(choice.parameter_names + tuple(choice.settings))
-            views = tuple(v for v in bench.views if v in views or (before is not None and v in before.views))
-            touched = within or bench.touched([p.name for p in form.parameters])
-            if not set(touched) & troubled or _clash(base, form):
+            touched = bench.touched_by(form)
+            if not set(touched) & left:
                 continue
-            views = within or views
-            values = {name: value for name, value in known.items() if name not in {p.name for p in form.parameters if not p.relative}}
+            choice = plain.plus(effect, form)
+            views = tuple(v for v in bench.views if v in touched or (before is not None and v in before.views))
             for starts in _starts(form.parameters):
-                promise = (
-                    math.inf if form.settings or form.estimator or within else bench.predict(choice, views, starts, values, before)
-                )  # another law has no small step
-                yield _Candidate(choice, views, starts, values, promise, before)
+                yield _Candidate(choice, views, starts, _start_values(bench, choice, form, before, known), before)
+
+
+def _start_values(bench: Bench, choice: Choice, form: Form, before: Outcome | None, known: Mapping[str, float]) -> dict[str, float]:
+    """Where a fit starts: at the base's values, else at the nominal plant, for tolerance alone may have stuck in explaining the effect."""
+    own = {p.name for p in form.parameters}
+    values = dict(before.values) if before is not None else {}
+    values |= {name: known[name] for name in known if name.startswith("valve_")}
+    return {name: value for name, value in values.items() if name not in own}
 
 
 def _estimated(bench: Bench, form: Form, known: Mapping[str, float], troubled: set[str]) -> Form | None:
@@ -257,6 +259,8 @@ def _estimated(bench: Bench, form: Form, known: Mapping[str, float], troubled: s
         return form
     if form.estimator == "waviness" and "contact" in troubled:
         return estimate_waviness(bench, {k: v for k, v in known.items() if k.startswith(("contact.", "sensors."))})
+    if form.estimator == "delays" and "timing" in troubled:
+        return estimate_delays(bench)
     return None
 
 
@@ -266,26 +270,18 @@ def _clash(base: Choice, form: Form) -> bool:
     return bool(taken & ({p.name for p in form.parameters} | set(form.settings)))
 
 
-def _chosen(candidates: list[_Candidate], troubled: set[str], most: int) -> list[_Candidate]:
-    """The most promising hypotheses of each troubled view; of one effect's forms and starts the better half."""
-    chosen: dict[int, _Candidate] = {}
-    for view in troubled:
-        ranked = sorted((c for c in candidates if view in c.views), key=lambda c: -c.promise)
-        keys: list[tuple[str, ...]] = []
-        for candidate in ranked:
-            if candidate.choice.keys not in keys and candidate.promise < math.inf:
-                keys.append(candidate.choice.keys)
-            if len(keys) > most:
-                break
-            chosen[id(candidate)] = candidate
-    return list(chosen.values())
+def _chosen(candidates: Sequence[_Candidate], most: int) -> list[_Candidate]:
+    """The most promising hypotheses, all forms and starts of each."""
+    ranked = sorted(candidates, key=lambda c: -c.promise)
+    keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:most]
+    return [c for c in ranked if c.choice.keys in keys]
 
 
-def _fitted(bench: Bench, candidates: Iterable[_Candidate], careful: bool = False) -> list[Trial]:
+def _fitted(bench: Bench, candidates: Iterable[_Candidate]) -> list[Trial]:
     """Best fit per hypothesis over its forms and starts."""
     best: dict[tuple[str, ...], Trial] = {}
     for c in candidates:
-        outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base, careful)
+        outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base, careful=len(c.choice.effects[-1][1].parameters) > FEW)
         held = best.get(c.choice.keys)
         if held is None or outcome.objective < held.outcome.objective:
             best[c.choice.keys] = Trial(c.choice, outcome)
@@ -308,7 +304,47 @@ def _score(found: Search) -> None:
                 least[view], lengths[view] = trial.outcome.squares[view], trial.outcome.lengths[view]
     found.lengths = lengths
     for trial in trials:
-        nothing = sum(found.null[v].evidence(lengths) for v in trial.outcome.views)
-        trial.gain = nothing - trial.outcome.evidence(lengths)
+        trial.gain = sum(found.null[v].evidence(lengths) for v in trial.outcome.views) - trial.outcome.evidence(lengths)
     found.singles.sort(key=lambda t: -t.gain)
     found.pairs.sort(key=lambda t: -t.gain)
+
+
+def advantage(found: Search, better: Outcome, worse: Outcome | None) -> float:
+    """Evidence of one hypothesis over another (None: tolerance alone), counted in stretches of the logs that agree on it.
+
+    A difference of -2 log likelihood of the size G that every stretch bears out has the spread 2 sqrt(G); one that comes from few
+    stretches (a break-away that one of the two happens to miss) has a larger one and is worth the G that has the same ratio to its spread.
+    Occam factors are cut down with it; tolerance that need not be strained is not.
+    """
+    differences, relief, occam = [], 0.0, 0.0
+    for view, nothing in found.null.items():
+        a = better if view in better.views else nothing
+        b = worse if worse is not None and view in worse.views else nothing
+        if a is not b:
+            differences.append(b.surprise(view, found.lengths[view]) - a.surprise(view, found.lengths[view]))
+    for outcome, sign in ((better, -1.0), (worse, 1.0)):
+        if outcome is not None:
+            relief += sign * (outcome.fit.penalty - sum(found.null[v].fit.penalty for v in outcome.views))
+            occam += sign * (outcome.volume() - sum(found.null[v].volume() for v in outcome.views))
+    total = np.concatenate(differences) if differences else np.zeros(0)
+    share = borne_out(total)
+    return share * (float(total.sum()) + occam) + (relief if relief > 0 else share * relief)
+
+
+def strength(differences: Array) -> float:
+    """Sum of the differences, cut down to what their spread over the stretches lets it be worth; keeps its sign."""
+    return float(differences.sum()) * borne_out(differences)
+
+
+def borne_out(differences: Array) -> float:
+    """Share of a sum of differences that its spread over the stretches lets stand."""
+    total, spread = abs(float(differences.sum())), float(differences @ differences)
+    return min(1.0, 4.0 * total / spread) if spread > 0 else 1.0
+
+
+def excess(found: Search, outcome: Outcome, view: str) -> Array:
+    """Sum of squares beyond the floor, stretch by stretch, in independent samples; what stands out of the stretches is cut to their top."""
+    n, blocks = outcome.counts[view], outcome.blocks[view]
+    share = np.minimum(BLOCK, n - BLOCK * np.arange(len(blocks)))
+    beyond = (blocks / outcome.floor.get(view, 1.0) ** 2 - share) / outcome.lengths[view]
+    return np.minimum(beyond, np.quantile(beyond, 1 - OUTSTANDING)) if len(beyond) else beyond

@@ -6,15 +6,16 @@ FMU, `sensors.*`, `timing.*`) it depends on, so that a hypothesis is judged on t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from diagnosis.signals import Signals, Table, corrected
-from pyfmi_runner.block_fmu import BlockFmu
+from pyfmi_runner.block_fmu import BlockFmu, Guide
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.log import PERIOD
@@ -24,10 +25,9 @@ __all__ = ["ContactView", "FrictionView", "SensorView", "SignalStore", "TimingVi
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
-WINDOW = 120  # samples after which the friction block is started again
-PRESLIDING_ERROR = 0.25  # N, standard deviation of a window's starting displacement-dependent force
+GUIDED = 0.35  # time in which a simulated carriage is led back to the measured one, as a share of its own time constant m/C
+SOLVER = {"solver.tolerance": 0.1}  # a millisecond a step but for stiff friction: exact to 0.01 of the noise
 TOUCHING = 0.5  # N, measured contact force that tells contact from none
-LEAD = 8  # samples either side of a window's start over which its speed and acceleration are fitted
 
 
 class View(Protocol):
@@ -98,113 +98,79 @@ class ValveView:
 
 
 class FrictionView:
-    """(f_a, f_c) → v in short windows, each started from measured position and speed."""
+    """(f_a, f_c) → v over whole logs, the simulated carriage gently led to the measured one.
+
+    Driven by the actuator force and the measured contact force, and led back to where it was
+    measured, in contact with the spring of the edge besides: a break-away that the model
+    misses costs what it is worth and no more, so the misfit is smooth in the parameters where a free run of the plant is not.
+    """
 
     def __init__(self, axis: str, block: BlockFmu, nominal: Values, store: SignalStore) -> None:
         self.axis, self.name, self._block, self._nominal, self._store = axis, f"friction_{axis}", block, nominal, store
         self.prefix = f"axis_{axis}."
+        self.guided = GUIDED * nominal[self.prefix + "m"] / nominal[self.prefix + "C"]  # s
         self.tolerance = tuple(self.prefix + p for p in ("m", "C", "F_w", "friction.F_s", "friction.F_d", "friction.v_th"))
         self._known = {n: v for n, v in block.file.variables.items() if v.causality == "parameter"}
-        self._sigma = store.table.sigma[f"v_{axis}"]
-        self.windows = self._place_windows()
-
-    def _place_windows(self) -> NDArray[np.int64]:
-        clamped = self._store.table.clamped[self.axis]
-        found: list[tuple[int, int]] = []
-        for first, last in self._store.table.spans:
-            for start in range(int(first) + LEAD, int(last) - WINDOW - LEAD, WINDOW):
-                if clamped[start - LEAD : start + WINDOW].any():
-                    continue
-                found.append((start, start + WINDOW))
-        return np.array(found, dtype=np.int64).reshape(-1, 2)
+        table = store.table
+        self.logs = [i for i, (first, last) in enumerate(table.spans) if not table.clamped[axis][first:last].all()]
+        self.actuator = table.columns[f"f_a{axis}"]
+        self.moving = np.zeros(table.rows, dtype=bool)
+        for i in self.logs:
+            self.moving[slice(*table.spans[i])] = ~table.clamped[axis][slice(*table.spans[i])]
+        self._spring = np.where(_touching(table) & (axis == "z"), nominal["contact.K_c"], 0.0)  # z alone faces the edge
+        self._blind = _onsets(table) | _impacts(table, axis, nominal[self.prefix + "s_low"], nominal[self.prefix + "s_high"])
 
     def depends_on(self, parameter: str) -> bool:
         a = self.axis
-        mine = {
-            "sensors.bias_f_x",
-            "sensors.bias_f_z",
-            "sensors.gain_f_x",
-            "sensors.gain_f_z",
-            "sensors.crosstalk_f_x",
-            "sensors.crosstalk_f_z",
-        }
-        mine |= {f"sensors.gain_f_a{a}", f"sensors.tau_v_{a}"} | ({"coupling"} if a == "z" else set())
+        mine = {f"sensors.{what}_f_{b}" for what in ("bias", "gain", "crosstalk") for b in "xz"}
+        mine |= {f"sensors.gain_f_a{a}", f"sensors.tau_v_{a}"} | ({"coupling", "coupling_limit"} if a == "z" else set())
         return parameter.startswith(self.prefix) or parameter in mine
 
     def residual(self, values: Values) -> Array:
-        table, signals = self._store.table, self._store.signals(values)
+        table, signals = self._store.table, self._store.signals({k: v for k, v in values.items() if self.depends_on(k)})
         result = np.full((table.rows, 1), np.nan)
-        if len(self.windows) == 0:
-            return result
-        parameters = _own(self.prefix, self._nominal, values, self._known)
-        parameters.pop("s_start", None)
-        tau = values.get(f"sensors.tau_v_{self.axis}", 0.0)
-        speed, rate = self._starts(signals, tau)
-        names, columns = (
-            ["f_a", "f_c", "f_load"],
-            [signals.actuator[self.axis], signals.force[self.axis], np.hypot(signals.force["x"], signals.force["z"])],
-        )
+        parameters = {**SOLVER, **_own(self.prefix, self._nominal, values, self._known)}
+        tau, sigma = values.get(f"sensors.tau_v_{self.axis}", 0.0), table.sigma[f"v_{self.axis}"]
+        names = ["f_a", "f_c", "f_load"]
+        actuator = self.actuator / values.get(f"sensors.gain_f_a{self.axis}", 1.0)
+        columns = [actuator, signals.force[self.axis], np.hypot(signals.force["x"], signals.force["z"])]
         if values.get("coupling", 0.0) != 0.0:
             names.append("f_couple")
-            columns.append(values["coupling"] * _acceleration(signals.speed["x"], table))
+            couple, limit = values["coupling"] * self._acceleration, values.get("coupling_limit", 0.0)
+            columns.append(limit * np.tanh(couple / limit) if limit > 0 else couple)
         inputs = midway(np.column_stack(columns), table.spans)
-        at = self.windows[:, 0]
-        starts = {"s_start": np.clip(signals.position[self.axis][at], parameters["s_low"], parameters["s_high"]), "v": speed}
-        if parameters["friction.law"] in (3.0, 4.0):
-            net = np.column_stack(columns)[at] @ np.array([1.0, -1.0, 0.0, 1.0][: len(columns)])
-            starts["friction.F_pre"] = self._presliding(parameters, net, speed, rate)
-        simulated = self._block.run(parameters, names, inputs, ("v",), self.windows, starts)
-        moved = None
-        if "friction.F_pre" in starts:
-            starts["friction.F_pre"] = starts["friction.F_pre"] - PRESLIDING_ERROR * np.sign(starts["friction.F_pre"])
-            moved = self._block.run(parameters, names, inputs, ("v",), self.windows, starts) - simulated
-        if tau > 0:
-            simulated = self._tachometer(simulated, tau, table.columns[f"v_{self.axis}"])
-        result[:] = (signals.speed[self.axis][:, None] - simulated) / self._sigma
-        result = self._without_start_error(result, parameters)
-        if moved is not None:
-            rows = self.windows[:, 0][:, None] + np.arange(WINDOW)
-            result[rows, 0] = without_direction(result[rows, 0], moved[rows, 0] / self._sigma)
+        mass = self._nominal[self.prefix + "m"]
+        keep = np.exp(-PERIOD / tau) if tau > 0 else 0.0
+        for i in self.logs:
+            rows, setup = slice(*table.spans[i]), table.setups[i]
+            speed = signals.speed[self.axis][rows]
+            guide = Guide(
+                signals.position[self.axis][rows][:, None], speed[:, None],
+                (mass / (4 * self.guided**2) + self._spring[rows])[:, None], [mass / self.guided], [keep],
+            )  # fmt: skip
+            parameters["s_start"] = {"x": setup.start_x, "z": setup.start_z}[self.axis]
+            clamped = table.clamped[self.axis][rows][:, None].astype(np.float64)
+            true = self._block.run_guided(parameters, names, inputs[rows], ("clamp",), clamped, ("s", "v"), guide)[:, 1]
+            result[rows, 0] = (speed - first_order(np.ascontiguousarray(true), keep)) / sigma
+        result[self._blind] = 0.0
+        result[~self.moving] = np.nan
         return result
 
-    def _starts(self, signals: Signals, tau: float) -> tuple[Array, Array]:
-        """Speed and acceleration at each window's start, from a line through the measured speed around it."""
-        lags = np.arange(-LEAD, LEAD + 1)
-        around = signals.speed[self.axis][self.windows[:, 0][:, None] + lags]
-        rate = around @ lags / (lags @ lags) / PERIOD
-        return around.mean(axis=1) + tau * rate, rate
-
-    @staticmethod
-    def _presliding(parameters: Values, net: Array, speed: Array, rate: Array) -> Array:
-        """Displacement-dependent force that balances the others at the start."""
-        force = net - parameters["F_w"] - parameters["m"] * rate - parameters["C"] * speed
-        limit = parameters["friction.beta"] if parameters["friction.law"] == 3.0 else parameters["friction.F_s"]
-        return np.clip(force, -0.999 * limit, 0.999 * limit)
-
-    def _tachometer(self, speed: Array, tau: float, measured: Array) -> Array:
-        """What a tachometer of time constant tau says of the simulated speed, starting at what it said."""
-        share = 1.0 - np.exp(-PERIOD / tau)
-        result = speed.copy()
-        for k in range(WINDOW):
-            rows = self.windows[:, 0] + k
-            before = measured[rows] if k == 0 else result[rows - 1, 0]
-            driven = speed[rows, 0] if k == 0 else 0.5 * (speed[rows, 0] + speed[rows - 1, 0])
-            result[rows, 0] = before + share * (driven - before) if k else before
-        return result
-
-    def _without_start_error(self, residual: Array, parameters: Values) -> Array:
-        """Takes out what the starting speed's own error explains: it decays with m/C."""
-        decay = np.exp(-parameters["C"] / parameters["m"] * PERIOD * np.arange(WINDOW)) / math.sqrt(2 * LEAD + 1)
-        rows = self.windows[:, 0][:, None] + np.arange(WINDOW)
-        residual[rows, 0] = without_direction(residual[rows, 0], np.broadcast_to(decay, rows.shape))
-        return residual
+    @cached_property
+    def _acceleration(self) -> Array:
+        return _acceleration(self._store.table.columns["v_x"], self._store.table)
 
 
-def without_direction(residual: Array, direction: Array) -> Array:
-    """Whitens rows (W, n) of noise 1 plus one unknown amount, N(0, 1), of a direction (W, n): a generalised least squares."""
-    norm = np.maximum(np.sum(direction**2, axis=1), 1e-300)
-    share = (1.0 - 1.0 / np.sqrt(1.0 + norm)) / norm
-    return np.asarray(residual - (share * np.sum(residual * direction, axis=1))[:, None] * direction)
+@njit(cache=True)
+def first_order(speed: Array, keep: float) -> Array:
+    result = np.empty(len(speed))
+    """A lag that keeps the share `keep` of its last value per sample, started at rest in the first."""
+    value = speed[0]
+    for k in range(len(speed)):
+        driven = speed[k] if k == 0 else 0.5 * (speed[k] + speed[k - 1])
+        value = keep * value + (1 - keep) * driven
+        result[k] = value
+    return result
 
 
 def _acceleration(speed: Array, table: Table) -> Array:
@@ -218,10 +184,26 @@ def _acceleration(speed: Array, table: Table) -> Array:
     return result
 
 
+def _impacts(table: Table, axis: str, low: float, high: float, near: float = 2e-3, around: int = 25) -> NDArray[np.bool_]:
+    """Rows about a carriage's arrival at an end stop: its speed falls at once, at an instant known to a few milliseconds only."""
+    s, v = table.columns[axis], table.columns[f"v_{axis}"]
+    least = 5 * table.sigma[f"v_{axis}"]
+    arriving = ((s > high - near) & (v > least)) | ((s < low + near) & (v < -least))
+    return np.convolve(arriving, np.ones(2 * around + 1), mode="same") > 0.5
+
+
+def _touching(table: Table) -> NDArray[np.bool_]:
+    """Rows in contact: the measured force, less what the channels say where there is no workpiece, is beyond TOUCHING."""
+    free = np.zeros(table.rows, dtype=bool)
+    for setup, (first, last) in zip(table.setups, table.spans, strict=True):
+        free[first:last] = setup.workpiece == "none"
+    forces = [table.columns[f"f_{a}"] - (np.median(table.columns[f"f_{a}"][free]) if free.any() else 0.0) for a in "xz"]
+    return np.asarray(np.hypot(*forces) > TOUCHING)
+
+
 def _onsets(table: Table, around: int = 20) -> NDArray[np.bool_]:
     """Rows within 20 ms of contact's onset or loss, where the speed jumps faster than its mean can follow."""
-    touching = np.hypot(table.columns["f_x"], table.columns["f_z"]) > TOUCHING
-    changes = np.flatnonzero(np.diff(touching.astype(np.int8)) != 0)
+    changes = np.flatnonzero(np.diff(_touching(table).astype(np.int8)) != 0)
     near = np.zeros(table.rows, dtype=bool)
     for change in changes:
         near[max(0, change - around) : change + around + 1] = True
@@ -232,6 +214,13 @@ def _mean(values: Array, half: int = 4) -> Array:
     """Mean over `half` samples either side: a speed's noise would bias the damping that multiplies it."""
     width = 2 * half + 1
     return np.convolve(np.pad(values, half, mode="edge"), np.full(width, 1.0 / width), mode="valid")
+
+
+def _at_rest(speed: Array, sigma: float, half: int = 40) -> Array:
+    """Smoothed speed, and none where the mean over 81 samples cannot be told from it: a drag turns within a few millimetres a second, and
+    the noise of a carriage at rest would make it chatter."""
+    slow = _mean(speed, half)
+    return np.where(np.abs(slow) < 5 * sigma / np.sqrt(2 * half + 1), 0.0, _mean(speed))
 
 
 class ContactView:
@@ -270,7 +259,8 @@ class ContactView:
         parameters = _own("", {**self._nominal, **given}, values, self._known)
         parameters["contact.z_0"] = given["contact.z_0"] + shift
         x, z = signals.position["x"][rows], signals.position["z"][rows]
-        names, columns = ["x", "z", "v_x", "v_z"], [x, z, _mean(signals.speed["x"][rows]), _mean(signals.speed["z"][rows])]
+        speeds = [np.where(table.clamped[a][rows], 0.0, _at_rest(signals.speed[a][rows], table.sigma[f"v_{a}"])) for a in "xz"]
+        names, columns = ["x", "z", "v_x", "v_z"], [x, z, *speeds]
         profile = own_profile(setup)
         if profile is not None:
             names += list(PROFILE)
@@ -316,28 +306,40 @@ class TimingView:
     tolerance: tuple[str, ...] = ()
 
     def __init__(self, campaign: Campaign, store: SignalStore) -> None:
-        self._store = store
-        self._computed = np.full((store.table.rows, 2), np.nan)
-        for run, (first, last) in zip(campaign, store.table.spans, strict=True):
-            commands = recomputed_commands(run, run.log.measured())
-            if commands is not None:
-                self._computed[first:last] = commands
+        self._store, self._campaign = store, campaign
+        self._computed: dict[int, Array] = {}
         self.quantum = COMMAND_QUANTUM
-        self.judged = np.isfinite(self._computed)  # whatever the delay: a residual vector must keep its length
+        self.judged = np.isfinite(self.commands(0))  # whatever the delay: a residual vector must keep its length
+
+    def commands(self, late: int) -> Array:
+        """(rows, 2) what the logs' controllers make of the signals of `late` samples before; NaN where no controller runs."""
+        if late not in self._computed:
+            result = np.full((self._store.table.rows, 2), np.nan)
+            for run, (first, last) in zip(self._campaign, self._store.table.spans, strict=True):
+                measured = run.log.measured()
+                commands = recomputed_commands(run, measured[np.clip(np.arange(len(measured)) - late, 0, None)])
+                if commands is not None:
+                    result[first:last] = commands
+            self._computed[late] = result
+        return self._computed[late]
+
+    def shifted(self, late: float, sensed_late: int) -> Array:
+        """(rows, 2) commands that act `late` samples after they were made of signals `sensed_late` samples old."""
+        computed = self.commands(sensed_late)
+        whole, share = int(np.floor(late)), late - np.floor(late)
+        result = np.empty_like(computed)
+        for first, last in self._store.table.spans:
+            rows, own = np.arange(last - first), computed[first:last]
+            result[first:last] = own[np.clip(rows - whole, 0, None)]
+            if share > 0:
+                result[first:last] += share * (own[np.clip(rows - whole - 1, 0, None)] - result[first:last])
+        return result
 
     def depends_on(self, parameter: str) -> bool:
-        return parameter == "timing.delay"
+        return parameter in ("timing.delay", "timing.sense_delay")
 
     def residual(self, values: Values) -> Array:
         table = self._store.table
         recorded = np.column_stack([table.columns["u_x"], table.columns["u_z"]])
-        samples = values.get("timing.delay", 0.0) / PERIOD
-        result = np.full_like(recorded, np.nan)
-        for first, last in table.spans:
-            rows = np.arange(last - first)
-            whole, share = int(np.floor(samples)), samples - np.floor(samples)
-            for column in range(2):
-                computed = self._computed[first:last, column]
-                late = (1 - share) * computed[np.clip(rows - whole, 0, None)] + share * computed[np.clip(rows - whole - 1, 0, None)]
-                result[first:last, column] = (recorded[first:last, column] - late) / self.quantum
-        return result
+        sensed_late = round(values.get("timing.sense_delay", 0.0) / PERIOD)
+        return np.asarray((recorded - self.shifted(values.get("timing.delay", 0.0) / PERIOD, sensed_late)) / self.quantum)

@@ -6,23 +6,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["correlation_length", "innovations", "robust_windows"]
+__all__ = ["correlation_length", "innovations", "robust_segments"]
 
 Array = NDArray[np.float64]
-KNEE = 4.0  # mean square of a window beyond which it counts by its logarithm only
+SEGMENT = 100  # samples; a segment far off (a missed break-away) counts by its logarithm only
+KNEE = 4.0  # mean square of a segment from which on it does
 
 
-def robust_windows(residual: Array, windows: NDArray[np.int64]) -> Array:
-    """Rows of all windows, one after the other; a window that went astray (a missed break-away) counts by its logarithm only."""
-    if len(windows) == 0:
-        return np.zeros(0)
-    rows = windows[:, 0][:, None] + np.arange(windows[0, 1] - windows[0, 0])
-    block = residual[rows]
-    square = np.mean(block**2, axis=1)
-    scale = np.ones(len(square))
-    astray = square > KNEE
-    scale[astray] = np.sqrt(KNEE * (1 + np.log(square[astray] / KNEE)) / square[astray])
-    return np.asarray((block * scale[:, None]).ravel())
+def robust_segments(residual: Array) -> Array:
+    """Columns of one log (n, channels) in segments; a segment that went astray counts by its logarithm only."""
+    n = len(residual) // SEGMENT * SEGMENT
+    blocks = residual[:n].reshape(-1, SEGMENT, residual.shape[1])
+    square = np.mean(blocks**2, axis=1, keepdims=True)
+    scale = np.where(square > KNEE, np.sqrt(KNEE * (1 + np.log(np.maximum(square, KNEE) / KNEE)) / np.maximum(square, KNEE)), 1.0)
+    return np.asarray((blocks * scale).reshape(n, -1))
 
 
 @njit(cache=True)

@@ -36,12 +36,20 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Ratio lag_low(min = 0.01, max = 100) = 1 "tau at the lower end of the stroke / tau; neutral 1 (Tables 4.1-4.5)";
     parameter Ratio lag_high(min = 0.01, max = 100) = 1 "tau at the upper end of the stroke / tau; neutral 1";
     parameter Ratio lag_asymmetry(min = -0.95, max = 0.95) = 0 "tau grows by this share while |f_a| rises, shrinks while it falls; neutral 0";
+    parameter Ratio lag_bend_low(min = -0.9, max = 10) = 0 "Share by which tau exceeds the straight line halfway between mid-stroke and lower end; neutral 0";
+    parameter Ratio lag_bend_high(min = -0.9, max = 10) = 0 "The same halfway to the upper end; neutral 0";
+    parameter Force lag_blend(min = 0, max = 1000) = 0 "Force difference over which rising turns to falling; 0: at once";
+    parameter Time tau_2(min = 0, max = 100) = 0 "Time constant of a second stage before the chamber; neutral 0";
     parameter Time delay_time(min = 0, max = 0.2) = 0 "Transport delay of the command; neutral 0";
     parameter Voltage play(min = 0, max = 5) = 0 "Half-width of the play (backlash) on the command; neutral 0";
+    parameter Ratio play_spread(min = 0, max = 1) = 0 "Three plays in parallel whose half-widths differ by this share; neutral 0";
     parameter Boolean play_centred = false "true: the play starts in its middle at the first command; false: it starts from u = 0";
     parameter Time play_period(min = 1e-5, max = 1) = 1e-3 "Period at which the driver reads its command while play > 0";
     parameter Ratio droop(min = 0, max = 1) = 0 "Steady loss of supply pressure at full force, as a share; neutral 0";
-    parameter Time droop_time(min = 1e-3, max = 1000) = 2 "Time constant with which the supply sags and recovers";
+    parameter Ratio droop_exponent(min = 0.1, max = 5) = 1 "The loss grows as force to this power";
+    parameter Time droop_time(min = 1e-3, max = 1000) = 2 "Time constant with which the supply recovers";
+    parameter Ratio droop_pace(min = 1e-2, max = 100) = 1 "Time constant with which the supply sags / droop_time";
+    parameter Ratio droop_flow(min = 0, max = 1) = 0 "Share of the supply pressure that filling the chamber once takes from it; neutral 0";
     parameter Position s_low = 0 "Lower end of the stroke";
     parameter Position s_high = 1 "Upper end of the stroke";
     input Voltage u "Command, 0..5";
@@ -50,26 +58,40 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     output Force f_a(start = 0, fixed = true) "Actuator force along the axis";
     Real supply(start = 1, fixed = true, unit = "1") "Supply pressure / nominal supply pressure";
     Force f_target "Steady force of the present command";
+    Force f_stage(start = 0, fixed = true) "Force behind the second stage";
   protected
     discrete Voltage u_play(start = 0, fixed = true) "Command behind the play";
+    discrete Voltage u_narrow(start = 0, fixed = true) "Command behind a narrower play";
+    discrete Voltage u_wide(start = 0, fixed = true) "Command behind a wider play";
     discrete Boolean placed(start = false, fixed = true) "The play has read its first command";
     Voltage u_late "Command behind the transport delay";
     Voltage u_eff "Command behind delay and play";
     Ratio xi "Position: -1 at the lower end, 0 in the middle, +1 at the upper end";
     Time tau_eff;
+    Ratio rising "1 while |f_a| rises, -1 while it falls";
+    Force f_drive;
+    Ratio wanted "Steady loss of supply pressure";
   equation
     u_late = noEvent(if delay_time > 0 then delay(u, if delay_time > 0 then delay_time else 1e-3, 0.2) else u);
     when sample(0, if play > 0 then play_period else 1e9) then
       u_play = if play_centred and not pre(placed) then u_late else max(min(pre(u_play), u_late + play), u_late - play);
+      u_narrow = if play_centred and not pre(placed) then u_late else max(min(pre(u_narrow), u_late + play*(1 - play_spread)), u_late - play*(1 - play_spread));
+      u_wide = if play_centred and not pre(placed) then u_late else max(min(pre(u_wide), u_late + play*(1 + play_spread)), u_late - play*(1 + play_spread));
       placed = true;
     end when;
-    u_eff = noEvent(if play > 0 then u_play else u_late);
+    u_eff = noEvent(if play > 0 then (if play_spread > 0 then (u_narrow + u_play + u_wide)/3 else u_play) else u_late);
     f_target = f_manual + direction*supply*min(max(K*(u_eff - u_0), if bidirectional then -f_max else 0), f_max);
     xi = 2*(s - s_low)/(s_high - s_low) - 1;
-    tau_eff = tau*noEvent(1 + (if xi > 0 then (lag_high - 1)*xi else (1 - lag_low)*xi))
-      *noEvent(1 + (if (f_target - f_a)*f_a >= 0 then lag_asymmetry else -lag_asymmetry));
-    tau_eff*der(f_a) + f_a = f_target;
-    droop_time*der(supply) = 1 - droop*noEvent(abs(f_a))/f_max - supply;
+    der(f_stage) = noEvent(if tau_2 > 0 then (f_target - f_stage)/(if tau_2 > 0 then tau_2 else 1) else 0);
+    f_drive = noEvent(if tau_2 > 0 then f_stage else f_target);
+    rising = noEvent(if lag_blend > 0 then tanh((f_drive - f_a)*(if f_a >= 0 then 1 else -1)/(if lag_blend > 0 then lag_blend else 1))
+      elseif (f_drive - f_a)*f_a >= 0 then 1 else -1);
+    tau_eff = tau*noEvent(1 + (if xi > 0 then (lag_high - 1)*xi + lag_bend_high*max(1 - abs(2*xi - 1), 0)
+      else (1 - lag_low)*xi + lag_bend_low*max(1 - abs(2*xi + 1), 0)))*(1 + lag_asymmetry*rising);
+    tau_eff*der(f_a) + f_a = f_drive;
+    wanted = noEvent(if droop > 0 then droop*(if droop_exponent == 1 then abs(f_a)/f_max else (abs(f_a)/f_max + 1e-12)^droop_exponent) else 0);
+    der(supply) = noEvent((1 - wanted - supply)/(droop_time*(if 1 - wanted < supply then droop_pace else 1))
+      - (if droop_flow > 0 then droop_flow*max(direction*(f_drive - f_a)/tau_eff, 0)/f_max else 0));
   end Valve;
 
   block Friction "Friction of a cylinder without its viscous part"
@@ -86,7 +108,11 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Ratio position_slope(min = -1, max = 1) = 0 "Share by which the level rises from mid-stroke to the upper end; neutral 0";
     parameter Ratio position_bow(min = -1, max = 10) = 0 "Share by which the level at both ends exceeds that at mid-stroke; neutral 0";
     parameter Ratio asymmetry(min = -0.99, max = 0.99) = 0 "Share by which the level is higher for v > 0 and lower for v < 0; neutral 0";
+    parameter Ratio position_table[11](each min = -1, each max = 10) = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0} "Share by which the level is higher, at nodes evenly spaced from the lower to the upper end; neutral 0";
     parameter Ratio load(min = 0, max = 10) = 0 "Level gained per newton of contact force; neutral 0";
+    parameter Ratio load_share(min = 0, max = 100) = 0 "Share by which 10 N of contact force raise the level; neutral 0";
+    parameter Ratio load_exponent(min = 0.1, max = 5) = 1 "It grows as the contact force to this power";
+    parameter Ratio stribeck_exponent(min = 0.1, max = 5) = 1 "Shape of the decay from F_s to F_d (law stribeck): exp(-((|v| - v_th)/v_s)^n)";
     parameter Position s_low = 0 "Lower end of the stroke";
     parameter Position s_high = 1 "Upper end of the stroke";
     input Velocity v "Piston speed";
@@ -97,7 +123,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Force F_pre(start = 0, fixed = true) "Displacement-dependent force (ddfm, lugre)";
     Boolean stick "Inside the stick band";
   protected
-    Ratio xi, shape;
+    Ratio xi, shape, bumpy, loaded;
     Force up, down, curve, F_pre_limit;
     Ratio toward "Sign of v, frozen between reversals";
     Boolean banded, bristled, sliding_up, sliding_down, beyond_up, beyond_down;
@@ -106,7 +132,9 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     banded = law == FrictionLaw.vdfm or law == FrictionLaw.stribeck;
     bristled = law == FrictionLaw.ddfm or law == FrictionLaw.lugre;
     xi = 2*(s - s_low)/(s_high - s_low) - 1;
-    shape = level*(1 + position_slope*xi + position_bow*xi^2);
+    bumpy = noEvent(if sum(abs(position_table[i]) for i in 1:11) > 0 then sum(position_table[i]*max(1 - abs(5*(xi + 1) - (i - 1)), 0) for i in 1:11) else 0);
+    loaded = noEvent(if load_share > 0 then load_share*(if load_exponent == 1 then f_load/10 else (max(f_load, 0)/10 + 1e-12)^load_exponent) else 0);
+    shape = level*(1 + position_slope*xi + position_bow*xi^2 + bumpy)*(1 + loaded);
     // break-away levels in both directions
     up = (F_s*shape + load*f_load)*(1 + asymmetry);
     down = (F_s*shape + load*f_load)*(1 - asymmetry);
@@ -116,7 +144,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     stick = banded and not sliding_up and not sliding_down;
     beyond_up = (if stick then f_net - up else -1) > 0;
     beyond_down = (if stick then -f_net - down else -1) > 0;
-    curve = noEvent(if law == FrictionLaw.stribeck then (F_s - F_d)*exp(-((abs(v) - v_th)/v_s)) elseif law == FrictionLaw.lugre then (F_s - F_d)*exp(-(v/v_s)^2) else 0);
+    curve = noEvent(if law == FrictionLaw.stribeck then (F_s - F_d)*exp(-(if stribeck_exponent == 1 then (abs(v) - v_th)/v_s else (max(abs(v) - v_th, 0)/v_s + 1e-12)^stribeck_exponent)) elseif law == FrictionLaw.lugre then (F_s - F_d)*exp(-(v/v_s)^2) else 0);
     toward = if (if bristled then v else 1) >= 0 then 1 else -1;
     F_pre_limit = (if law == FrictionLaw.ddfm then beta*shape + load*f_load else (F_d + curve)*shape + load*f_load)*(1 + asymmetry*toward);
     rate = noEvent(if law == FrictionLaw.ddfm then sigma*v*(1 - toward*min(max(F_pre/F_pre_limit, -1), 1))^exponent
@@ -135,6 +163,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Mass m(min = 1e-3, max = 1e4) = 2.25 "Moving mass (section 4.1.1)";
     parameter Real C(unit = "N.s/m", min = 0, max = 1e5) = 40 "Viscous friction (Table 3.13)";
     parameter Force F_w(min = -1000, max = 1000) = 5 "Cable force of the position transducer, always towards -axis; [A] size of its spring";
+    parameter Real cable_stiffness(unit = "N/m", min = -1e4, max = 1e4) = 0 "Growth of the cable force along the stroke, from mid-stroke; neutral 0";
     parameter Position s_low(min = -10, max = 10) = 0 "Lower end stop";
     parameter Position s_high(min = -10, max = 10) = 1 "Upper end stop";
     parameter Position s_start(min = -10, max = 10) = 0 "Position at the start; the run starts at rest";
@@ -154,7 +183,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Force f_net;
     Boolean held "Pressed against a stop";
   equation
-    f_net = f_a - f_c - F_w + f_couple;
+    f_net = f_a - f_c - F_w - cable_stiffness*(s - 0.5*(s_low + s_high)) + f_couple;
     friction.v = v;
     friction.s = s;
     friction.f_net = f_net;
@@ -202,6 +231,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter EdgeShape shape = EdgeShape.straight "Edge profile";
     parameter Angle incline(min = -1.5, max = 1.5) = 0 "Slope angle of the inclined edge";
     parameter Angle extra_angle(min = -1.5, max = 1.5) = 0 "Workpiece mounted at this extra angle; neutral 0";
+    parameter Real extra_bow(unit = "1/m", min = -10, max = 10) = 0 "Curvature of that extra mounting; neutral 0";
     parameter Position x_0 = 0.95 "Datum: z_w(x_0) = 0";
     parameter Position A[8](each min = -0.1, each max = 0.1) = {0, 0, 0, 0, 0, 0, 0, 0} "Surface finish, amplitudes; neutral 0; medium finish {0.2, 0.08, 0.03, 0, ...} mm [A]";
     parameter Position lambda[8](each min = 1e-4, each max = 100) = {0.060, 0.027, 0.013, 0.1, 0.1, 0.1, 0.1, 0.1} "Surface finish, wavelengths; the first three [A]";
@@ -240,8 +270,8 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     h_finish = noEvent(if rough then sum(A[i]*sin(2*pi*x/lambda[i] + phi[i]) for i in 1:8) else 0);
     t_finish = noEvent(if rough then sum(A[i]*2*pi/lambda[i]*cos(2*pi*x/lambda[i] + phi[i]) for i in 1:8) else 0);
     d = x - profile_at;
-    height = h_shape + h_finish + tan(extra_angle)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
-    slope = t_shape + t_finish + tan(extra_angle) + profile_slope + d*profile_curvature;
+    height = h_shape + h_finish + (tan(extra_angle) + extra_bow*(x - x_0)/2)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
+    slope = t_shape + t_finish + tan(extra_angle) + extra_bow*(x - x_0) + profile_slope + d*profile_curvature;
   end Workpiece;
 
   block Contact "Springy contact between the bearing on the end effector and the edge (Eq. 3-8, 3-9, 4-3, 4-4)"
@@ -249,8 +279,10 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Real C_c(unit = "N.s/m", min = 0, max = 1e5) = 30 "Damping; [D] from the poles and zero of Fig. 5.7";
     parameter Position z_0(min = -10, max = 10) = 0.040 "Stand-off: contact begins at z = z_0 + z_w";
     parameter Real hardening(unit = "1/m", min = -1e3, max = 1e5) = 0 "Relative growth of the stiffness with deflection; neutral 0";
+    parameter Ratio hardening_exponent(min = 0.1, max = 5) = 1 "That growth goes as deflection to this power; the size stays that at 1 mm";
     parameter Ratio mu(min = 0, max = 10) = 0 "Drag of the bearing: f_t = mu f_n sgn v_t; neutral 0";
     parameter Velocity v_drag(min = 1e-5, max = 1) = 2e-3 "Speed over which the drag changes sign";
+    parameter Ratio drag_rise(min = 0, max = 10) = 0 "Further share of mu at low speed, gone at ten times v_drag; neutral 0";
     parameter Boolean present = true "false: no workpiece";
     input Position z;
     input Velocity v_x;
@@ -276,13 +308,13 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     delta = if present then (z - z_0 - height)*c else -1;
     delta_dot = (v_z - slope*v_x)*c;
     touching = delta > 0;
-    spring = K_c*delta*(1 + hardening*delta);
+    spring = K_c*delta*(1 + noEvent(if hardening_exponent == 1 then hardening*delta else hardening*1e-3*(max(delta, 0)/1e-3 + 1e-12)^hardening_exponent));
     raw = spring + C_c*delta_dot;
     pressing = (if touching then raw else -1) > 0;
     f_n = if touching and pressing then raw else 0;
     v_t = v_x*c + v_z*si;
     v_n = -v_x*si + v_z*c;
-    f_t = if mu > 0 then mu*f_n*tanh(v_t/v_drag) else 0;
+    f_t = if mu > 0 then mu*f_n*tanh(v_t/v_drag)*(1 + drag_rise*exp(-abs(v_t)/(10*v_drag))) else 0;
     f_x = -f_n*si + f_t*c;
     f_z = f_n*c + f_t*si;
   end Contact;
@@ -295,6 +327,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Workpiece workpiece;
     Contact contact;
     parameter Mass coupling(min = -100, max = 100) = 0 "Force on z per x acceleration; neutral 0";
+    parameter Force coupling_limit(min = 0, max = 1e4) = 0 "Level at which that force saturates; 0: never";
     input Voltage u_x(start = 0) "Command of the x valve, 0..5; pushes to -x";
     input Voltage u_z(start = 0) "Command of the z valve, 0..5; pushes to +z";
     input Boolean clamp_x(start = false) "x carriage clamped";
@@ -330,7 +363,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     axis_x.f_load = contact.f_n;
     axis_z.f_load = contact.f_n;
     axis_x.f_couple = 0;
-    axis_z.f_couple = coupling*axis_x.a;
+    axis_z.f_couple = noEvent(if coupling_limit > 0 then coupling_limit*tanh(coupling*axis_x.a/(if coupling_limit > 0 then coupling_limit else 1)) else coupling*axis_x.a);
     axis_x.clamp = clamp_x;
     axis_z.clamp = clamp_z;
     workpiece.x = axis_x.s;

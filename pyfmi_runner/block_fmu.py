@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,24 @@ from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import PERIOD
 from pyfmi_runner.native import call_plain, call_setup, call_step
 
-__all__ = ["BlockFmu"]
+__all__ = ["BlockFmu", "Guide"]
 
 Array = NDArray[np.float64]
 _WORDS = (
     "SetReal", "SetInteger", "SetBoolean", "GetReal", "DoStep", "Reset", "SetupExperiment", "EnterInitializationMode",
     "ExitInitializationMode",
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Guide:
+    """Measured positions and speeds (N, n) that the first 2 n outputs, positions then speeds, are led to through the first n inputs."""
+
+    position: Array
+    speed: Array
+    per_position: Array  # (N, n), input per unit of position error
+    per_speed: Sequence[float]
+    keep: Sequence[float]  # share of its last value that a lagging speed sensor keeps per sample; 0: no lag
 
 
 class BlockFmu:
@@ -87,6 +99,25 @@ class BlockFmu:
             raise RunError(f"{self.file.path.name} failed at row {row}: {message}")
         return result
 
+    def run_guided(
+        self, parameters: Mapping[str, float], inputs: Sequence[str], values: Array,
+        flags: Sequence[str], flag_values: Array, outputs: Sequence[str], guide: Guide,
+    ) -> Array:  # fmt: skip
+        """As `run_clamped`, with each input led by what `guide` says of the outputs so far: an observer around the FMU."""
+        self.session.reset(dict(parameters))
+        result = np.full((len(values), len(outputs)), np.nan)
+        references = self.session.references
+        status, row = _run_guided(
+            self._component, self._addresses, references(inputs), np.ascontiguousarray(values, dtype=np.float64),
+            references(flags), np.ascontiguousarray(flag_values).astype(np.int32), references(outputs), PERIOD, result,
+            np.ascontiguousarray(guide.position), np.ascontiguousarray(guide.speed),
+            np.ascontiguousarray(guide.per_position, dtype=np.float64), np.asarray(guide.per_speed, dtype=np.float64), np.asarray(guide.keep, dtype=np.float64),
+        )  # fmt: skip
+        message = self.session.stepped_natively(0.0, status)
+        if message:
+            raise RunError(f"{self.file.path.name} failed at row {row}: {message}")
+        return result
+
     def _settings(self, parameters: Mapping[str, float]) -> tuple[Any, ...]:
         """References and values of the parameters by FMI type: Real, Integer (and enumerations), Boolean."""
         variables = self.file.variables
@@ -137,6 +168,35 @@ def _run_flagged(component, addresses, input_refs, values, flag_refs, flags, out
         if k == 0 or (flags[k] != flags[k - 1]).any():
             status = max(status, native_values(set_boolean, component, flag_refs, flags[k]))
         status = max(status, native_values(get_real, component, output_refs, result[k]))
+        status = max(status, call_step(do_step, component, k * period, period))
+        if status > FMI_WARNING:
+            return status, k
+    return 0, len(values)
+
+
+@njit(nogil=True)
+def _run_guided(  # type: ignore[no-untyped-def]
+    component, addresses, input_refs, values, flag_refs, flags, output_refs, period, result, position, speed, per_position, per_speed, keep
+):  # fmt: skip
+    set_real, _, set_boolean, get_real, do_step = addresses[:5]
+    count = len(per_speed)
+    now = np.empty(values.shape[1])
+    sensed, before = np.zeros(count), np.zeros(count)
+    for k in range(len(values)):
+        if k == 0:
+            status = native_values(set_real, component, input_refs, values[k])
+            status = max(status, native_values(get_real, component, output_refs, result[k]))
+        else:
+            status = native_values(get_real, component, output_refs, result[k])
+        now[:] = values[k]
+        for i in range(count):
+            v = result[k, count + i]
+            sensed[i] = v if k == 0 else keep[i] * sensed[i] + (1 - keep[i]) * 0.5 * (v + before[i]) if keep[i] > 0 else v
+            before[i] = v
+            now[i] += per_position[k, i] * (position[k, i] - result[k, i]) + per_speed[i] * (speed[k, i] - sensed[i])
+        status = max(status, native_values(set_real, component, input_refs, now))
+        if k == 0 or (flags[k] != flags[k - 1]).any():
+            status = max(status, native_values(set_boolean, component, flag_refs, flags[k]))
         status = max(status, call_step(do_step, component, k * period, period))
         if status > FMI_WARNING:
             return status, k

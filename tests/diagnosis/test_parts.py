@@ -13,7 +13,7 @@ from diagnosis.catalogue import Parameter, read_catalogue
 from diagnosis.converter import converter_step
 from diagnosis.fit import effect_coordinate, fit, predict, tolerance_coordinate
 from diagnosis.waviness import sines
-from diagnosis.whitening import correlation_length, innovations, robust_windows
+from diagnosis.whitening import correlation_length, innovations, robust_segments
 from pyfmi_runner.errors import InputError
 
 Array = NDArray[np.float64]
@@ -136,9 +136,8 @@ def test_innovations_of_white_noise_plus_a_slow_error_are_white() -> None:
     assert correlation_length(slow) > 200
 
 
-def test_a_window_that_went_astray_counts_by_its_logarithm() -> None:
-    windows = np.array([[0, 100], [100, 200]])
-    residual = np.concatenate([np.ones(100), np.full(100, 50.0)])
-    robust = robust_windows(residual, windows)
+def test_a_segment_that_went_astray_counts_by_its_logarithm() -> None:
+    residual = np.concatenate([np.ones(100), np.full(100, 50.0)])[:, None]
+    robust = robust_segments(residual).ravel()
     assert np.all(robust[:100] == 1.0)
     assert np.mean(robust[100:] ** 2) == pytest.approx(4 * (1 + np.log(2500 / 4)))

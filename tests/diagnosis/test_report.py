@@ -101,7 +101,7 @@ def campaign(single: bool = False) -> Campaign:
     return Campaign("rig <7> & co", Path("rig"), logs, ["contact_steps left out: f_z: clipped"])
 
 
-def fitted(*choices: tuple[str, int], rms: float = 1.02, views: tuple[str, ...] = ("mechanics",)) -> Outcome:
+def fitted(*choices: tuple[str, int], rms: float = 1.02, views: tuple[str, ...] = ("friction_z",)) -> Outcome:
     choice = Choice(tuple((CATALOGUE[key], CATALOGUE[key].forms[form]) for key, form in choices))
     coordinates = (tolerance_coordinate("axis_z.friction.C", 45.0, 0.02), tolerance_coordinate("valve_z.tau", 0.11, 0.02))
     n = 4000
@@ -110,7 +110,7 @@ def fitted(*choices: tuple[str, int], rms: float = 1.02, views: tuple[str, ...] 
 
 
 def searched(troubled: set[str]) -> Search:
-    views = ("valve_x", "valve_z", "mechanics", "contact", "sensors", "timing")
+    views = ("valve_x", "valve_z", "friction_x", "friction_z", "contact", "sensors", "timing")
     return Search({view: fitted(rms=2.4 if view in troubled else 1.0, views=(view,)) for view in views}, troubled)
 
 
@@ -140,7 +140,7 @@ def diagnosis(kind: str) -> Diagnosis:
     best.choice = best.outcome.choice
     rival = Trial(Choice(), fitted(("stribeck/z", 0), rms=1.31), 287.0)
     rival.choice = rival.outcome.choice
-    pair = Trial(Choice(), fitted(("presliding/z", 0), ("valve_delay/x", 0), views=("mechanics", "valve_x")), 640.0)
+    pair = Trial(Choice(), fitted(("presliding/z", 0), ("valve_delay/x", 0), views=("friction_z", "valve_x")), 640.0)
     pair.choice = pair.outcome.choice
     presliding = cause(
         "presliding/z", 0.94, **{"axis_z.friction.sigma": (9.7e4, 8.9e4, 1.06e5, "N/m"), "axis_z.friction.beta": (15.2, 2.0, 40.0, "N")}
@@ -150,11 +150,11 @@ def diagnosis(kind: str) -> Diagnosis:
         {"block": "valve_x", "share": 0.17, "logs": [], "regime": ""},
     ]
     ranked = [Hypothesis(("presliding/z",), 0.94, best), Hypothesis(("stribeck/z",), 0.04, rival), Hypothesis((), 0.0, None)]
-    decision = Decision("identified", ranked, best, 0.02, 0.01, "mechanics", [["presliding/z"]])
+    decision = Decision("identified", ranked, best, 0.02, 0.01, "friction_z", [["presliding/z"]])
     closed = {"nominal": 3.1, "augmented": 0.4, "floor": 0.3, "shrink": 0.98}
     values, stages = {"axis_z.friction.C": 46.1, "valve_z.tau": 0.1}, {"search": 18.0, "confirmation": 3.4}
     d = Diagnosis(
-        measured, decision, searched({"mechanics"}), values, where, [presliding, cause("stribeck/z", 0.04)],
+        measured, decision, searched({"friction_z"}), values, where, [presliding, cause("stribeck/z", 0.04)],
         gap_result(run), "contour_curved", closed, ["a note with <b>"], 21.4, stages,
     )  # fmt: skip
     if kind == "two":
@@ -237,7 +237,7 @@ def test_a_page_says_what_was_found(tmp_path: Path) -> None:
     said = words(page("identified", tmp_path))
     assert "presliding/z (displacement-dependent friction instead of a stick band) explains the gap (probability 94 %)" in said
     assert "Runner-up: stribeck/z, probability 4 %." in said
-    assert "is 287 against 412, 125 less. In mechanics it leaves a residual of 1.31 RMS, the first 1.02 (floor" in said
+    assert "is 287 against 412, 125 less. In friction_z it leaves a residual of 1.31 RMS, the first 1.02 (floor" in said
     assert "axis_z.friction.sigma 97000 89000 to 106000 N/m" in said
     assert said.count("poorly determined") == 1
     assert "reversals of v_z" in said
