@@ -47,6 +47,15 @@ seed = [0, 999]
 """
 KILL_AT = 0.4  # of the cases
 LIMIT = 600.0  # s, for any one way
+CLUSTER, WORKER, COMMAND = "cluster of 2 workers", "a worker", "the command, then resumed"
+WAYS: tuple[tuple[str, tuple[str, ...], str], ...] = (  # name, options, what is killed
+    ("1 process", ("--workers", "1"), ""),
+    ("2 processes", ("--workers", "2"), ""),
+    ("2 processes", ("--workers", "2"), WORKER),
+    ("2 processes", ("--workers", "2"), COMMAND),
+    (CLUSTER, ("--scheduler",), ""),
+    (CLUSTER, ("--scheduler",), WORKER),
+)
 
 
 @dataclass(frozen=True)
@@ -55,6 +64,7 @@ class Way:
 
     name: str
     seconds: float  # wall time of the commands, their start included
+    cpu: float  # s, processor time of all that was started for it
     sha256: str  # of results.parquet
     killed: str = ""
     on_disk: int = 0  # results that the second command found, where the first was killed
@@ -147,34 +157,30 @@ def measure(folder: Path, cases: int, tell: Callable[[Way], object]) -> list[Way
     spec.write_text(SPEC.format(cases=cases), encoding="utf-8")
     ways: list[Way] = []
 
-    def way(name: str, *options: str, killed: str = "", victim: Callable[[subprocess.Popen[bytes]], int] | None = None) -> None:
-        out = folder / f"way_{len(ways) + 1}"
-        run = (*options, "--fmu", str(fmu))
-        seconds = sweep(spec, out, *run, meanwhile=kill_when(out, count, victim) if victim else None)
-        if killed == "the command":
-            for path in out.rglob("*.parquet"):
-                pq.ParquetFile(path).read()  # every file that the killed one left
-            seconds += sweep(spec, out, *run)
+    for name, options, killed in WAYS:
+        out, before = folder / f"way_{len(ways) + 1}", _cpu()
+        with cluster(folder) if name == CLUSTER else contextlib.nullcontext(("", [0])) as (address, workers):
+            run = (*options, *((address,) if name == CLUSTER else ()), "--fmu", str(fmu))
+            victim = partial(_victim, killed, out, workers[0])
+            seconds = sweep(spec, out, *run, meanwhile=kill_when(out, count, victim) if killed else None)
+            if killed == COMMAND:
+                for path in out.rglob("*.parquet"):
+                    pq.ParquetFile(path).read()  # every file that the killed one left
+                seconds += sweep(spec, out, *run)
         report = json.loads(out.with_suffix(".json").read_text())
-        ways.append(Way(name, seconds, report["sha256"], killed, report["resumed"]))
+        ways.append(Way(name, seconds, _cpu() - before, report["sha256"], killed, report["resumed"]))
         tell(ways[-1])
-
-    def local_worker(_: subprocess.Popen[bytes]) -> int:
-        return worker_of(folder / f"way_{len(ways) + 1}")
-
-    way("1 process", "--workers", "1")
-    way("2 processes", "--workers", "2")
-    way("2 processes", "--workers", "2", killed="a worker", victim=local_worker)
-    way("2 processes", "--workers", "2", killed="the command", victim=lambda process: process.pid)
-    for killed in ("", "a worker"):
-        with cluster(folder) as (address, workers):
-            victim = partial(_first, workers) if killed else None
-            way("cluster, 2 workers", "--scheduler", address, killed=killed, victim=victim)
     return ways
 
 
-def _first(workers: list[int], _: object) -> int:
-    return workers[0]
+def _victim(killed: str, out: Path, cluster_worker: int, process: subprocess.Popen[bytes]) -> int:
+    return process.pid if killed == COMMAND else cluster_worker or worker_of(out)
+
+
+def _cpu() -> float:
+    """Processor time of all processes that ended below this one [s]."""
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -183,17 +189,14 @@ def main(arguments: list[str] | None = None) -> int:
     options.add_argument("--out", type=Path, default=Path("out/sweep_check"), metavar="DIR")
     options.add_argument("--json", type=Path, metavar="FILE")
     chosen = options.parse_args(arguments)
-    head = "| how | killed with SIGKILL | seconds | against 1 process | found on disk | results.parquet |"
-    print(f"{chosen.cases} runs of 16 s, curved edge\n\n{head}\n" + "|---" * 6 + "|")
+    head = "| how | killed with SIGKILL | seconds | against 1 process | processor seconds | found on disk | results.parquet |"
+    print(f"{chosen.cases} runs of 16 s, curved edge\n\n{head}\n" + "|---" * 7 + "|")
     first: list[Way] = []
 
     def tell(way: Way) -> None:
         first.append(way)
-        disk = str(way.on_disk) if way.on_disk else ""
-        print(
-            f"| {way.name} | {way.killed} | {way.seconds:.1f} | {way.seconds / first[0].seconds:.2f} | {disk} | {way.sha256[:12]} |",
-            flush=True,
-        )
+        disk, against = str(way.on_disk or ""), way.seconds / first[0].seconds
+        print(f"| {way.name} | {way.killed} | {way.seconds:.1f} | {against:.2f} | {way.cpu:.1f} | {disk} | {way.sha256[:12]} |", flush=True)
 
     ways = measure(chosen.out, chosen.cases, tell)
     same = len({way.sha256 for way in ways}) == 1

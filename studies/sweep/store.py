@@ -39,6 +39,8 @@ def column_types(rows: list[Row]) -> dict[str, pa.DataType]:
 def _type(values: list[Any]) -> pa.DataType:
     kinds = {type(value) for value in values}
     single = {bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
+    if int in kinds and max(abs(value) for value in values if type(value) is int) >= 2**63:
+        return pa.string()
     if len(kinds) == 1 and (kind := next(iter(kinds))) in single:
         return single[kind]
     return pa.float64() if kinds == {int, float} else pa.string()
@@ -118,7 +120,7 @@ class Store:
 
     def _gather(self) -> None:
         cases = sorted(self._single)
-        self._write(self.part_schema, cases, self.parts / f"block_{len(self.rows):07d}.parquet")
+        self._write(self.part_schema, cases, self.parts / f"block_{cases[0]:07d}.parquet")
         for case in cases:
             (self.parts / f"{case:07d}.parquet").unlink(missing_ok=True)
         self._single = []

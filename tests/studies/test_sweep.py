@@ -189,7 +189,7 @@ def test_results_of_another_study_or_sweep_are_not_touched(
 
 
 def test_parts_are_gathered_and_a_store_reads_what_it_wrote(tmp_path: Path) -> None:
-    rows = [{"seed": k, "gains": {"Kp_vx": float(k)}, "f_nd": k if k else 0.5} for k in range(BLOCK + 10)]
+    rows = [{"seed": k, "gains": {"Kp_vx": float(k)}, "f_nd": k if k else 0.5, "big": 2**70} for k in range(BLOCK + 10)]
     columns = column_types(rows)
     with Store(tmp_path, {"spec": "1"}, columns, {}) as store:
         for case, row in reversed(list(enumerate(rows))):
@@ -197,7 +197,7 @@ def test_parts_are_gathered_and_a_store_reads_what_it_wrote(tmp_path: Path) -> N
     assert len(parts_of(tmp_path)) == 11
     with Store(tmp_path, {"spec": "1"}, columns, {}) as store:
         assert len(store.rows) == len(rows)
-        assert (store.rows[3]["seed"], store.rows[3]["gains"], store.rows[3]["f_nd"]) == (3, '{"Kp_vx": 3.0}', 3.0)
+        assert [store.rows[3][name] for name in rows[3]] == [3, '{"Kp_vx": 3.0}', 3.0, str(2**70)]
         assert list(pd.read_parquet(store.finish())["case"]) == list(range(len(rows)))
     assert parts_of(tmp_path) == []
 
