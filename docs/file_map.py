@@ -11,6 +11,7 @@ PACKAGES = ("controllers", "pyfmi_runner", "analysis", "diagnosis", "studies", "
 BEGIN, END = "<!-- file map: written by docs/file_map.py -->", "<!-- end of file map -->"
 OTHERS = {  # what holds no docstring
     "models/PneuGantry.mo": "The plant, one block per component; `Validation`: a model with a known answer per component",
+    "models/EMPS.mo": "A measured axis in its position loop; every effect of `studies/emps/effects` a parameter with a neutral value",
     "notebooks/*.ipynb": "Root locus and lag, step by step; run by the tests",
     "docs/*.md": "Design decisions; how the thesis' runs were set up",
 }

@@ -101,7 +101,7 @@ def test_an_effect_is_found_with_its_size_and_closes_the_gap_of_the_held_out_log
     assert plant.catalogue is not None
     found = own_json(diagnose_own(plant, read_catalogue(plant.catalogue)))
     assert found["verdict"] == "identified"
-    assert [c["effect"] for c in found["causes"]][0] == "coulomb"
+    assert found["causes"][0]["effect"] == "coulomb"
     assert found["where"][0]["block"] == "guide"
     assert found["answer_set"][0] == ["coulomb"]
     assert found["causes"][0]["parameters"]["F_c"]["value"] == pytest.approx(1.5, rel=0.03)
