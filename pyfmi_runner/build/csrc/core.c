@@ -444,7 +444,7 @@ CoreStatus core_step(Instance *s, double time, double step) {
         if (N_DELAYS && status == CORE_OK) {
             double jump = s->c.q.time;
             status = record_delays(s);
-            if (jump >= due && delays_matter(s)) invalidate(s), rates(s);
+            if (jump >= due && delays_matter(s)) invalidate(s); /* evaluated when the next step settles */
         }
         if (status == CORE_OK && s->c.q.time < end && due <= s->c.q.time + time_slack(end)) status = settle_now(s);
     }
