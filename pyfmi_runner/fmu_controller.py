@@ -1,4 +1,4 @@
-"""A controller that is an FMU itself (`pneugantry build --controller`): same place in the loops, same bits as its native form."""
+"""A controller that is an FMU itself (`pneugantry build --controller NAME`): same place in the loops, same bits as its native form."""
 
 from __future__ import annotations
 
