@@ -12,6 +12,9 @@ from diagnosis.search import QUIET, Search, Trial, advantage, excess, misfit, st
 __all__ = ["Decision", "Hypothesis", "Weights", "decide"]
 
 
+CONTESTANTS = 16  # hypotheses by evidence that are held against each other
+
+
 @dataclass(frozen=True)
 class Weights:
     """How evidence becomes probability."""
@@ -22,7 +25,16 @@ class Weights:
     unknown_share: float = 0.10  # share of a block's misfit left unexplained at which "unknown" is as likely as not
     unknown_slope: float = 3.0
     unknown_least: float = 30.0  # evidence of that misfit, below which nothing is made of it
+    unknown_excess: float = 0.5  # and mean square beyond the floor
     cap: float = 0.99
+
+    def unknown(self, share: float, excess: float) -> float:
+        """Probability that a misfit of this share of the block's, and of this size, comes from outside the catalogue."""
+        odds = [
+            (least / max(value, 1e-9)) ** self.unknown_slope
+            for value, least in ((share, self.unknown_share), (excess, self.unknown_excess))
+        ]
+        return 1.0 / ((1.0 + odds[0]) * (1.0 + odds[1]))
 
     def cost(self, effects: int) -> float:
         return (0.0, self.single_cost, self.single_cost + self.pair_cost)[effects]
@@ -54,23 +66,15 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
     if not found.troubled:
         alone = Hypothesis(seen, weights.cap, None)
         return Decision("identified" if seen else "none", [alone], None, 0.0, 1.0 - weights.cap, "", [list(seen)])
-    trials = [*found.singles, *found.pairs]
-    top = max(trials, key=lambda t: t.gain, default=None)
-    if top is None:
-        raw: list[tuple[tuple[str, ...], float, Trial | None]] = [((), 0.0, None)]
-    else:
-        lead = advantage(found, top.outcome, None)
-        ahead: list[tuple[tuple[str, ...], float, Trial | None]] = [((), lead, None)]
-        for t in trials:  # no nearer than what it has over tolerance alone
-            ahead.append((t.choice.keys, max(advantage(found, top.outcome, t.outcome), lead - advantage(found, t.outcome, None)), t))
-        raw = [(keys, -0.5 * weights.temperature * (behind + weights.cost(len(keys))), t) for keys, behind, t in ahead]
-    most = max(score for _, score, _ in raw)
-    total = sum(math.exp(max(-700.0, score - most)) for _, score, _ in raw)
-    ranked = [Hypothesis(keys, math.exp(max(-700.0, score - most)) / total, t) for keys, score, t in raw]
+    contest = _contest(found, weights)
+    total = sum(math.exp(-0.5 * weights.temperature * loss) for _, loss in contest)
+    ranked = [
+        Hypothesis(t.choice.keys if t is not None else (), math.exp(-0.5 * weights.temperature * loss) / total, t) for t, loss in contest
+    ]
     ranked.sort(key=lambda h: -h.probability)
     best = ranked[0].trial
     share, view = unexplained(found, best, weights.unknown_least)
-    unknown = 1.0 / (1.0 + (weights.unknown_share / max(share, 1e-6)) ** weights.unknown_slope) if view else 0.0
+    unknown = weights.unknown(share, _excess(_outcome_in(found, best, view), view)) if view else 0.0
     ranked = [Hypothesis((*h.keys, *seen), h.probability * (1 - unknown) * weights.cap, h.trial) for h in ranked]
     answers, held = [], 0.0
     for item in [*ranked, Hypothesis(("unknown",), unknown, None)] if unknown < 0.5 else [Hypothesis(("unknown",), unknown, None), *ranked]:
@@ -90,18 +94,38 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
     return Decision(verdict, ranked, best, share, unknown, view, answers)
 
 
+def _contest(found: Search, weights: Weights) -> list[tuple[Trial | None, float]]:
+    """Hypotheses (None: nothing beyond tolerance), each with what its strongest opponent has over it, 0 if none has."""
+    by_gain = sorted([*found.singles, *found.pairs], key=lambda t: -t.gain)[:CONTESTANTS]
+    by_standing = sorted(found.singles, key=lambda t: -advantage(found, t.outcome, None))[: CONTESTANTS // 2]
+    field: list[Trial | None] = [None, *by_gain, *(t for t in by_standing if t not in by_gain)]
+    losses = [0.0] * len(field)
+    for i, a in enumerate(field):
+        for j, b in enumerate(field[:i]):
+            if a is None:
+                continue
+            cost = weights.cost(len(a.choice.keys)) - weights.cost(len(b.choice.keys) if b is not None else 0)
+            ahead = advantage(found, a.outcome, b.outcome if b is not None else None) - cost
+            losses[i], losses[j] = max(losses[i], -ahead), max(losses[j], ahead)
+    return [(t, losses[i]) for i, t in enumerate(field)]
+
+
 def unexplained(found: Search, best: Trial | None, least: float = Weights.unknown_least) -> tuple[float, str]:
     """Share of the misfit under tolerance alone that the best hypothesis leaves, at its worst view, and that view."""
     worst, name = 0.0, ""
     for view in found.troubled:
         before = _excess(found.null[view], view)
-        outcome = best.outcome if best is not None and view in best.outcome.views else found.null[view]
+        outcome = _outcome_in(found, best, view)
         if misfit(outcome, view) <= QUIET or strength(excess(found, outcome, view)) <= least:
             continue
         share = _excess(outcome, view) / max(before, 1e-9)
         if share > worst:
             worst, name = share, view
     return worst, name
+
+
+def _outcome_in(found: Search, best: Trial | None, view: str) -> Outcome:
+    return best.outcome if best is not None and view in best.outcome.views else found.null[view]
 
 
 def _excess(outcome: Outcome, view: str) -> float:

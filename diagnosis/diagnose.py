@@ -13,6 +13,8 @@ from diagnosis.bench import Bench, Choice, Outcome
 from diagnosis.catalogue import Effect
 from diagnosis.confirm import Augmented, GapResult, closed_loop, replay_gap
 from diagnosis.decide import Decision, Hypothesis, contributions, decide
+from diagnosis.excitation import not_excited
+from diagnosis.next_experiment import next_experiment
 from diagnosis.regimes import regime_of
 from diagnosis.search import Search, search
 from pyfmi_runner.campaign import Campaign, LoggedRun
@@ -21,7 +23,7 @@ from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import COLUMNS, log_warnings
 from pyfmi_runner.replay import Replayer
 
-__all__ = ["Diagnosis", "diagnose", "report_json"]
+__all__ = ["Diagnosis", "diagnose", "report_json", "split_campaign"]
 
 HELD_OUT = "contour_straight"  # the log that no fit sees, where the campaign has it; else its last log
 VIEW_BLOCKS = {
@@ -46,6 +48,8 @@ class Diagnosis:
     notes: list[str] = field(default_factory=list)
     seconds: float = 0.0
     stages: dict[str, float] = field(default_factory=dict)
+    limits: list[str] = field(default_factory=list)  # what the fitted logs cannot show
+    experiment: dict[str, Any] | None = None  # the next one, where the answer is ambiguous
 
 
 def diagnose(campaign: Campaign, gantry: FmuFile, catalogue: Mapping[str, Effect], say: Callable[[str], None] | None = None) -> Diagnosis:
@@ -53,7 +57,7 @@ def diagnose(campaign: Campaign, gantry: FmuFile, catalogue: Mapping[str, Effect
     say = say or (lambda text: None)
     started = time.perf_counter()
     notes = list(campaign.notes) + [f"{name}: {text}" for name, run in campaign.logs.items() for text in log_warnings(run.log)]
-    fitted, held = _split(campaign)
+    fitted, held = split_campaign(campaign)
     if held is None:
         notes.append("one log only: nothing is held out, so the gap before and after is on the fitted log itself")
     stages: dict[str, float] = {}
@@ -70,12 +74,29 @@ def diagnose(campaign: Campaign, gantry: FmuFile, catalogue: Mapping[str, Effect
     say("confirmation")
     run = held or next(iter(campaign.logs.values()))
     gap, closed = _confirm(gantry, run, values, notes)
+    stages["confirmation"] = time.perf_counter() - started - stages["search"]
+    experiment = _next(campaign, gantry, found, decision) if decision.verdict == "ambiguous" else None
     seconds = time.perf_counter() - started
-    stages["confirmation"] = seconds - stages["search"]
-    return Diagnosis(campaign, decision, found, values, where, causes, gap, run.log.name, closed, notes, seconds, stages)
+    limits = not_excited(fitted)
+    return Diagnosis(
+        campaign, decision, found, values, where, causes, gap, run.log.name, closed, notes, seconds, stages, limits, experiment
+    )
 
 
-def _split(campaign: Campaign) -> tuple[Campaign, LoggedRun | None]:
+def _next(campaign: Campaign, gantry: FmuFile, found: Search, decision: Decision) -> dict[str, Any] | None:
+    """The experiment that tells the two likeliest hypotheses apart."""
+    plain: dict[str, float] = {}
+    for outcome in found.null.values():
+        plain |= outcome.values
+    plain.pop("waviness", None)
+    pair = decision.hypotheses[:2]
+    if len(pair) < 2:
+        return None
+    first, second = ({**plain, **(h.trial.outcome.values if h.trial is not None else {})} for h in pair)
+    return next_experiment(campaign, gantry, first, second, [h.keys for h in pair])
+
+
+def split_campaign(campaign: Campaign) -> tuple[Campaign, LoggedRun | None]:
     """The campaign without its held-out log, and that log."""
     if len(campaign.logs) < 2:
         return campaign, None
@@ -199,6 +220,7 @@ def report_json(d: Diagnosis) -> dict[str, Any]:
         }
     return {
         "schema": "gap/1", "verdict": d.decision.verdict, "where": d.where, "causes": d.causes, "answer_set": d.decision.answer_set,
-        "gap": gap, "closed_loop": d.closed, "next_experiment": None, "notes": d.notes, "unknown_probability": d.decision.unknown,
+        "gap": gap, "closed_loop": d.closed, "next_experiment": d.experiment, "notes": [*d.notes, *d.limits],
+        "unknown_probability": d.decision.unknown,
         "stages": d.stages, "seconds": d.seconds,
     }  # fmt: skip

@@ -176,8 +176,8 @@ def fit(
 ) -> Fit:
     """Minimises the sum of squares plus prior by damped Gauss-Newton steps. Always returns the best point seen.
 
-    `stale`: Jacobian columns of the tolerance that serve from the start; without them the first ones serve on. Where progress ends a
-    careful fit takes all columns anew, twice at most; the columns of the effects are always new.
+    `stale`: Jacobian columns of the tolerance that serve from the start; without them the first ones serve on. Where progress ends all
+    columns are taken anew, once, in a careful fit twice; the columns of the effects are always new.
     """
     fitter = _Fitter(problem, coordinates)
     point = fitter.at(np.array([c.start for c in fitter.coordinates]) if start is None else start)
@@ -186,7 +186,7 @@ def fit(
     tolerance = {c.name for c in fitter.coordinates if not c.effect}
     kept = {key: column for key, column in (stale or {}).items() if key[1] in tolerance}
     gradient, hessian = fitter.slopes(point, stale=kept)
-    damping, renewals = 1e-8, 2 if careful else 0  # little: tolerance slides along ridges that the data leave open
+    damping, renewals = 1e-8, 2 if careful else 1  # little: tolerance slides along ridges that the data leave open
     for _ in range(2 * MAX_STEPS if careful else MAX_STEPS):
         trial = fitter.at(point.theta + _bounded_step(hessian, gradient, point.theta, fitter.low, fitter.high, damping))
         gain = point.objective - trial.objective

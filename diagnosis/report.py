@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from diagnosis.diagnose import Diagnosis, report_json
 from diagnosis.report_pictures import CURVES, gap_svg, packed, panel_svg, plant_svg, unit_of
-from diagnosis.report_words import not_excited, number, percent, rivals, runner_up, shrink_words, shrinkable, verdict_sentence
+from diagnosis.report_words import number, percent, rivals, runner_up, shrink_words, shrinkable, verdict_sentence
 from pyfmi_runner.log import MEASURED, SIGMA, write_atomically
 
 __all__ = ["write_report"]
@@ -44,7 +44,7 @@ def _context(d: Diagnosis) -> dict[str, Any]:
         "gap": facts["gap"], "shrinks": shrinkable(facts["gap"]), "shrink_words": shrink_words(facts["gap"]),
         "closed": facts["closed_loop"], "channels": _channels(d), "gap_picture": _gap_picture(d, after),
         "parameters": _parameters(facts["causes"], _chosen(d)), "tolerance": _tolerance(d),
-        "limits": not_excited(d), "notes": facts["notes"], "next": facts["next_experiment"], "logs": _logs(d),
+        "limits": d.limits, "notes": facts["notes"], "next": facts["next_experiment"], "logs": _logs(d),
         "single": len(d.campaign.logs) == 1, "stages": facts["stages"], "seconds": facts["seconds"], "styles": CURVES,
     } | _overlay(d)  # fmt: skip
 

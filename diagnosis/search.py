@@ -21,10 +21,14 @@ OUTSTANDING = 0.05  # share of the stretches that may stand out by a break-away 
 Array = NDArray[np.float64]
 QUIET = 8.0  # what a view's misfit and strained tolerance may hold together without asking for an effect
 BASES = 3  # single effects per troubled view that pairs are built on
+MOST_BASES = 5
 RIVAL = 0.25  # share of its view's best gain from which on a single effect is a base too
-FIT_PAIRS = 5  # second effects per base that are fitted in full, by what one step promises
+FIT_SINGLES = 8  # effects per troubled view that are fitted, by what one step promises
+FIT_PAIRS = 4  # second effects per base that are fitted in full, by what one step promises
 NEGLIGIBLE = 0.01  # share of a view's misfit that may stay without asking for a second effect
-FEW = 2  # parameters of a form that a quick fit does justice to
+RETRIED = 3  # of them, those that are tried under a tighter lead too
+PAIRS_REFINED = 3
+ROUGH = 1.03  # RMS over the floor from which on a fit of friction may have stuck
 REFINED = 4  # leading trials, of each troubled view and among pairs, that are fitted to the end
 
 
@@ -81,7 +85,8 @@ def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
         found.pairs += [p for t in found.singles if t.choice.keys == (key,) for p in _seconds(bench, catalogue, found, t)]
     _score(found)
     found.pairs = _distinct(found.pairs)
-    _refine(bench, found, found.pairs[:REFINED])
+    _refine(bench, found, found.pairs[:PAIRS_REFINED])
+    _resingle(bench, found)
     return found
 
 
@@ -96,12 +101,22 @@ def _distinct(pairs: Iterable[Trial]) -> list[Trial]:
 def _renull(bench: Bench, found: Search) -> None:
     """Tolerance alone once more from where the best hypotheses have left it: a fit that had stuck must not count for them."""
     _score(found)
-    for view in sorted(found.troubled):
+    for view in found.null:
         for trial in [t for t in found.singles if view in t.outcome.views][:2]:
             again = bench.fit(Choice(), (view,), start_values=trial.outcome.values)
             if again.objective < found.null[view].objective:
                 found.null[view] = again
     found.troubled = _troubled(found)
+    _score(found)
+
+
+def _resingle(bench: Bench, found: Search) -> None:
+    """The members of the leading pairs once more, alone, from where the pair has left the tolerance, for the same reason."""
+    for pair in found.pairs[:2]:
+        for trial in [t for t in found.singles if t.choice.keys[0] in pair.choice.keys]:
+            again = bench.fit(trial.choice, trial.outcome.views, start_values=pair.outcome.values, base=trial.outcome, careful=True)
+            if again.objective < trial.outcome.objective:
+                trial.outcome = again
     _score(found)
 
 
@@ -119,7 +134,11 @@ def _singles(bench: Bench, catalogue: Mapping[str, Effect], found: Search) -> li
     """Every effect that touches a troubled view, fitted in full on all views that it touches."""
     if not found.troubled:
         return []
-    return _fitted(bench, _candidates(bench, catalogue, found, None))
+    candidates = list(_candidates(bench, catalogue, found, None))
+    for c in candidates:
+        if not c.choice.settings:  # another law has no small step
+            c.promise = bench.predict(c.choice, c.views, c.starts, c.known)
+    return _fitted(bench, _promising(candidates, found.troubled))
 
 
 def _bases(found: Search) -> list[Trial]:
@@ -129,7 +148,7 @@ def _bases(found: Search) -> list[Trial]:
         mine = [t for t in found.singles if view in t.outcome.views and t.gain > QUIET]
         near = [t for t in mine if t.gain > RIVAL * mine[0].gain][:BASES] if mine else []
         bases += [t for t in near if t not in bases]
-    return sorted(bases, key=lambda t: -t.gain)
+    return sorted(bases, key=lambda t: -t.gain)[:MOST_BASES]
 
 
 def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base: Trial) -> list[Trial]:
@@ -161,14 +180,22 @@ def choice_values(outcome: Outcome | None) -> dict[str, float]:
 
 def _refine(bench: Bench, found: Search, trials: list[Trial]) -> None:
     """Leading trials fitted to the end, and with the other forms of their effects."""
-    for trial in trials:
+    for rank, trial in enumerate(trials):
         o = trial.outcome
         again = bench.fit(trial.choice, o.views, start_values=o.values, base=o, careful=True)
         if again.objective < o.objective:
             trial.outcome = again
+        if rank < RETRIED and any(_rough(trial.outcome, v) for v in o.views if v.startswith("friction")):
+            again = bench.fit_by_tighter_lead(trial.choice, o.views, trial.outcome.values, trial.outcome)
+            if again.objective < trial.outcome.objective:
+                trial.outcome = again
         for i in range(len(trial.choice.effects)):
             _reform(bench, found, trial, i)
     _score(found)
+
+
+def _rough(outcome: Outcome, view: str) -> bool:
+    return outcome.rms(view) > ROUGH * outcome.floor.get(view, 1.0)
 
 
 def _reform(bench: Bench, found: Search, trial: Trial, i: int) -> None:
@@ -180,7 +207,7 @@ def _reform(bench: Bench, found: Search, trial: Trial, i: int) -> None:
             continue
         choice = Choice(tuple((effect, form) if j == i else pair for j, pair in enumerate(trial.choice.effects)))
         views = tuple(v for v in bench.views if v in set(bench.touched_by(form)) | set(trial.outcome.views))
-        for starts in _starts(form.parameters):
+        for starts in _starts(form.parameters) or [{}]:
             known = {k: v for k, v in trial.outcome.values.items() if k not in held.settings and k not in form.settings}
             outcome = bench.fit(choice, views, starts, known | {k: v for k, v in starts.items() if k not in known}, trial.outcome)
             if outcome.evidence(found.lengths) < trial.outcome.evidence(found.lengths):
@@ -241,16 +268,12 @@ def _candidates(
                 continue
             choice = plain.plus(effect, form)
             views = tuple(v for v in bench.views if v in touched or (before is not None and v in before.views))
-            for starts in _starts(form.parameters):
-                yield _Candidate(choice, views, starts, _start_values(bench, choice, form, before, known), before)
-
-
-def _start_values(bench: Bench, choice: Choice, form: Form, before: Outcome | None, known: Mapping[str, float]) -> dict[str, float]:
-    """Where a fit starts: at the base's values, else at the nominal plant, for tolerance alone may have stuck in explaining the effect."""
-    own = {p.name for p in form.parameters}
-    values = dict(before.values) if before is not None else {}
-    values |= {name: known[name] for name in known if name.startswith("valve_")}
-    return {name: value for name, value in values.items() if name not in own}
+            values = {**known, **(before.values if before is not None else {})}
+            own = {p.name for p in form.parameters if not p.relative}
+            yield _Candidate(choice, views, {}, {name: value for name, value in values.items() if name not in own}, before)
+            fresh = dict(before.values) if before is not None else {k: v for k, v in known.items() if k.startswith("valve_")}
+            for starts in _starts(form.parameters):  # from the nominal plant: tolerance alone may have stuck in explaining the effect
+                yield _Candidate(choice, views, starts, {name: value for name, value in fresh.items() if name not in own}, before)
 
 
 def _estimated(bench: Bench, form: Form, known: Mapping[str, float], troubled: set[str]) -> Form | None:
@@ -270,6 +293,16 @@ def _clash(base: Choice, form: Form) -> bool:
     return bool(taken & ({p.name for p in form.parameters} | set(form.settings)))
 
 
+def _promising(candidates: Sequence[_Candidate], troubled: set[str]) -> list[_Candidate]:
+    """The hypotheses that promise most in each troubled view."""
+    chosen: list[_Candidate] = []
+    for view in sorted(troubled):
+        ranked = sorted((c for c in candidates if view in c.views), key=lambda c: -c.promise)
+        keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:FIT_SINGLES]
+        chosen += [c for c in ranked if c.choice.keys in keys and c not in chosen]
+    return chosen
+
+
 def _chosen(candidates: Sequence[_Candidate], most: int) -> list[_Candidate]:
     """The most promising hypotheses, all forms and starts of each."""
     ranked = sorted(candidates, key=lambda c: -c.promise)
@@ -281,7 +314,7 @@ def _fitted(bench: Bench, candidates: Iterable[_Candidate]) -> list[Trial]:
     """Best fit per hypothesis over its forms and starts."""
     best: dict[tuple[str, ...], Trial] = {}
     for c in candidates:
-        outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base, careful=len(c.choice.effects[-1][1].parameters) > FEW)
+        outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base)
         held = best.get(c.choice.keys)
         if held is None or outcome.objective < held.outcome.objective:
             best[c.choice.keys] = Trial(c.choice, outcome)
@@ -290,6 +323,8 @@ def _fitted(bench: Bench, candidates: Iterable[_Candidate]) -> list[Trial]:
 
 def _starts(parameters: Iterable[Parameter]) -> list[dict[str, float]]:
     several = [p for p in parameters if p.starts]
+    if not several:
+        return []
     return [{p.name: p.starts[i] for p in several if i < len(p.starts)} for i in range(max((len(p.starts) for p in several), default=1))]
 
 
@@ -314,7 +349,7 @@ def advantage(found: Search, better: Outcome, worse: Outcome | None) -> float:
 
     A difference of -2 log likelihood of the size G that every stretch bears out has the spread 2 sqrt(G); one that comes from few
     stretches (a break-away that one of the two happens to miss) has a larger one and is worth the G that has the same ratio to its spread.
-    Occam factors are cut down with it; tolerance that need not be strained is not.
+    Occam factors are cut down with it; what tolerance need not be strained is not.
     """
     differences, relief, occam = [], 0.0, 0.0
     for view, nothing in found.null.items():
@@ -327,8 +362,7 @@ def advantage(found: Search, better: Outcome, worse: Outcome | None) -> float:
             relief += sign * (outcome.fit.penalty - sum(found.null[v].fit.penalty for v in outcome.views))
             occam += sign * (outcome.volume() - sum(found.null[v].volume() for v in outcome.views))
     total = np.concatenate(differences) if differences else np.zeros(0)
-    share = borne_out(total)
-    return share * (float(total.sum()) + occam) + (relief if relief > 0 else share * relief)
+    return borne_out(total) * (float(total.sum()) + occam) + relief
 
 
 def strength(differences: Array) -> float:

@@ -23,6 +23,9 @@ SENSOR_NEUTRAL = {
 }  # fmt: skip
 
 
+DWELL = 5  # samples over which a coarse converter's error stays the same, at least
+
+
 @dataclass(frozen=True, eq=False)
 class Table:
     """All logs one below the other; `spans[i]` are the first row and the row after the last of log i."""
@@ -69,7 +72,7 @@ def table_of(campaign: Campaign) -> Table:
     clamped = {axis: np.concatenate([run.setup.clamp_signal(axis, run.log.time) for run in campaign]) for axis in "xz"}
     steps = {name: converter_step(columns[name], SIGMA[name]) for name in SIGMA}
     quanta = {name: step for name, step in steps.items() if step > 0}
-    sigma = {name: float(np.hypot(SIGMA[name], steps[name] / np.sqrt(12))) for name in SIGMA}
+    sigma = {name: float(np.hypot(SIGMA[name], steps[name] * np.sqrt(DWELL / 12))) for name in SIGMA}
     return Table(
         tuple(campaign.logs), tuple(run.setup for run in campaign), np.array(spans, dtype=np.int64), columns, clamped, quanta, sigma
     )

@@ -163,7 +163,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Mass m(min = 1e-3, max = 1e4) = 2.25 "Moving mass (section 4.1.1)";
     parameter Real C(unit = "N.s/m", min = 0, max = 1e5) = 40 "Viscous friction (Table 3.13)";
     parameter Force F_w(min = -1000, max = 1000) = 5 "Cable force of the position transducer, always towards -axis; [A] size of its spring";
-    parameter Real cable_stiffness(unit = "N/m", min = -1e4, max = 1e4) = 0 "Growth of the cable force along the stroke, from mid-stroke; neutral 0";
+    parameter Ratio cable_growth(min = -2, max = 2) = 0 "Share by which the cable force grows over the stroke, about mid-stroke; neutral 0";
     parameter Position s_low(min = -10, max = 10) = 0 "Lower end stop";
     parameter Position s_high(min = -10, max = 10) = 1 "Upper end stop";
     parameter Position s_start(min = -10, max = 10) = 0 "Position at the start; the run starts at rest";
@@ -183,7 +183,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Force f_net;
     Boolean held "Pressed against a stop";
   equation
-    f_net = f_a - f_c - F_w - cable_stiffness*(s - 0.5*(s_low + s_high)) + f_couple;
+    f_net = f_a - f_c - F_w*(1 + cable_growth*((s - s_low)/(s_high - s_low) - 0.5)) + f_couple;
     friction.v = v;
     friction.s = s;
     friction.f_net = f_net;
