@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.catalogue import Effect, Form
-from diagnosis.fit import Coordinate, Fit, both, effect_coordinate, fit, objective, predict, tolerance_coordinate
+from diagnosis.fit import Coordinate, Fit, both, effect_coordinate, fit, predict, tolerance_coordinate
 from diagnosis.mechanics import MechanicsView, smoothed
 from diagnosis.signals import SENSOR_NEUTRAL, Table, table_of
 from diagnosis.views import ContactView, FrictionView, SensorView, SignalStore, TimingView, ValveView, View
@@ -131,6 +131,8 @@ class Outcome:
             return np.zeros(0)
         scale = max(self.floor.get(view, 1.0) ** 2, self.squares[view] / n)
         share = np.minimum(BLOCK, n - BLOCK * np.arange(len(blocks)))
+        if view in LEAST_LENGTH:  # below the floor of such a view a smaller misfit says nothing
+            blocks = np.maximum(blocks, share * self.floor.get(view, 1.0) ** 2)
         return np.asarray((share * math.log(scale) + blocks / scale) / length)
 
     @property
@@ -370,19 +372,15 @@ class Bench:
         start_values: Mapping[str, float],
         base: Outcome | None = None,
     ) -> float:
-        """What one step from `start_values` towards the hypothesis promises."""
+        """Objective that one step from `start_values` towards the hypothesis promises."""
         coordinates = self.coordinates(choice, views, starts)
         theta = np.array(
             [c.theta(start_values[c.name]) if c.name in start_values else (c.start if choice.settings else 0.0) for c in coordinates]
         )
         columns = {**self.columns, **(base.fit.columns if base else {})}  # good enough for a promise even where the friction law changes
-        promised = predict(
+        return predict(
             _Problem(self, tuple(views), choice.settings), coordinates, theta, {k: v for k, v in columns.items() if k[0] in views}
         )
-        plain = base.choice if base else Choice()
-        before = self.coordinates(plain, views)
-        at = np.array([c.theta(start_values[c.name]) if c.name in start_values else c.start for c in before])
-        return objective(_Problem(self, tuple(views), plain.settings), before, at) - promised
 
     def _stale(self, choice: Choice, views: Sequence[str], base: Outcome | None) -> dict[tuple[str, str], Array] | None:
         """Tolerance columns of the nominal fit, for the views whose law the hypothesis leaves as it is."""

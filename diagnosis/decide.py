@@ -20,12 +20,12 @@ class Weights:
     """How evidence becomes probability."""
 
     temperature: float = 0.5  # evidence is optimistic: functional forms differ from the rig's
-    single_cost: float = 8.0  # evidence that an effect must bring
-    pair_cost: float = 16.0  # and a second one besides
-    unknown_share: float = 0.10  # share of a block's misfit left unexplained at which "unknown" is as likely as not
+    single_cost: float = 10.0  # evidence that an effect must bring
+    pair_cost: float = 24.0  # and a second one besides
+    unknown_share: float = 0.20  # share of a block's misfit left unexplained at which "unknown" is as likely as not
     unknown_slope: float = 3.0
-    unknown_least: float = 30.0  # evidence of that misfit, below which nothing is made of it
-    unknown_excess: float = 0.5  # and mean square beyond the floor
+    unknown_least: float = 10.0  # evidence of that misfit, below which nothing is made of it
+    unknown_excess: float = 1.0  # and mean square beyond the floor
     cap: float = 0.99
 
     def unknown(self, share: float, excess: float) -> float:
@@ -86,7 +86,7 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
         "unknown"
         if unknown > 0.5
         else "none"
-        if best is None and not seen
+        if best is None and not seen and ranked[0].probability > 0.5
         else "identified"
         if ranked[0].probability > 0.6
         else "ambiguous"
@@ -95,17 +95,23 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
 
 
 def _contest(found: Search, weights: Weights) -> list[tuple[Trial | None, float]]:
-    """Hypotheses (None: nothing beyond tolerance), each with what its strongest opponent has over it, 0 if none has."""
+    """Hypotheses (None: nothing beyond tolerance), each with what its strongest opponent has over it, 0 if none has.
+
+    Evidence that is cut is not additive: two hypotheses are compared by the mean of what one has over the other directly, and of what
+    each has over tolerance alone.
+    """
     by_gain = sorted([*found.singles, *found.pairs], key=lambda t: -t.gain)[:CONTESTANTS]
     by_standing = sorted(found.singles, key=lambda t: -advantage(found, t.outcome, None))[: CONTESTANTS // 2]
     field: list[Trial | None] = [None, *by_gain, *(t for t in by_standing if t not in by_gain)]
+    standing = [advantage(found, t.outcome, None) if t is not None else 0.0 for t in field]
     losses = [0.0] * len(field)
     for i, a in enumerate(field):
         for j, b in enumerate(field[:i]):
             if a is None:
                 continue
             cost = weights.cost(len(a.choice.keys)) - weights.cost(len(b.choice.keys) if b is not None else 0)
-            ahead = advantage(found, a.outcome, b.outcome if b is not None else None) - cost
+            direct = advantage(found, a.outcome, b.outcome) if b is not None else standing[i]
+            ahead = 0.5 * (direct + standing[i] - standing[j]) - cost
             losses[i], losses[j] = max(losses[i], -ahead), max(losses[j], ahead)
     return [(t, losses[i]) for i, t in enumerate(field)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,20 +12,22 @@ import numpy as np
 from diagnosis.bench import Bench, Choice, Outcome
 from diagnosis.catalogue import Effect
 from diagnosis.confirm import Augmented, GapResult, closed_loop, replay_gap
+from diagnosis.converter import converter_step
 from diagnosis.decide import Decision, Hypothesis, contributions, decide
 from diagnosis.excitation import not_excited
 from diagnosis.next_experiment import next_experiment
 from diagnosis.regimes import regime_of
 from diagnosis.search import Search, search
 from pyfmi_runner.campaign import Campaign, LoggedRun
-from pyfmi_runner.errors import RunError
+from pyfmi_runner.errors import InputError, RunError
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import COLUMNS, log_warnings
+from pyfmi_runner.log import COLUMNS, SIGMA, log_warnings
 from pyfmi_runner.replay import Replayer
 
-__all__ = ["Diagnosis", "diagnose", "report_json", "split_campaign"]
+__all__ = ["Diagnosis", "diagnose", "report_json", "sound_logs", "split_campaign"]
 
 HELD_OUT = "contour_straight"  # the log that no fit sees, where the campaign has it; else its last log
+FAULTS = ("swapped", "reversed", "clipped", "throughout")  # words of `log_warnings` that tell of a fault of the record
 VIEW_BLOCKS = {
     "friction_x": ("friction_x",), "friction_z": ("friction_z",), "contact": ("contact",), "valve_x": ("valve_x",),
     "valve_z": ("valve_z",), "sensors": ("sensors",), "timing": ("timing",),
@@ -57,6 +59,8 @@ def diagnose(campaign: Campaign, gantry: FmuFile, catalogue: Mapping[str, Effect
     say = say or (lambda text: None)
     started = time.perf_counter()
     notes = list(campaign.notes) + [f"{name}: {text}" for name, run in campaign.logs.items() for text in log_warnings(run.log)]
+    campaign, left_out = sound_logs(campaign)
+    notes += left_out
     fitted, held = split_campaign(campaign)
     if held is None:
         notes.append("one log only: nothing is held out, so the gap before and after is on the fitted log itself")
@@ -94,6 +98,34 @@ def _next(campaign: Campaign, gantry: FmuFile, found: Search, decision: Decision
         return None
     first, second = ({**plain, **(h.trial.outcome.values if h.trial is not None else {})} for h in pair)
     return next_experiment(campaign, gantry, first, second, [h.keys for h in pair])
+
+
+def sound_logs(campaign: Campaign) -> tuple[Campaign, list[str]]:
+    """The campaign without logs whose channels are stuck, clipped, swapped or reversed, and what was left out and why.
+
+    Such a log would be explained by some effect, and wrongly. Raises InputError where no log is left.
+    """
+    kept: dict[str, LoggedRun] = {}
+    notes = []
+    for name, run in campaign.logs.items():
+        faults = [text for text in log_warnings(run.log) if _is_fault(run, text)]
+        if faults:
+            notes.append(f"{name} left out of the diagnosis: {faults[0]}")
+        else:
+            kept[name] = run
+    if not kept:
+        raise InputError(f"no log can be diagnosed ({notes[0]})", file=campaign.path, mend="mend its channels or columns")
+    return replace(campaign, logs=kept), notes
+
+
+def _is_fault(run: LoggedRun, text: str) -> bool:
+    """Whether a warning tells of a fault of the record, not of what an effect may do to a sensor."""
+    channel = text.split()[0]
+    if "coarse converter" in text:
+        return converter_step(run.log[channel], SIGMA[channel]) == 0.0
+    if "f_x and f_z swapped" in text:
+        return run.setup.workpiece != "none"  # without a workpiece it is an offset
+    return any(word in text for word in FAULTS)
 
 
 def split_campaign(campaign: Campaign) -> tuple[Campaign, LoggedRun | None]:

@@ -73,7 +73,7 @@ def effect_coordinate(p: Parameter, nominal: float | None, start: float | None =
     low, high = (p.low * neutral, p.high * neutral) if p.relative else (p.low, p.high)
     made = Coordinate(p.name, neutral, scale, logarithmic, 2.0, low, high)
     at_bound = not logarithmic and neutral in (p.low, p.high)
-    theta = made.theta(start) if start is not None else (0.3 if at_bound else 0.0)
+    theta = made.theta(start * neutral if p.relative else start) if start is not None else (0.3 if at_bound else 0.0)
     return Coordinate(p.name, neutral, scale, logarithmic, 2.0, low, high, start=theta, effect=True)
 
 

@@ -39,6 +39,7 @@ class Trial:
     choice: Choice
     outcome: Outcome
     gain: float = 0.0
+    apart: bool = False  # a pair in views of its own each: its members' fits are its fit
 
 
 @dataclass
@@ -136,8 +137,8 @@ def _singles(bench: Bench, catalogue: Mapping[str, Effect], found: Search) -> li
         return []
     candidates = list(_candidates(bench, catalogue, found, None))
     for c in candidates:
-        if not c.choice.settings:  # another law has no small step
-            c.promise = bench.predict(c.choice, c.views, c.starts, c.known)
+        if not c.choice.settings and not c.starts:  # another law has no small step, and a start far off no telling one
+            c.promise = _promise(bench, found, c)
     return _fitted(bench, _promising(candidates, found.troubled))
 
 
@@ -158,7 +159,7 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     if not left:
         return []
     apart = [
-        Trial(Choice((*base.choice.effects, *t.choice.effects)), joined(base.outcome, t.outcome))
+        Trial(Choice((*base.choice.effects, *t.choice.effects)), joined(base.outcome, t.outcome), apart=True)
         for t in found.singles
         if not mine & set(t.outcome.views) and left & set(t.outcome.views) and t.gain > QUIET
     ]
@@ -166,7 +167,7 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     rest = {key: effect for key, effect in catalogue.items() if key not in beside}
     candidates = [c for c in _candidates(bench, rest, found, base, left) if mine & set(bench.touched_by(c.choice.effects[-1][1]))]
     for c in candidates:
-        c.promise = bench.predict(c.choice, c.views, c.starts, c.known, base.outcome)
+        c.promise = _promise(bench, found, c)
     return apart + _fitted(bench, _chosen(candidates, FIT_PAIRS))
 
 
@@ -181,6 +182,8 @@ def choice_values(outcome: Outcome | None) -> dict[str, float]:
 def _refine(bench: Bench, found: Search, trials: list[Trial]) -> None:
     """Leading trials fitted to the end, and with the other forms of their effects."""
     for rank, trial in enumerate(trials):
+        if trial.apart:
+            continue
         o = trial.outcome
         again = bench.fit(trial.choice, o.views, start_values=o.values, base=o, careful=True)
         if again.objective < o.objective:
@@ -293,13 +296,21 @@ def _clash(base: Choice, form: Form) -> bool:
     return bool(taken & ({p.name for p in form.parameters} | set(form.settings)))
 
 
+def _promise(bench: Bench, found: Search, c: _Candidate) -> float:
+    """Fall of the objective below that of the base, or of tolerance alone, that one step from where the candidate starts promises."""
+    held = c.base.views if c.base is not None else ()
+    alone = (found.null[v].objective for v in c.views if v not in held)
+    return sum(alone) + (c.base.objective if c.base is not None else 0.0) - bench.predict(c.choice, c.views, c.starts, c.known, c.base)
+
+
 def _promising(candidates: Sequence[_Candidate], troubled: set[str]) -> list[_Candidate]:
     """The hypotheses that promise most in each troubled view."""
     chosen: list[_Candidate] = []
     for view in sorted(troubled):
-        ranked = sorted((c for c in candidates if view in c.views), key=lambda c: -c.promise)
+        mine = [c for c in candidates if view in c.views]
+        ranked = sorted((c for c in mine if c.promise < math.inf), key=lambda c: -c.promise)
         keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:FIT_SINGLES]
-        chosen += [c for c in ranked if c.choice.keys in keys and c not in chosen]
+        chosen += [c for c in mine if (c.choice.keys in keys or c.promise == math.inf) and c not in chosen]
     return chosen
 
 
@@ -349,20 +360,23 @@ def advantage(found: Search, better: Outcome, worse: Outcome | None) -> float:
 
     A difference of -2 log likelihood of the size G that every stretch bears out has the spread 2 sqrt(G); one that comes from few
     stretches (a break-away that one of the two happens to miss) has a larger one and is worth the G that has the same ratio to its spread.
-    Occam factors are cut down with it; what tolerance need not be strained is not.
+    Each view's evidence is cut by itself.
+    Occam factors are cut down with it. What tolerance is strained less is not, unless the likelihood says the contrary: a fit strains
+    tolerance for a likelihood that is not cut.
     """
-    differences, relief, occam = [], 0.0, 0.0
+    whole, cut, relief, occam = 0.0, 0.0, 0.0, 0.0
     for view, nothing in found.null.items():
         a = better if view in better.views else nothing
         b = worse if worse is not None and view in worse.views else nothing
         if a is not b:
-            differences.append(b.surprise(view, found.lengths[view]) - a.surprise(view, found.lengths[view]))
+            difference = b.surprise(view, found.lengths[view]) - a.surprise(view, found.lengths[view])
+            whole, cut = whole + float(difference.sum()), cut + strength(difference)
     for outcome, sign in ((better, -1.0), (worse, 1.0)):
         if outcome is not None:
             relief += sign * (outcome.fit.penalty - sum(found.null[v].fit.penalty for v in outcome.views))
             occam += sign * (outcome.volume() - sum(found.null[v].volume() for v in outcome.views))
-    total = np.concatenate(differences) if differences else np.zeros(0)
-    return borne_out(total) * (float(total.sum()) + occam) + relief
+    share = min(max(cut / whole, 0.0), 1.0) if abs(whole) > 1e-9 else 1.0
+    return cut + share * occam + (relief if cut * relief >= 0 else share * relief)
 
 
 def strength(differences: Array) -> float:

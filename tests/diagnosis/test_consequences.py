@@ -1,0 +1,88 @@
+"""What follows from a diagnosis: the augmented plant for other tools, the next experiment, a loop's delay by trying."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.augmented import augmented_model, outside_the_plant, write_augmented
+from diagnosis.bench import Bench
+from diagnosis.delays import estimate_delays
+from diagnosis.next_experiment import candidates, next_experiment
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.campaign import Campaign, LoggedRun, scenario_setup
+from pyfmi_runner.fmu import FmuFile, FmuSession
+from pyfmi_runner.run import run_scenario
+from pyfmi_runner.scenario import Scenario, scenario_from
+from pyfmi_runner.timing import LoopTiming
+
+FITTED = {
+    "axis_z.friction.law": 3.0, "axis_z.friction.beta": 14.2, "axis_z.friction.sigma": 9e4, "axis_x.m": 7.41, "valve_x.play_centred": 1.0,
+    "axis_x.friction.position_table[3]": 0.2, "coupling": 0.5, "sensors.bias_f_x": 2.0, "timing.delay": 0.004, "valve_z.K": 100.0,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def gantry() -> FmuFile:
+    return FmuFile.read(build_fmu().path)
+
+
+@pytest.fixture(scope="module")
+def late(gantry: FmuFile) -> Campaign:
+    """One closed-loop log whose commands act 7 ms late."""
+    scenario = Scenario(name="contour_curved", timing=LoopTiming(delay=0.007), seed=5)
+    setup = scenario_setup(Scenario(name="contour_curved"))
+    return Campaign("late", Path("late"), {"contour_curved": LoggedRun(setup, run_scenario(scenario, gantry).log)})
+
+
+def test_the_augmented_plant_compiles_to_the_fitted_one(gantry: FmuFile, tmp_path: Path) -> None:
+    model, fmu = write_augmented(tmp_path, gantry, FITTED, ["presliding/z: probability 0.98"])
+    text = model.read_text()
+    assert "extends PneuGantry.Gantry(" in text
+    assert "// presliding/z: probability 0.98" in text
+    assert "valve_z" not in text  # at its nominal value
+    built = FmuFile.read(fmu)
+    plant = {name: value for name, value in FITTED.items() if not name.startswith(("sensors.", "timing."))}
+    assert {name: built.variables[name].start for name in plant} == plant
+    with FmuSession(built) as ours, FmuSession(gantry, parameters=plant) as set_by_hand:
+        for session in (ours, set_by_hand):
+            session.set({"u_x": 1.2, "u_z": 1.6})
+            for k in range(300):
+                session.step(1e-3, time=k * 1e-3)
+        np.testing.assert_array_equal(ours.get(["x", "z", "f_az"]), set_by_hand.get(["x", "z", "f_az"]))
+
+
+def test_what_is_no_part_of_a_plant_is_said_in_comments(gantry: FmuFile) -> None:
+    assert outside_the_plant(FITTED) == ["sensor: bias_f_x = 2", "controller: loop delay of 4 ms"]
+    assert "// sensor: bias_f_x = 2" in augmented_model(gantry, FITTED)
+
+
+def test_the_next_experiment_tells_two_plants_apart_and_can_be_run(gantry: FmuFile, late: Campaign) -> None:
+    found = next_experiment(late, gantry, {"contact.mu": 0.05}, {"axis_x.friction.load": 0.05}, [["bearing_drag"], ["friction_load/x"]])
+    assert found is not None
+    assert found["separates"] == [["bearing_drag"], ["friction_load/x"]]
+    assert found["separation"] > 1.2
+    assert json.dumps(found)
+    scenario = scenario_from(tomllib.loads(found["scenario"]))
+    assert run_scenario(scenario, gantry).outcome == "done"
+
+
+def test_no_experiment_tells_a_plant_from_itself(gantry: FmuFile, late: Campaign) -> None:
+    assert next_experiment(late, gantry, {}, {}, [[], []]) is None
+    assert len(list(candidates(late))) > 10
+
+
+def test_a_loops_delay_is_found_by_trying(gantry: FmuFile, late: Campaign) -> None:
+    with Bench(late, gantry) as bench:
+        form = estimate_delays(bench)
+        assert form is not None
+        (delay,) = form.parameters
+        total = delay.starts[0] + form.settings["timing.sense_delay"]
+        assert total == pytest.approx(0.007)
+        settled = bench.white(bench.all["timing"], {"timing.delay": delay.starts[0], **form.settings})
+        untouched = bench.white(bench.all["timing"], {})
+    assert np.sqrt(np.mean(settled**2)) < 0.05 * np.sqrt(np.mean(untouched**2))

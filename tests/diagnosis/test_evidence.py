@@ -1,0 +1,95 @@
+"""Evidence counted by the stretches that bear it out, and the contest it decides."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from diagnosis.bench import BLOCK, Choice, Outcome
+from diagnosis.catalogue import read_catalogue
+from diagnosis.decide import Weights, decide
+from diagnosis.fit import Fit
+from diagnosis.search import Search, Trial, advantage, borne_out, strength
+
+Array = NDArray[np.float64]
+CATALOGUE = read_catalogue()
+VIEW = "valve_z"
+STRETCHES = 100
+
+
+def outcome(blocks: Array, *keys: str) -> Outcome:
+    fit = Fit((), np.zeros(0), np.zeros((0, 0)), float(blocks.sum()), {})
+    choice = Choice(tuple((CATALOGUE[key], CATALOGUE[key].forms[0]) for key in keys))
+    count = BLOCK * len(blocks)
+    return Outcome(choice, fit, {VIEW: float(blocks.sum())}, {VIEW: count}, {VIEW: 1.0}, (VIEW,), {VIEW: 1.0}, {VIEW: blocks})
+
+
+def searched(null: Array, *trials: tuple[Array, tuple[str, ...]]) -> Search:
+    found = Search({VIEW: outcome(null)}, {VIEW}, lengths={VIEW: 1.0})
+    for blocks, keys in trials:
+        o = outcome(blocks, *keys)
+        gain = found.null[VIEW].evidence(found.lengths) - o.evidence(found.lengths)
+        (found.singles if len(keys) == 1 else found.pairs).append(Trial(o.choice, o, gain))
+    return found
+
+
+def noise(seed: int, size: float = 1.0) -> Array:
+    return size * np.random.default_rng(seed).chisquare(BLOCK, STRETCHES)
+
+
+def test_evidence_that_every_stretch_bears_out_stands_whole() -> None:
+    assert borne_out(np.full(50, 3.0)) == 1.0
+    assert strength(np.full(50, 3.0)) == pytest.approx(150.0)
+
+
+def test_evidence_of_one_stretch_is_worth_four() -> None:
+    one = np.zeros(50)
+    one[7] = 4000.0
+    assert strength(one) == pytest.approx(4.0)
+
+
+def test_evidence_of_noise_keeps_its_size() -> None:
+    """Under the truth a difference G of -2 log likelihood has the spread 2 sqrt(G): nothing is cut."""
+    generator = np.random.default_rng(1)
+    shift = 0.3  # a mean that one hypothesis knows, in each of 4,000 stretches
+    x = generator.standard_normal(4000) + shift
+    difference = x**2 - (x - shift) ** 2
+    assert strength(difference) == pytest.approx(difference.sum(), rel=0.1)
+
+
+def test_advantage_changes_its_sign_with_the_sides() -> None:
+    found = searched(noise(1, 1.5), (noise(2), ("valve_lag/z",)), (noise(3, 1.2), ("valve_delay/z",)))
+    a, b = (t.outcome for t in found.singles)
+    assert advantage(found, a, b) == pytest.approx(-advantage(found, b, a))
+    assert advantage(found, a, None) > advantage(found, b, None) > 0
+
+
+def test_an_effect_that_explains_all_is_identified_and_one_that_explains_nothing_is_not() -> None:
+    found = searched(noise(1, 2.0), (noise(2), ("valve_lag/z",)), (noise(1, 1.99), ("valve_delay/z",)))
+    decision = decide(found)
+    assert decision.verdict == "identified"
+    assert decision.hypotheses[0].keys == ("valve_lag/z",)
+    assert decision.hypotheses[0].probability > 0.9
+    assert decision.answer_set == [["valve_lag/z"]]
+
+
+def test_two_effects_that_explain_alike_share_the_answer() -> None:
+    null = noise(1, 2.0)
+    decision = decide(searched(null, (noise(2), ("valve_lag/z",)), (noise(2), ("valve_delay/z",))))
+    assert decision.verdict == "ambiguous"
+    assert sorted(decision.answer_set) == [["valve_delay/z"], ["valve_lag/z"]]
+
+
+def test_what_no_effect_explains_is_unknown() -> None:
+    decision = decide(searched(noise(1, 4.0), (noise(1, 3.9), ("valve_lag/z",))))
+    assert decision.verdict == "unknown"
+    assert decision.unknown_view == VIEW
+
+
+def test_a_second_effect_must_pay_its_cost() -> None:
+    single = noise(2)
+    pair = single - np.full(STRETCHES, 0.02)
+    decision = decide(searched(noise(1, 2.0), (single, ("valve_lag/z",)), (pair, ("valve_lag/z", "valve_delay/z"))))
+    assert decision.hypotheses[0].keys == ("valve_lag/z",)
+    assert Weights().cost(2) > Weights().cost(1) > Weights().cost(0) == 0.0
