@@ -111,7 +111,8 @@ class BlockFmu:
             self._component, self._addresses, references(inputs), np.ascontiguousarray(values, dtype=np.float64),
             references(flags), np.ascontiguousarray(flag_values).astype(np.int32), references(outputs), PERIOD, result,
             np.ascontiguousarray(guide.position), np.ascontiguousarray(guide.speed),
-            np.ascontiguousarray(guide.per_position, dtype=np.float64), np.asarray(guide.per_speed, dtype=np.float64), np.asarray(guide.keep, dtype=np.float64),
+            np.ascontiguousarray(guide.per_position, dtype=np.float64), np.asarray(guide.per_speed, dtype=np.float64),
+            np.asarray(guide.keep, dtype=np.float64),
         )  # fmt: skip
         message = self.session.stepped_natively(0.0, status)
         if message:
