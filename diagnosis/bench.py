@@ -37,6 +37,7 @@ TIGHTER = 0.5  # share of the time in which a carriage is led back, for a first 
 LOOSE = 0.2  # s in which the mechanics are led back to the measured ones, at first
 GOOD_VALVE = 1.03  # RMS of a valve view whose output is taken for the force itself
 KEPT = 400  # residual vectors
+COARSE_TIMING = 30.0  # on the floor of timing, where a coarse reading's rounding in the log stays the same for long, and is integrated
 FOLD = 5  # samples averaged to one: what hypotheses differ in is slower
 BLOCK = 100  # folded samples, half a second of one channel: a stretch that counts as one piece of evidence
 CLASSES = {"valve": "PneuGantry.Valve", "friction": "PneuGantry.Cylinder", "contact": "PneuGantry.Edge"}
@@ -185,6 +186,8 @@ class Bench:
         self.friction: dict[str, FrictionView] = {}
         self.evaluations = 0
         self.floor = dict(FLOOR)
+        if self.table.quanta:
+            self.floor["timing"] *= COARSE_TIMING
         self.columns: dict[tuple[str, str], Array] = {}  # Jacobian of tolerance about the nominal fit
         self._kept: OrderedDict[tuple[Any, ...], Array] = OrderedDict()
 
