@@ -174,8 +174,12 @@ def _folded(residual: Array) -> Array:
 class Bench:
     """Views of one campaign on the block FMUs; used in a `with`."""
 
-    def __init__(self, campaign: Campaign, gantry: FmuFile, model: Path | None = None, out: Path | None = None) -> None:
-        self.campaign = campaign
+    def __init__(
+        self, campaign: Campaign, gantry: FmuFile, model: Path | None = None, out: Path | None = None,
+        tolerance: float = TOLERANCE, whitened: bool = True,
+    ) -> None:  # fmt: skip
+        """`tolerance`: RMS share by which a rig's parameters are off. `whitened`: False takes residuals as they come."""
+        self.campaign, self._tolerance, self._whitened = campaign, tolerance, whitened
         self.nominal = nominal_values(gantry)
         self.gantry = gantry
         self._files = {name: FmuFile.read(build_fmu(cls, model, out=out).path) for name, cls in CLASSES.items()}
@@ -309,14 +313,15 @@ class Bench:
             return np.concatenate([robust_segments(log).T.ravel() for log in logs]) if logs else np.zeros(0)
         if isinstance(view, ContactView):
             parts = [
-                innovations(np.ascontiguousarray(raw[slice(*self.table.spans[i]), column]), *SMOOTHING)
-                for i in view.logs
-                for column in range(2)
+                self._innovations(np.ascontiguousarray(raw[slice(*self.table.spans[i]), column])) for i in view.logs for column in range(2)
             ]
             return np.concatenate(parts) if parts else np.zeros(0)
         if isinstance(view, TimingView):
             return np.asarray(np.nan_to_num(raw[view.judged]) / 0.7)  # the log's own rounding makes 0.7 of its unit
         return np.asarray(raw[np.isfinite(raw)])
+
+    def _innovations(self, residual: Array) -> Array:
+        return innovations(residual, *SMOOTHING) if self._whitened else residual
 
     def neutral(self, name: str) -> float | None:
         """Value of a parameter in the nominal model."""
@@ -330,11 +335,14 @@ class Bench:
         """Views that depend on a form."""
         return self.touched([*(p.name for p in form.parameters), *form.settings])
 
+    def _spread(self, name: str) -> float:
+        return TIGHT.get(name.rsplit(".", 1)[-1], TOLERANCE) * self._tolerance / TOLERANCE
+
     def coordinates(self, choice: Choice, views: Sequence[str], starts: Mapping[str, float] | None = None) -> list[Coordinate]:
         """Tolerance of the views' blocks, less what the effects free, and the effects' parameters."""
         free = choice.parameter_names
         names = dict.fromkeys(name for view in views for name in self.all[view].tolerance if name not in free)
-        result = [tolerance_coordinate(name, self.nominal[name], TIGHT.get(name.rsplit(".", 1)[-1], TOLERANCE)) for name in names]
+        result = [tolerance_coordinate(name, self.nominal[name], self._spread(name)) for name in names]
         for _, form in choice.effects:
             result += [effect_coordinate(p, self.nominal.get(p.name), (starts or {}).get(p.name)) for p in form.parameters]
         return result
@@ -399,6 +407,7 @@ class Bench:
         for view in views:
             r = self.white(self.all[view], values)
             squares[view], counts[view] = float(r @ r), len(r)
-            lengths[view] = max(correlation_length(r) if len(r) > 10 else 1.0, LEAST_LENGTH.get(view, 1.0))
+            length = max(correlation_length(r) if len(r) > 10 else 1.0, LEAST_LENGTH.get(view, 1.0))
+            lengths[view] = length if self._whitened else 1.0
             blocks[view] = np.add.reduceat(r**2, np.arange(0, len(r), BLOCK)) if len(r) else np.zeros(0)
         return Outcome(choice, fitted, squares, counts, lengths, views, dict(self.floor), blocks)

@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-NOTEBOOKS = [Path(__file__).parents[2] / "notebooks" / f"{name}.ipynb" for name in ("root_locus", "lag", "identification")]
+NOTEBOOKS = [
+    Path(__file__).parents[2] / "notebooks" / f"{name}.ipynb"
+    for name in ("root_locus", "lag", "identification", "tracking", "own_controller_and_effect", "diagnosis")
+]
 
 
 def cells(path: Path) -> list[dict]:

@@ -1,0 +1,112 @@
+"""What each part of the diagnosis earns: the same cases with one part taken out, and an oracle that knows the effects.
+
+`python -m studies.ablations FOLDER [--cases N] [--seed S] [--workers N] [--json FILE]`: draws N cases of the truth plant with one effect,
+searches each of them whole and without a part, and prints how often the right cause leads. The oracle fits the true effects alone: its
+shrink on the held-out log is the best that the catalogue's forms reach. There is no "without held-out evidence": evidence is the fitted
+logs' own, cut to what their stretches bear out; the part that guards against chance is that cut, and it is the one taken out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+import diagnosis.search as searching
+from diagnosis.bench import TOLERANCE, Bench, Choice
+from diagnosis.catalogue import read_catalogue
+from diagnosis.confirm import Augmented, replay_gap
+from diagnosis.decide import decide
+from diagnosis.diagnose import split_campaign
+from diagnosis.search import search
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.campaign import read_campaign
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.replay import Replayer
+from studies.truth.campaign import write
+from studies.truth.case import draw_case
+
+__all__ = ["VARIANTS", "judge", "table"]
+
+NO_TOLERANCE = 1e-4  # share; the fit of tolerance needs a scale
+VARIANTS = ("whole", "without tolerance", "without whitening", "without the cut of evidence")
+
+
+def judge(folder: Path, seed: int) -> dict[str, Any]:
+    """Whether the right cause leads in each variant, its probability, and the shrink of the whole diagnosis and of the oracle."""
+    campaign, label = draw_case(seed, "one")
+    write(folder / str(seed), campaign)
+    logs = read_campaign(folder / str(seed))
+    fitted, held = split_campaign(logs)
+    cause = label["causes"][0]
+    truth = f"{cause['effect']}/{cause['axis']}" if cause["axis"] else cause["effect"]
+    gantry, catalogue = FmuFile.read(build_fmu().path), read_catalogue()
+    result: dict[str, Any] = {"seed": seed, "truth": truth}
+    for variant in VARIANTS:
+        tolerance = NO_TOLERANCE if variant == "without tolerance" else TOLERANCE
+        with Bench(fitted, gantry, tolerance=tolerance, whitened=variant != "without whitening") as bench:
+            found = search(bench, catalogue)
+            seen = ("quantisation",) if bench.table.quanta else ()
+            with patch.object(searching, "borne_out", _whole if variant == "without the cut of evidence" else searching.borne_out):
+                decision = decide(found, seen=seen)
+            leader = decision.hypotheses[0]
+            result[variant] = {"right": leader.keys == (truth,), "probability": leader.probability, "keys": list(leader.keys)}
+            if variant != "whole" or held is None:
+                continue
+            plain: dict[str, float] = {}
+            for outcome in found.null.values():
+                plain |= outcome.values
+            for name, trial in (("shrink", decision.best), ("oracle", next((t for t in found.singles if t.choice.keys == (truth,)), None))):
+                values = plain | (trial.outcome.values if trial is not None else {})
+                values |= bench.polish(trial.choice if trial is not None else Choice(), values).values
+                with Replayer(gantry) as plant:
+                    result[name] = float(replay_gap(plant, held, Augmented.of({k: float(v) for k, v in values.items()})).shrink)
+    return result
+
+
+def _whole(differences: Any) -> float:
+    return 1.0
+
+
+def table(results: list[dict[str, Any]]) -> str:
+    """Shares right by variant, and the shrink beside the oracle's."""
+    lines = [f"{'variant':<28} right cause leads   mean probability of the leader"]
+    for variant in VARIANTS:
+        right = [r[variant]["right"] for r in results]
+        probability = float(np.mean([r[variant]["probability"] for r in results]))
+        lines.append(f"{variant:<28} {sum(right):>3} of {len(right):<3}          {probability:.2f}")
+    for name in ("shrink", "oracle"):
+        values = [r[name] for r in results if name in r]
+        lines.append(f"{name + ', median / least':<28} {np.median(values):.3f} / {np.min(values):.3f}")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--cases", type=int, default=12)
+    parser.add_argument("--seed", type=int, default=80_000)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    build_fmu()
+    seeds = range(options.seed, options.seed + options.cases)
+    with ProcessPoolExecutor(max_workers=options.workers) as pool:
+        job: Callable[[Path, int], dict[str, Any]] = judge
+        results = []
+        for result in pool.map(job, [options.folder] * len(seeds), seeds):
+            results.append(result)
+            print(json.dumps(result), flush=True)
+            if options.json is not None:
+                options.json.write_text(json.dumps(results), encoding="utf-8")
+    print(table(results))
+
+
+if __name__ == "__main__":
+    main()
