@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 TOLERANCE = 0.02  # RMS share by which a rig's parameters are off (gap.md, "Logs")
 # Set by the valves' electronics and by the friction model's own regularisation, not by the rig's mechanics: seen exact on both labelled
 # example campaigns (within 0.01 % and 0.7 %), so hardly any tolerance. C_c: what the smoothed speed leaves of it is biased by a tenth.
-TIGHT = {"u_0": 0.003, "v_th": 0.005, "C_c": 0.15}
+TIGHT = {"u_0": 0.001, "v_th": 0.005, "C_c": 0.15}
 JUDGED = ("valve_x", "valve_z", "friction_x", "friction_z", "contact", "sensors", "timing")
 GOOD_MECHANICS = 1.05  # RMS of the freely run mechanics at which no other start is tried
 TIGHTER = 0.5  # share of the time in which a carriage is led back, for a first fit of its tolerance

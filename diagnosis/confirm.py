@@ -25,6 +25,7 @@ __all__ = ["Augmented", "GapResult", "closed_loop", "replay_gap", "sensed_output
 Array = NDArray[np.float64]
 BLOCK = 500  # samples, of the bootstrap
 BOOTSTRAPS = 400
+NOTHING = 0.05  # mean square beyond the floor below which there is no gap
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,9 @@ def replay_gap(plant: Replayer, run: LoggedRun, augmented: Augmented, floor: flo
 
 
 def _shrink(nominal: float, augmented: float, floor: float) -> float:
-    return 1.0 - max(augmented - floor**2, 0.0) / max(nominal - floor**2, 1e-9)
+    if nominal - floor**2 < NOTHING:
+        return 0.0  # nothing to shrink
+    return 1.0 - max(augmented - floor**2, 0.0) / (nominal - floor**2)
 
 
 def _bootstrap(nominal: Array, augmented: Array, floor: float) -> tuple[float, float]:
