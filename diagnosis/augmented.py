@@ -46,10 +46,11 @@ def outside_the_plant(values: Mapping[str, float]) -> list[str]:
 
 def write_augmented(
     folder: Path, gantry: FmuFile, values: Mapping[str, float], remarks: Sequence[str] = (), model: Path | None = None
-) -> tuple[Path, Path]:
+) -> tuple[Path, Path | None]:
     """Writes AugmentedGantry.mo and the FMU built from it into a folder; returns both paths.
 
-    `model`: the Modelica file of the nominal class (the project's own). Raises InputError where the folder cannot be written.
+    No FMU, None, where an array is among the values (a profile along the stroke, a waviness): rumoca 0.10.2 binds modified arrays of
+    components wrongly; the nominal FMU with these parameters set is that plant. `model`: the Modelica file of the nominal class (the project's own). Raises InputError where the folder cannot be written.
     """
     text = augmented_model(gantry, values, remarks)
     try:
@@ -58,6 +59,8 @@ def write_augmented(
         write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=folder, mend="name a folder that can") from None
+    if any(name.endswith("]") and name in gantry.variables and gantry.variables[name].start != value for name, value in values.items()):
+        return path, None
     with TemporaryDirectory() as temporary:
         whole = Path(temporary) / path.name  # the compiler takes one file
         whole.write_text((model or default_model()).read_text(encoding="utf-8") + "\n" + text, encoding="utf-8")

@@ -61,7 +61,8 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     print_diagnosis(found)
     if options.augmented is not None:
         remarks = [f"{c['effect']}{'/' if c['axis'] else ''}{c['axis']}: probability {c['probability']:.2f}" for c in found["causes"]]
-        print("augmented plant: " + ", ".join(map(str, write_augmented(options.augmented, gantry, result.values, remarks))))
+        model, fmu = write_augmented(options.augmented, gantry, result.values, remarks)
+        print(f"augmented plant: {model}, {fmu or 'no FMU: the compiler does not take modified arrays; set them on the nominal one'}")
     if options.html is not None:
         print(f"report: {write_report(result, options.html)}")
     return found, 0
