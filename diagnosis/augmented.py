@@ -50,7 +50,8 @@ def write_augmented(
     """Writes AugmentedGantry.mo and the FMU built from it into a folder; returns both paths.
 
     No FMU, None, where an array is among the values (a profile along the stroke, a waviness): rumoca 0.10.2 binds modified arrays of
-    components wrongly; the nominal FMU with these parameters set is that plant. `model`: the Modelica file of the nominal class (the project's own). Raises InputError where the folder cannot be written.
+    components wrongly; the nominal FMU with these parameters set is that plant. `model`: the Modelica file of the nominal class (the
+    project's own). Raises InputError where the folder cannot be written.
     """
     text = augmented_model(gantry, values, remarks)
     try:
