@@ -41,7 +41,8 @@ def augmented_model(gantry: FmuFile, values: Mapping[str, float], remarks: Seque
 def outside_the_plant(values: Mapping[str, float]) -> list[str]:
     """Sentences on fitted values that act outside the plant."""
     said = [f"sensor: {name.removeprefix('sensors.')} = {value:.6g}" for name, value in values.items() if name.startswith("sensors.")]
-    return said + [f"controller: loop delay of {1e3 * value:.4g} ms" for name, value in values.items() if name == "timing.delay"]
+    delay = sum(value for name, value in values.items() if name.startswith("timing."))
+    return [*said, f"controller: loop delay of {1e3 * delay:.4g} ms"] if delay else said
 
 
 def write_augmented(

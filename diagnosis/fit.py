@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from diagnosis.catalogue import Parameter
 
-__all__ = ["Coordinate", "Fit", "Problem", "both", "effect_coordinate", "fit", "objective", "predict", "tolerance_coordinate"]
+__all__ = ["Coordinate", "Fit", "Problem", "both", "effect_coordinate", "fit", "predict", "tolerance_coordinate"]
 
 Array = NDArray[np.float64]
 Columns = dict[tuple[str, str], Array]
@@ -213,11 +213,6 @@ def predict(problem: Problem, coordinates: Sequence[Coordinate], start: Array, s
     gradient, hessian = fitter.slopes(point, chord, stale)
     step = _bounded_step(hessian, gradient, point.theta, fitter.low, fitter.high, 1e-9)
     return float(point.objective + 2 * gradient @ step + step @ hessian @ step)
-
-
-def objective(problem: Problem, coordinates: Sequence[Coordinate], theta: Array) -> float:
-    """Sum of squares plus prior at a point."""
-    return _Fitter(problem, coordinates).at(theta).objective
 
 
 def _bounded_step(hessian: Array, gradient: Array, theta: Array, low: Array, high: Array, damping: float) -> Array:

@@ -171,14 +171,6 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     return apart + _fitted(bench, _chosen(candidates, FIT_PAIRS))
 
 
-def choice_values(outcome: Outcome | None) -> dict[str, float]:
-    """Fitted values of a hypothesis' own effects."""
-    if outcome is None:
-        return {}
-    names = set(outcome.choice.parameter_names)
-    return {name: value for name, value in outcome.values.items() if name in names}
-
-
 def _refine(bench: Bench, found: Search, trials: list[Trial]) -> None:
     """Leading trials fitted to the end, and with the other forms of their effects."""
     for rank, trial in enumerate(trials):
@@ -271,9 +263,8 @@ def _candidates(
                 continue
             choice = plain.plus(effect, form)
             views = tuple(v for v in bench.views if v in touched or (before is not None and v in before.views))
-            values = {**known, **(before.values if before is not None else {})}
             own = {p.name for p in form.parameters if not p.relative}
-            yield _Candidate(choice, views, {}, {name: value for name, value in values.items() if name not in own}, before)
+            yield _Candidate(choice, views, {}, {name: value for name, value in known.items() if name not in own}, before)
             fresh = dict(before.values) if before is not None else {k: v for k, v in known.items() if k.startswith("valve_")}
             for starts in _starts(form.parameters):  # from the nominal plant: tolerance alone may have stuck in explaining the effect
                 yield _Candidate(choice, views, starts, {name: value for name, value in fresh.items() if name not in own}, before)

@@ -100,9 +100,9 @@ class ValveView:
 class FrictionView:
     """(f_a, f_c) → v over whole logs, the simulated carriage gently led to the measured one.
 
-    Driven by the actuator force and the measured contact force, and led back to where it was
-    measured, in contact with the spring of the edge besides: a break-away that the model
-    misses costs what it is worth and no more, so the misfit is smooth in the parameters where a free run of the plant is not.
+    Driven by the actuator force and the measured contact force, and led back to where it was measured, in contact with the spring of
+    the edge besides: a break-away that the model misses costs what it is worth and no more, so the misfit is smooth in the parameters
+    where a free run of the plant is not.
     """
 
     def __init__(self, axis: str, block: BlockFmu, nominal: Values, store: SignalStore) -> None:

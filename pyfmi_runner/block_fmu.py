@@ -77,10 +77,7 @@ class BlockFmu:
             self._component, self._addresses, self._settings(parameters), start_refs, np.ascontiguousarray(start_values, dtype=np.float64),
             windows, input_refs, np.ascontiguousarray(values, dtype=np.float64), output_refs, PERIOD, result,
         )  # fmt: skip
-        message = self.session.stepped_natively(0.0, status)
-        if message:
-            raise RunError(f"{self.file.path.name} failed at row {row}: {message}")
-        return result
+        return self._whole(result, status, row)
 
     def run_clamped(
         self, parameters: Mapping[str, float], inputs: Sequence[str], values: Array,
@@ -94,10 +91,7 @@ class BlockFmu:
             self._component, self._addresses, references(inputs), np.ascontiguousarray(values, dtype=np.float64),
             references(flags), np.ascontiguousarray(flag_values).astype(np.int32), references(outputs), PERIOD, result,
         )  # fmt: skip
-        message = self.session.stepped_natively(0.0, status)
-        if message:
-            raise RunError(f"{self.file.path.name} failed at row {row}: {message}")
-        return result
+        return self._whole(result, status, row)
 
     def run_guided(
         self, parameters: Mapping[str, float], inputs: Sequence[str], values: Array,
@@ -114,6 +108,10 @@ class BlockFmu:
             np.ascontiguousarray(guide.per_position, dtype=np.float64), np.asarray(guide.per_speed, dtype=np.float64),
             np.asarray(guide.keep, dtype=np.float64),
         )  # fmt: skip
+        return self._whole(result, status, row)
+
+    def _whole(self, result: Array, status: int, row: int) -> Array:
+        """The result of a native run, if it came to its end."""
         message = self.session.stepped_natively(0.0, status)
         if message:
             raise RunError(f"{self.file.path.name} failed at row {row}: {message}")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import shutil
-import sys
 from pathlib import Path
 from typing import Any
 
 from analysis.metrics import tracking_metrics
-from pneugantry.commands.diagnose import print_diagnosis
+from pneugantry.commands.diagnose import print_diagnosis, say_stage
 from pneugantry.progress import bar, loop_progress
 from pyfmi_runner.build import ROOT, build_fmu
 from pyfmi_runner.campaign import read_campaign
@@ -55,7 +54,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     truth = None if options.campaign else _drawn(options.seed, options.out / "campaign")
     campaign = read_campaign(options.campaign or options.out / "campaign", strict=False)
     print(f"\ndiagnosis of {campaign.name}:")
-    diagnosed = diagnose(campaign, fmu, read_catalogue(), _say)
+    diagnosed = diagnose(campaign, fmu, read_catalogue(), say_stage)
     found = report_json(diagnosed)
     print_diagnosis(found)
     if truth is not None:
@@ -63,11 +62,6 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     page = write_report(diagnosed, options.out / "report.html")
     print(f"\nreport: {page}")
     return {"schema": "demo/1", "report": str(page), "truth": truth, "diagnosis": found}, 0
-
-
-def _say(stage: str) -> None:
-    if sys.stderr.isatty():
-        print(f"diagnose: {stage} ...", file=sys.stderr, flush=True)
 
 
 def _drawn(seed: int, folder: Path) -> list[dict[str, Any]]:

@@ -56,7 +56,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     catalogue = read_catalogue(options.catalogue)
     campaign = read_campaign(options.campaign, strict=False)
     gantry = FmuFile.read(options.fmu or build_fmu().path)
-    result = diagnose(campaign, gantry, catalogue, _say)
+    result = diagnose(campaign, gantry, catalogue, say_stage)
     found = report_json(result)
     print_diagnosis(found)
     if options.augmented is not None:
@@ -104,7 +104,7 @@ def _execute_own(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     source = options.catalogue or plant.catalogue
     if source is None:
         raise InputError("names no catalogue", file=options.campaign, field="plant", mend="write catalogue = ..., or give --catalogue")
-    found = own_json(diagnose_own(plant, read_catalogue(source), _say))
+    found = own_json(diagnose_own(plant, read_catalogue(source), say_stage))
     print_path(found)
     print_diagnosis(found)
     return found, 0
@@ -117,7 +117,7 @@ def print_path(found: dict[str, Any]) -> None:
         print(f"{step['effect']:<20} {step['step']:<24} log evidence {step['evidence']:8.1f}   {errors}")
 
 
-def _say(stage: str) -> None:
+def say_stage(stage: str) -> None:
     """Names a stage on a terminal."""
     if sys.stderr.isatty():
         print(f"diagnose: {stage} ...", file=sys.stderr, flush=True)
