@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from diagnosis.catalogue import Effect, Form
 from diagnosis.fit import Coordinate, Fit, both, effect_coordinate, fit, predict, tolerance_coordinate
 from diagnosis.mechanics import MechanicsView, smoothed
+from diagnosis.parallel import each
 from diagnosis.signals import SENSOR_NEUTRAL, Table, table_of
 from diagnosis.views import ContactView, FrictionView, SensorView, SignalStore, TimingView, ValveView, View
 from diagnosis.whitening import correlation_length, innovations, robust_segments
@@ -32,7 +33,7 @@ TOLERANCE = 0.02  # RMS share by which a rig's parameters are off (gap.md, "Logs
 # example campaigns (within 0.01 % and 0.7 %), so hardly any tolerance. C_c: what the smoothed speed leaves of it is biased by a tenth.
 TIGHT = {"u_0": 0.001, "v_th": 0.005, "C_c": 0.15}
 JUDGED = ("valve_x", "valve_z", "friction_x", "friction_z", "contact", "sensors", "timing")
-GOOD_MECHANICS = 1.05  # RMS of the freely run mechanics at which no other start is tried
+GOOD_MECHANICS = 1.2  # RMS of the freely run mechanics at which no other start is tried
 TIGHTER = 0.5  # share of the time in which a carriage is led back, for a first fit of its tolerance
 LOOSE = 0.2  # s in which the mechanics are led back to the measured ones, at first
 GOOD_VALVE = 1.03  # RMS of a valve view whose output is taken for the force itself
@@ -82,6 +83,11 @@ class Choice:
 
     def plus(self, effect: Effect, form: Form) -> Choice:
         return Choice((*self.effects, (effect, form)))
+
+    @property
+    def outside(self) -> tuple[Effect, ...]:
+        """Its rough forms of what the catalogue lacks."""
+        return tuple(effect for effect, _ in self.effects if effect.outside)
 
     @property
     def settings(self) -> dict[str, float]:
@@ -176,9 +182,11 @@ class Bench:
 
     def __init__(
         self, campaign: Campaign, gantry: FmuFile, model: Path | None = None, out: Path | None = None,
-        tolerance: float = TOLERANCE, whitened: bool = True,
+        tolerance: float = TOLERANCE, whitened: bool = True, workers: int = 1,
     ) -> None:  # fmt: skip
-        """`tolerance`: RMS share by which a rig's parameters are off. `whitened`: False takes residuals as they come."""
+        """`tolerance`: RMS share by which a rig's parameters are off. `whitened`: False takes residuals as they come. `workers`:
+        processes for fits that do not depend on each other."""
+        self.workers = workers
         self.campaign, self._tolerance, self._whitened = campaign, tolerance, whitened
         self.nominal = nominal_values(gantry)
         self.gantry = gantry
@@ -225,40 +233,55 @@ class Bench:
                 self._drop(view.name)
         return self.fit(choice, views, start_values=tight.values, base=base, careful=True)
 
-    def settle(self, view: str) -> Outcome:
-        """Tolerance alone on one view; friction also by way of a tighter lead, under which fewer break-aways are missed."""
+    def settle(self, views: Iterable[str]) -> dict[str, Outcome]:
+        """Tolerance alone on each view."""
+        names = list(views)
+        outcomes = dict(zip(names, each(self._settled, names, self.workers), strict=True))
+        for outcome in outcomes.values():
+            self.columns.update(outcome.fit.columns)
+        return outcomes
+
+    def _settled(self, view: str) -> Outcome:
+        """Friction also by way of a tighter lead, under which fewer break-aways are missed."""
         outcome = self.fit(Choice(), (view,))
         friction = self.all[view]
         if isinstance(friction, FrictionView) and friction.logs:
             again = self.fit_by_tighter_lead(Choice(), (view,), outcome.values, None)
             outcome = min(outcome, again, key=lambda o: o.objective)
-            self.columns.update(outcome.fit.columns)
         return outcome
 
-    def drive(self, valves: Mapping[str, Outcome]) -> None:
+    def drive(self, values: Mapping[str, float]) -> None:
         """Takes fitted valves' outputs for the actuator forces; what they leave is added, smoothed, where they are not right."""
         for axis in "xz":
-            name = f"valve_{axis}"
+            valve = self.all[f"valve_{axis}"]
             measured = self.table.columns[f"f_a{axis}"]
-            left = self.all[name].residual(valves[name].values)[:, 0] * self.table.sigma[f"f_a{axis}"]
+            left = valve.residual(values)[:, 0] * self.table.sigma[f"f_a{axis}"]
             force = measured - left
-            if valves[name].rms(name) > GOOD_VALVE:
+            if np.sqrt(np.mean(self.white(valve, values) ** 2)) > GOOD_VALVE:
                 force = force + smoothed(left, self.table.spans)
             self.mechanics.actuator[axis] = self.friction[axis].actuator = force
             self._forget(f"friction_{axis}")
         self._forget("mechanics")
 
+    def judged(self, values: Mapping[str, float]) -> Outcome:
+        """What given values leave in every view, nothing fitted: for a log that was held out of their fit."""
+        self.drive(values)
+        fixed = Fit((), np.zeros(0), np.zeros((0, 0)), 0.0, {})
+        return self.outcome(Choice(), fixed, tuple(self.views), values)
+
     def polish(self, choice: Choice, start: Mapping[str, float]) -> Outcome:
         """A hypothesis on the mechanics run freely, from the values of a fit on the views: what a replay of the whole plant needs.
 
-        A free run misses break-aways where a led one does not: the fit begins with a run that is led a little, then lets go. Where that
-        sticks, the open-loop logs alone come first.
+        A free run misses break-aways where a led one does not: where it sticks, the fit begins with a run that is led a little, then lets
+        go; where that sticks too, the open-loop logs alone come first.
         """
         mechanics = ("mechanics",)
         choice = Choice(tuple((e, f) for e, f in choice.effects if any(self.mechanics.depends_on(p.name) for p in f.parameters)))
         free = {name: value for name, value in start.items() if name in choice.parameter_names or not name.startswith("axis_")}
-        best: Outcome | None = None
+        best = self.fit(choice, mechanics, start_values=start, careful=True)
         for begin, first_logs in ((start, self.mechanics.every), (free, self.mechanics.every), (start, self.mechanics.opened)):
+            if best.rms("mechanics") < GOOD_MECHANICS:
+                break
             if not first_logs:
                 continue
             self._let(LOOSE, first_logs)
@@ -266,11 +289,8 @@ class Bench:
             self._let(0.0, self.mechanics.every)
             for values in (led.values, begin):
                 outcome = self.fit(choice, mechanics, start_values=values, careful=True)
-                if best is None or outcome.objective < best.objective:
+                if outcome.objective < best.objective:
                     best = outcome
-            if best is not None and best.rms("mechanics") < GOOD_MECHANICS:
-                break
-        assert best is not None
         return best
 
     def _let(self, guided: float, logs: list[int]) -> None:
@@ -401,9 +421,9 @@ class Bench:
         columns = {**self.columns, **(base.fit.columns if base else {})}
         return {key: column for key, column in columns.items() if key[0] in views and key[0] not in changed} or None
 
-    def outcome(self, choice: Choice, fitted: Fit, views: tuple[str, ...]) -> Outcome:
+    def outcome(self, choice: Choice, fitted: Fit, views: tuple[str, ...], values: Mapping[str, float] | None = None) -> Outcome:
         squares, counts, lengths, blocks = {}, {}, {}, {}
-        values = {**choice.settings, **fitted.values}
+        values = {**choice.settings, **fitted.values} if values is None else values
         for view in views:
             r = self.white(self.all[view], values)
             squares[view], counts[view] = float(r @ r), len(r)

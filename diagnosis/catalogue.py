@@ -5,12 +5,14 @@ name = "valve_delay"; block = "valve"; axes = ["x", "z"]
 [form.settings] "axis_{axis}.friction.law" = 3           switched on with the form
 [form.parameters."valve_{axis}.delay_time"]              what is fitted: parameters of the FMU, or `sensors.*`, `timing.*`
 neutral = 0.0 (value without the effect; relative = true: the nominal value), scale (a usual size), low, high, unit,
-starts = [..] (further starting values), positive = true (fitted as its logarithm)
+starts = [..] (further starting values), positive = true (fitted as its logarithm); "table[1:11]" stands for eleven parameters
+outside = true                             optional: a rough form of what the catalogue lacks; where it leads the verdict is "unknown"
 refines = ["viscous_friction"]             optional: effects that it shapes, and that a user's own plant is offered first
 """
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -60,6 +62,7 @@ class Effect:
     summary: str
     forms: tuple[Form, ...]
     refines: tuple[str, ...] = ()  # names of the effects without which it is nothing (`diagnosis.own_search`)
+    outside: bool = False  # no cause of its own: a rough form of what the catalogue lacks
 
     @property
     def key(self) -> str:
@@ -102,9 +105,16 @@ def _effects(path: Path, tables: Iterable[Mapping[str, Any]]) -> dict[str, Effec
         for axis in table.get("axes", [""]):
             block = f"{table['block']}_{axis}" if axis and table["block"] in AXIS_BLOCKS else table["block"]
             forms = tuple(_form(path, form, axis) for form in table["form"])
-            effect = Effect(table["name"], axis, block, table.get("summary", ""), forms, tuple(table.get("refines", ())))
+            refines, outside = tuple(table.get("refines", ())), table.get("outside", False)
+            effect = Effect(table["name"], axis, block, table.get("summary", ""), forms, refines, outside)
             found[effect.key] = effect
     return found
+
+
+def _members(name: str) -> list[str]:
+    """A parameter's name, or those that a range of indices stands for."""
+    span = re.fullmatch(r"(.*)\[(\d+):(\d+)\]", name)
+    return [f"{span[1]}[{i}]" for i in range(int(span[2]), int(span[3]) + 1)] if span else [name]
 
 
 def _form(path: Path, table: Mapping[str, Any], axis: str) -> Form:
@@ -117,7 +127,8 @@ def _form(path: Path, table: Mapping[str, Any], axis: str) -> Form:
         unknown = set(values) - known
         if unknown:
             raise InputError("unknown key", file=path, field=f"{name}.{unknown.pop()}", mend=f"use {', '.join(sorted(known))}")
-        parameters.append(Parameter(name.format(axis=axis), **{"neutral": 0.0, **values, "starts": tuple(values.get("starts", ()))}))
+        rest = {"neutral": 0.0, **values, "starts": tuple(values.get("starts", ()))}
+        parameters += [Parameter(member, **rest) for member in _members(name.format(axis=axis))]
     if not parameters and not table.get("estimator"):
         raise InputError("has no parameters", file=path, field="form", mend="name at least one parameter to fit")
     settings = {name.format(axis=axis): float(value) for name, value in table.get("settings", {}).items()}

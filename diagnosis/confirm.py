@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.signals import SENSOR_NEUTRAL
-from diagnosis.views import first_order
+from diagnosis.signals import sensed_forces, sensed_speed
 from pyfmi_runner.campaign import LoggedRun, LogSetup
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED, PERIOD, Log
@@ -57,19 +56,11 @@ class GapResult:
 
 def sensed_outputs(true: Array, sensors: Mapping[str, float]) -> Array:
     """What sensors with the assumed errors, but no noise, say of the plant's outputs (N, 8)."""
-    value = {**SENSOR_NEUTRAL, **sensors}
-    result = true.copy()
+    result: Array = np.array(true, dtype=np.float64)
     for column, axis in ((2, "x"), (3, "z")):
-        if value[f"sensors.tau_v_{axis}"] > 0:
-            result[:, column] = first_order(np.ascontiguousarray(true[:, column]), float(np.exp(-PERIOD / value[f"sensors.tau_v_{axis}"])))
-    for column, own, other, axis in ((4, 4, 5, "x"), (5, 5, 4, "z")):
-        result[:, column] = (
-            value[f"sensors.gain_f_{axis}"] * true[:, own]
-            + value[f"sensors.crosstalk_f_{axis}"] * true[:, other]
-            + value[f"sensors.bias_f_{axis}"]
-        )
-    result[:, 6] *= value["sensors.gain_f_ax"]
-    result[:, 7] *= value["sensors.gain_f_az"]
+        result[:, column] = sensed_speed(true[:, column], axis, sensors)
+        result[:, column + 4] *= sensors.get(f"sensors.gain_f_a{axis}", 1.0)
+    result[:, 4:6] = sensed_forces(result[:, 4:6], np.arange(len(true), dtype=np.float64) * PERIOD, sensors)
     return result
 
 

@@ -15,6 +15,7 @@ from diagnosis.confirm import Augmented, GapResult, closed_loop, replay_gap
 from diagnosis.converter import converter_step
 from diagnosis.decide import Decision, Hypothesis, contributions, decide
 from diagnosis.excitation import not_excited
+from diagnosis.held_out import examine
 from diagnosis.next_experiment import next_experiment
 from diagnosis.regimes import regime_of
 from diagnosis.search import Search, search
@@ -54,8 +55,10 @@ class Diagnosis:
     experiment: dict[str, Any] | None = None  # the next one, where the answer is ambiguous
 
 
-def diagnose(campaign: Campaign, gantry: FmuFile, catalogue: Mapping[str, Effect], say: Callable[[str], None] | None = None) -> Diagnosis:
-    """Diagnoses a campaign against the nominal FMU. `say`: told the name of each stage as it begins."""
+def diagnose(
+    campaign: Campaign, gantry: FmuFile, catalogue: Mapping[str, Effect], say: Callable[[str], None] | None = None, workers: int = 1
+) -> Diagnosis:  # fmt: skip
+    """Diagnoses a campaign against the nominal FMU. `say`: told the name of each stage as it begins; `workers`: processes to use."""
     say = say or (lambda text: None)
     started = time.perf_counter()
     notes = list(campaign.notes) + [f"{name}: {text}" for name, run in campaign.logs.items() for text in log_warnings(run.log)]
@@ -66,9 +69,11 @@ def diagnose(campaign: Campaign, gantry: FmuFile, catalogue: Mapping[str, Effect
         notes.append("one log only: nothing is held out, so the gap before and after is on the fitted log itself")
     stages: dict[str, float] = {}
     say("hypotheses")
-    with Bench(fitted, gantry) as bench:
+    with Bench(fitted, gantry, workers=workers) as bench:
         found = search(bench, catalogue)
         stages["search"] = time.perf_counter() - started
+        if held is not None:
+            examine(found, campaign, held, gantry)
         seen = ("quantisation",) if bench.table.quanta and "quantisation" in catalogue else ()
         decision = decide(found, seen=seen)
         quanta = dict(bench.table.quanta)
@@ -172,8 +177,8 @@ def _where(bench: Bench, found: Search, decision: Decision, catalogue: Mapping[s
     """Blocks by their share of what tolerance does not explain."""
     blocks = {key: effect.block for key, effect in catalogue.items()}
     shares = contributions(found, decision, blocks)
-    if decision.verdict == "unknown" and decision.unknown_view:
-        block = _unknown_block(found, decision, blocks)
+    if decision.verdict == "unknown" and (decision.unknown_view or decision.resembles is not None):
+        block = decision.resembles.block if decision.resembles is not None else _unknown_block(found, decision, blocks)
         shares = {k: 0.5 * v for k, v in shares.items()}
         shares[block] = max([shares.get(block, 0.0), *shares.values()]) + 1.0
     if bench.table.quanta:
@@ -207,7 +212,8 @@ def _causes(decision: Decision, catalogue: Mapping[str, Effect], quanta: Mapping
         for key in hypothesis.keys:
             total[key] = total.get(key, 0.0) + hypothesis.probability
             carrier.setdefault(key, hypothesis)
-    chosen = (*(decision.best.choice.keys if decision.best is not None else ()), *(("quantisation",) if quanta else ()))
+    named = decision.best.choice.effects if decision.best is not None else ()
+    chosen = (*(effect.key for effect, _ in named if not effect.outside), *(("quantisation",) if quanta else ()))
     result = []
     for key in sorted(total, key=lambda k: (k not in chosen, -total[k])):
         if total[key] < 0.005 and key not in chosen:
@@ -253,6 +259,6 @@ def report_json(d: Diagnosis) -> dict[str, Any]:
     return {
         "schema": "gap/1", "verdict": d.decision.verdict, "where": d.where, "causes": d.causes, "answer_set": d.decision.answer_set,
         "gap": gap, "closed_loop": d.closed, "next_experiment": d.experiment, "notes": [*d.notes, *d.limits],
-        "unknown_probability": d.decision.unknown,
+        "unknown_probability": d.decision.unknown, "resembles": d.decision.resembles.summary if d.decision.resembles else None,
         "stages": d.stages, "seconds": d.seconds,
     }  # fmt: skip

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from diagnosis.signals import Table
-from diagnosis.views import SOLVER, SignalStore, Values, first_order
+from diagnosis.signals import Table, sensed_forces, sensed_speed, tachometer
+from diagnosis.views import SOLVER, SignalStore, Values
 from pyfmi_runner.block_fmu import BlockFmu, Guide
-from pyfmi_runner.log import PERIOD
 from pyfmi_runner.plant import plant_parameters
 
 __all__ = ["MechanicsView", "sensed", "smoothed"]
@@ -56,7 +55,7 @@ class MechanicsView:
         result = np.full((table.rows, len(OUTPUTS)), np.nan)
         for i in self.logs:
             rows = slice(*table.spans[i])
-            simulated = sensed(self.simulate(i, values), values)
+            simulated = sensed(self.simulate(i, values), table.columns["time"][rows], values)
             for column, name in enumerate(OUTPUTS):
                 result[rows, column] = (table.columns[name][rows] - simulated[:, column]) / table.sigma[name]
         return result
@@ -72,13 +71,13 @@ class MechanicsView:
         inputs, flags = ("f_manual_x", "f_manual_z"), ("clamp_x", "clamp_z")
         if self.guided <= 0:
             return self._gantry.run_clamped(parameters, inputs, force, flags, clamps, OUTPUTS)
-        tau = [values.get(f"sensors.tau_v_{a}", 0.0) for a in "xz"]
+        (keep_x, stages), (keep_z, stages_z) = (tachometer(a, values) for a in "xz")
         position = self._store.signals({k: v for k, v in values.items() if k.startswith("sensors.tau_v")}).position
         per_speed = [self._mass[a] / self.guided for a in "xz"]
         guide = Guide(
             np.column_stack([position[a][rows] for a in "xz"]), np.column_stack([table.columns[f"v_{a}"][rows] for a in "xz"]),
             np.tile([g / (4 * self.guided) for g in per_speed], (len(force), 1)), per_speed,
-            [np.exp(-PERIOD / t) if t > 0 else 0.0 for t in tau],
+            [keep_x, keep_z], max(stages, stages_z),
         )  # fmt: skip
         return self._gantry.run_guided(parameters, inputs, force, flags, clamps, (*STATES, *OUTPUTS[2:]), guide)[:, 2:]
 
@@ -89,17 +88,10 @@ def ahead(force: Array) -> Array:
     return 0.5 * (force + following) + (following - force)
 
 
-def sensed(true: Array, values: Values) -> Array:
+def sensed(true: Array, time: Array, values: Values) -> Array:
     """What the sensors, with their assumed errors, say of true v_x, v_z, f_x, f_z (n, 4)."""
-    get = values.get
-    v_x, v_z = (_tachometer(true[:, k], get(f"sensors.tau_v_{a}", 0.0)) for k, a in enumerate("xz"))
-    f_x = get("sensors.gain_f_x", 1.0) * true[:, 2] + get("sensors.crosstalk_f_x", 0.0) * true[:, 3] + get("sensors.bias_f_x", 0.0)
-    f_z = get("sensors.gain_f_z", 1.0) * true[:, 3] + get("sensors.crosstalk_f_z", 0.0) * true[:, 2] + get("sensors.bias_f_z", 0.0)
-    return np.column_stack([v_x, v_z, f_x, f_z])
-
-
-def _tachometer(speed: Array, tau: float) -> Array:
-    return speed if tau <= 0 else first_order(np.ascontiguousarray(speed), float(np.exp(-PERIOD / tau)))
+    speeds = [sensed_speed(true[:, k], a, values) for k, a in enumerate("xz")]
+    return np.column_stack([*speeds, sensed_forces(true[:, 2:4], time, values)])
 
 
 def smoothed(values: Array, spans: NDArray[np.int64]) -> Array:

@@ -90,6 +90,8 @@ def verdict_sentence(d: Diagnosis, facts: dict[str, Any]) -> str:
         nearest = f"; the nearest, {label(ranked[0].keys)}, leaves {left} of the misfit of {decision.unknown_view}" if ranked else ""
         where = f" in {block}" if block else ""
         what = f"A real effect{where} that no entry of the catalogue explains (probability {percent(decision.unknown)})"
+        if decision.resembles is not None:
+            nearest = f"; it behaves like {decision.resembles.summary}{nearest if decision.unknown_view else ''}"
         return f"{what}{nearest}; with what could be fitted, {far}."
     if decision.verdict == "ambiguous":
         answers = [f"{label(h.keys)} ({percent(h.probability)})" for h in ranked[:3] if h.probability >= 0.005] or ["–"]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from diagnosis.bench import BLOCK, Bench, Choice, Outcome, joined
 from diagnosis.catalogue import Effect, Form, Parameter
 from diagnosis.delays import estimate_delays
+from diagnosis.parallel import each
 from diagnosis.waviness import estimate_waviness
 
 __all__ = ["QUIET", "Search", "Trial", "advantage", "excess", "misfit", "search", "strength"]
@@ -24,12 +25,14 @@ BASES = 3  # single effects per troubled view that pairs are built on
 MOST_BASES = 5
 RIVAL = 0.25  # share of its view's best gain from which on a single effect is a base too
 FIT_SINGLES = 8  # effects per troubled view that are fitted, by what one step promises
-FIT_PAIRS = 4  # second effects per base that are fitted in full, by what one step promises
+FIT_PAIRS = 3  # second effects per base that are fitted in full, by what one step promises
+LEADERS = 3  # and those that are, whatever they promise: the best single effects of the views in which something is left, and no other
 NEGLIGIBLE = 0.01  # share of a view's misfit that may stay without asking for a second effect
-RETRIED = 3  # of them, those that are tried under a tighter lead too
+RETRIED = 2  # of them, those that are tried under a tighter lead too
 PAIRS_REFINED = 3
+STRAINED = 4.0  # standard deviations of tolerance beyond which it stands in for an effect
 ROUGH = 1.03  # RMS over the floor from which on a fit of friction may have stuck
-REFINED = 4  # leading trials, of each troubled view and among pairs, that are fitted to the end
+REFINED = 3  # leading trials, of each troubled view and among pairs, that are fitted to the end
 
 
 @dataclass
@@ -40,6 +43,7 @@ class Trial:
     outcome: Outcome
     gain: float = 0.0
     apart: bool = False  # a pair in views of its own each: its members' fits are its fit
+    held_out: Outcome | None = None  # what it leaves on the log that no fit has seen
 
 
 @dataclass
@@ -51,6 +55,7 @@ class Search:
     singles: list[Trial] = field(default_factory=list)
     pairs: list[Trial] = field(default_factory=list)
     lengths: dict[str, float] = field(default_factory=dict)
+    held_out: Outcome | None = None  # what tolerance alone leaves on the log that no fit has seen
 
 
 @dataclass
@@ -64,14 +69,14 @@ class _Candidate:
 
 
 def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
-    found = Search({name: bench.settle(name) for name in bench.views if name.startswith("valve")}, set())
+    found = Search(bench.settle(name for name in bench.views if name.startswith("valve")), set())
     found.troubled = _troubled(found)
     valves = {key: effect for key, effect in catalogue.items() if effect.block.startswith("valve")}
     found.singles = _singles(bench, valves, found)
     _score(found)
     _refine(bench, found, _leading(found))
-    bench.drive({view: _best(found, view) for view in found.null})
-    found.null |= {name: bench.settle(name) for name in bench.views if name not in found.null}
+    bench.drive({name: value for view in found.null for name, value in _best(found, view).values.items()})
+    found.null |= bench.settle(name for name in bench.views if name not in found.null)
     found.troubled = _troubled(found)
     rest = {key: effect for key, effect in catalogue.items() if key not in valves}
     found.singles += _singles(bench, rest, found)
@@ -136,17 +141,16 @@ def _singles(bench: Bench, catalogue: Mapping[str, Effect], found: Search) -> li
     if not found.troubled:
         return []
     candidates = list(_candidates(bench, catalogue, found, None))
-    for c in candidates:
-        if not c.choice.settings and not c.starts:  # another law has no small step, and a start far off no telling one
-            c.promise = _promise(bench, found, c)
+    _weigh(bench, found, [c for c in candidates if not c.choice.settings and _first(c)])  # another law has no small step
     return _fitted(bench, _promising(candidates, found.troubled))
 
 
 def _bases(found: Search) -> list[Trial]:
     """Single effects that pairs are built on: the best of each troubled view, and what comes near them."""
     bases: list[Trial] = []
+    known = [t for t in found.singles if not t.choice.outside]
     for view in sorted(found.troubled):
-        mine = [t for t in found.singles if view in t.outcome.views and t.gain > QUIET]
+        mine = [t for t in known if view in t.outcome.views and t.gain > QUIET]
         near = [t for t in mine if t.gain > RIVAL * mine[0].gain][:BASES] if mine else []
         bases += [t for t in near if t not in bases]
     return sorted(bases, key=lambda t: -t.gain)[:MOST_BASES]
@@ -161,32 +165,40 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     apart = [
         Trial(Choice((*base.choice.effects, *t.choice.effects)), joined(base.outcome, t.outcome), apart=True)
         for t in found.singles
-        if not mine & set(t.outcome.views) and left & set(t.outcome.views) and t.gain > QUIET
+        if not mine & set(t.outcome.views) and left & set(t.outcome.views) and t.gain > QUIET and not t.choice.outside
     ]
     beside = {t.choice.keys[-1] for t in apart}
-    rest = {key: effect for key, effect in catalogue.items() if key not in beside}
+    rest = {key: effect for key, effect in catalogue.items() if key not in beside and not effect.outside}
     candidates = [c for c in _candidates(bench, rest, found, base, left) if mine & set(bench.touched_by(c.choice.effects[-1][1]))]
-    for c in candidates:
-        c.promise = _promise(bench, found, c)
-    return apart + _fitted(bench, _chosen(candidates, FIT_PAIRS))
+    _weigh(bench, found, [c for c in candidates if _first(c)])
+    leaders: set[str] = set()
+    for view in left:
+        mine_alone = [t for t in found.singles if view in t.outcome.views and left.issuperset(t.outcome.views) and t.gain > QUIET]
+        leaders |= {t.choice.keys[0] for t in mine_alone[:LEADERS]}
+    return apart + _fitted(bench, _chosen(candidates, FIT_PAIRS, leaders))
 
 
 def _refine(bench: Bench, found: Search, trials: list[Trial]) -> None:
     """Leading trials fitted to the end, and with the other forms of their effects."""
-    for rank, trial in enumerate(trials):
-        if trial.apart:
-            continue
-        o = trial.outcome
-        again = bench.fit(trial.choice, o.views, start_values=o.values, base=o, careful=True)
-        if again.objective < o.objective:
-            trial.outcome = again
-        if rank < RETRIED and any(_rough(trial.outcome, v) for v in o.views if v.startswith("friction")):
-            again = bench.fit_by_tighter_lead(trial.choice, o.views, trial.outcome.values, trial.outcome)
-            if again.objective < trial.outcome.objective:
-                trial.outcome = again
-        for i in range(len(trial.choice.effects)):
-            _reform(bench, found, trial, i)
+    ranked = [(rank, trial) for rank, trial in enumerate(trials) if not trial.apart]
+    refined = each(lambda entry: _refined(bench, found, *entry), ranked, bench.workers)
+    for (_, trial), (choice, outcome) in zip(ranked, refined, strict=True):
+        trial.choice, trial.outcome = choice, outcome
     _score(found)
+
+
+def _refined(bench: Bench, found: Search, rank: int, trial: Trial) -> tuple[Choice, Outcome]:
+    o = trial.outcome
+    again = bench.fit(trial.choice, o.views, start_values=o.values, base=o, careful=True)
+    if again.objective < o.objective:
+        trial.outcome = again
+    if rank < RETRIED and any(_rough(trial.outcome, v) for v in o.views if v.startswith("friction")):
+        again = bench.fit_by_tighter_lead(trial.choice, o.views, trial.outcome.values, trial.outcome)
+        if again.objective < trial.outcome.objective:
+            trial.outcome = again
+    for i in range(len(trial.choice.effects)):
+        _reform(bench, found, trial, i)
+    return trial.choice, trial.outcome
 
 
 def _rough(outcome: Outcome, view: str) -> bool:
@@ -202,11 +214,16 @@ def _reform(bench: Bench, found: Search, trial: Trial, i: int) -> None:
             continue
         choice = Choice(tuple((effect, form) if j == i else pair for j, pair in enumerate(trial.choice.effects)))
         views = tuple(v for v in bench.views if v in set(bench.touched_by(form)) | set(trial.outcome.views))
+        own = {p.name for p in (*held.parameters, *form.parameters)}
         for starts in _starts(form.parameters) or [{}]:
             known = {k: v for k, v in trial.outcome.values.items() if k not in held.settings and k not in form.settings}
-            outcome = bench.fit(choice, views, starts, known | {k: v for k, v in starts.items() if k not in known}, trial.outcome)
-            if outcome.evidence(found.lengths) < trial.outcome.evidence(found.lengths):
-                trial.choice, trial.outcome = choice, outcome
+            fits = [bench.fit(choice, views, starts, starts | known, trial.outcome)]
+            if any(_rough(trial.outcome, view) for view in views if view in trial.outcome.views):  # the plain form may have led astray
+                others = {k: v for k, v in known.items() if k not in own}
+                fits.append(bench.fit(choice, views, starts, others | starts, trial.outcome))
+            for outcome in fits:
+                if outcome.evidence(found.lengths) < trial.outcome.evidence(found.lengths):
+                    trial.choice, trial.outcome = choice, outcome
 
 
 def _leading(found: Search) -> list[Trial]:
@@ -265,9 +282,22 @@ def _candidates(
             views = tuple(v for v in bench.views if v in touched or (before is not None and v in before.views))
             own = {p.name for p in form.parameters if not p.relative}
             yield _Candidate(choice, views, {}, {name: value for name, value in known.items() if name not in own}, before)
+            strained = {name for name in _strained(found, before) if any(bench.views[v].depends_on(name) for v in touched)}
+            if strained:
+                eased = {name: value for name, value in known.items() if name not in own | strained}
+                yield _Candidate(choice, views, {}, eased, before, promise=-math.inf)  # tried where the one before is
             fresh = dict(before.values) if before is not None else {k: v for k, v in known.items() if k.startswith("valve_")}
             for starts in _starts(form.parameters):  # from the nominal plant: tolerance alone may have stuck in explaining the effect
                 yield _Candidate(choice, views, starts, {name: value for name, value in fresh.items() if name not in own}, before)
+
+
+def _strained(found: Search, base: Outcome | None) -> set[str]:
+    """Tolerance that has stood in for an effect: further off than any rig's."""
+    outcomes = [*found.null.values(), *([base] if base is not None else [])]
+    fits = [outcome.fit for outcome in outcomes]
+    return {
+        c.name for f in fits for c, theta in zip(f.coordinates, f.theta, strict=True) if not c.effect and abs(theta) > STRAINED * c.spread
+    }
 
 
 def _estimated(bench: Bench, form: Form, known: Mapping[str, float], troubled: set[str]) -> Form | None:
@@ -287,6 +317,16 @@ def _clash(base: Choice, form: Form) -> bool:
     return bool(taken & ({p.name for p in form.parameters} | set(form.settings)))
 
 
+def _first(candidate: _Candidate) -> bool:
+    """Whether its promise tells for all starts of its hypothesis."""
+    return not candidate.starts and candidate.promise == math.inf
+
+
+def _weigh(bench: Bench, found: Search, candidates: Sequence[_Candidate]) -> None:
+    for candidate, promise in zip(candidates, each(lambda c: _promise(bench, found, c), candidates, bench.workers), strict=True):
+        candidate.promise = promise
+
+
 def _promise(bench: Bench, found: Search, c: _Candidate) -> float:
     """Fall of the objective below that of the base, or of tolerance alone, that one step from where the candidate starts promises."""
     held = c.base.views if c.base is not None else ()
@@ -299,24 +339,25 @@ def _promising(candidates: Sequence[_Candidate], troubled: set[str]) -> list[_Ca
     chosen: list[_Candidate] = []
     for view in sorted(troubled):
         mine = [c for c in candidates if view in c.views]
-        ranked = sorted((c for c in mine if c.promise < math.inf), key=lambda c: -c.promise)
+        ranked = sorted((c for c in mine if abs(c.promise) < math.inf), key=lambda c: -c.promise)
         keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:FIT_SINGLES]
         chosen += [c for c in mine if (c.choice.keys in keys or c.promise == math.inf) and c not in chosen]
     return chosen
 
 
-def _chosen(candidates: Sequence[_Candidate], most: int) -> list[_Candidate]:
-    """The most promising hypotheses, all forms and starts of each."""
-    ranked = sorted(candidates, key=lambda c: -c.promise)
+def _chosen(candidates: Sequence[_Candidate], most: int, leaders: set[str]) -> list[_Candidate]:
+    """The most promising hypotheses and those that add one of the leaders, all starts of each."""
+    ranked = sorted((c for c in candidates if abs(c.promise) < math.inf), key=lambda c: -c.promise)
     keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:most]
-    return [c for c in ranked if c.choice.keys in keys]
+    return [c for c in candidates if c.choice.keys in keys or c.choice.keys[-1] in leaders]
 
 
 def _fitted(bench: Bench, candidates: Iterable[_Candidate]) -> list[Trial]:
     """Best fit per hypothesis over its forms and starts."""
     best: dict[tuple[str, ...], Trial] = {}
-    for c in candidates:
-        outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base)
+    candidates = list(candidates)
+    outcomes = each(lambda c: bench.fit(c.choice, c.views, c.starts, c.known, c.base), candidates, bench.workers)
+    for c, outcome in zip(candidates, outcomes, strict=True):
         held = best.get(c.choice.keys)
         if held is None or outcome.objective < held.outcome.objective:
             best[c.choice.keys] = Trial(c.choice, outcome)
@@ -381,7 +422,7 @@ def borne_out(differences: Array) -> float:
     return min(1.0, 4.0 * total / spread) if spread > 0 else 1.0
 
 
-def excess(found: Search, outcome: Outcome, view: str) -> Array:
+def excess(outcome: Outcome, view: str) -> Array:
     """Sum of squares beyond the floor, stretch by stretch, in independent samples; what stands out of the stretches is cut to their top."""
     n, blocks = outcome.counts[view], outcome.blocks[view]
     share = np.minimum(BLOCK, n - BLOCK * np.arange(len(blocks)))

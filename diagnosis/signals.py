@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from diagnosis.converter import converter_step
@@ -13,14 +14,16 @@ from pyfmi_runner.campaign import Campaign, LogSetup
 from pyfmi_runner.log import PERIOD, SIGMA
 from pyfmi_runner.smoothing import smooth_axis
 
-__all__ = ["SENSOR_NEUTRAL", "Signals", "Table", "corrected", "table_of"]
+__all__ = ["SENSOR_NEUTRAL", "Signals", "Table", "corrected", "sensed_forces", "sensed_speed", "table_of", "tachometer"]
 
 Array = NDArray[np.float64]
 SENSOR_NEUTRAL = {
     "sensors.bias_f_x": 0.0, "sensors.bias_f_z": 0.0, "sensors.gain_f_x": 1.0, "sensors.gain_f_z": 1.0,
     "sensors.crosstalk_f_x": 0.0, "sensors.crosstalk_f_z": 0.0, "sensors.gain_f_ax": 1.0, "sensors.gain_f_az": 1.0,
-    "sensors.tau_v_x": 0.0, "sensors.tau_v_z": 0.0,
+    "sensors.tau_v_x": 0.0, "sensors.tau_v_z": 0.0, "sensors.stages_v_x": 1.0, "sensors.stages_v_z": 1.0,
+    "sensors.drift_f_x": 0.0, "sensors.drift_f_z": 0.0, "sensors.curve_f_x": 0.0, "sensors.curve_f_z": 0.0,
 }  # fmt: skip
+CURVED_AT = 50.0  # N at which a force channel reads by the share `curve` too much
 
 
 DWELL = 5  # samples over which a coarse converter's error stays the same, at least
@@ -85,7 +88,11 @@ def corrected(table: Table, sensors: Mapping[str, float]) -> Signals:
     """
     value = {**SENSOR_NEUTRAL, **sensors}
     c = table.columns
-    f_x, f_z = c["f_x"] - value["sensors.bias_f_x"], c["f_z"] - value["sensors.bias_f_z"]
+    f_x, f_z = (
+        _straightened(c[f"f_{a}"], value[f"sensors.curve_f_{a}"])
+        - value[f"sensors.bias_f_{a}"] - value[f"sensors.drift_f_{a}"] * c["time"]
+        for a in "xz"
+    )  # fmt: skip
     g_x, g_z = value["sensors.gain_f_x"], value["sensors.gain_f_z"]
     k_x, k_z = value["sensors.crosstalk_f_x"], value["sensors.crosstalk_f_z"]
     determinant = g_x * g_z - k_x * k_z
@@ -97,6 +104,51 @@ def corrected(table: Table, sensors: Mapping[str, float]) -> Signals:
         position, innovation, {axis: c[f"v_{axis}"] for axis in "xz"}, force,
         {axis: c[f"f_a{axis}"] / value[f"sensors.gain_f_a{axis}"] for axis in "xz"},
     )  # fmt: skip
+
+
+def sensed_forces(true: Array, time: Array, sensors: Mapping[str, float]) -> Array:
+    """What the force channels, with their assumed errors, say of true f_x, f_z (n, 2)."""
+    value = {**SENSOR_NEUTRAL, **sensors}
+    result = np.empty_like(true)
+    for own, axis in enumerate("xz"):
+        reading = value[f"sensors.gain_f_{axis}"] * true[:, own] + value[f"sensors.crosstalk_f_{axis}"] * true[:, 1 - own]
+        reading = reading + value[f"sensors.bias_f_{axis}"] + value[f"sensors.drift_f_{axis}"] * time
+        result[:, own] = reading * (1.0 + value[f"sensors.curve_f_{axis}"] * (reading / CURVED_AT) ** 2)
+    return result
+
+
+def _straightened(reading: Array, curve: float) -> Array:
+    """A reading without its channel's curve; the inverse by iteration, which a few rounds make exact enough."""
+    straight = reading
+    for _ in range(6 if curve else 0):
+        straight = reading / np.maximum(1.0 + curve * (straight / CURVED_AT) ** 2, 0.2)
+    return straight
+
+
+def sensed_speed(true: Array, axis: str, sensors: Mapping[str, float]) -> Array:
+    """What a lagging tachometer says of a true speed."""
+    keep, stages = tachometer(axis, sensors)
+    for _ in range(stages if keep > 0 else 0):
+        true = first_order(np.ascontiguousarray(true), keep)
+    return true
+
+
+def tachometer(axis: str, sensors: Mapping[str, float]) -> tuple[float, int]:
+    """Share of its last value that each stage of a tachometer's lag keeps per sample, and its number of equal stages."""
+    tau, stages = sensors.get(f"sensors.tau_v_{axis}", 0.0), round(sensors.get(f"sensors.stages_v_{axis}", 1.0))
+    return (float(np.exp(-PERIOD * stages / tau)) if tau > 0 else 0.0), stages
+
+
+@njit(cache=True)
+def first_order(speed: Array, keep: float) -> Array:
+    """A lag that keeps the share `keep` of its last value per sample, settled at the first."""
+    result = np.empty(len(speed))
+    value = speed[0]
+    for k in range(len(speed)):
+        driven = speed[k] if k == 0 else 0.5 * (speed[k] + speed[k - 1])
+        value = keep * value + (1 - keep) * driven
+        result[k] = value
+    return result
 
 
 def _positions(table: Table, axis: str, tau: float) -> tuple[Array, Array]:

@@ -11,10 +11,9 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from diagnosis.signals import Signals, Table, corrected
+from diagnosis.signals import Signals, Table, corrected, sensed_speed, tachometer
 from pyfmi_runner.block_fmu import BlockFmu, Guide
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.campaign import Campaign
@@ -28,6 +27,8 @@ Values = Mapping[str, float]
 GUIDED = 0.35  # time in which a simulated carriage is led back to the measured one, as a share of its own time constant m/C
 SOLVER = {"solver.tolerance": 0.1}  # a millisecond a step but for stiff friction: exact to 0.01 of the noise
 TOUCHING = 0.5  # N, measured contact force that tells contact from none
+CLEAR = 5e-3  # m from the workpiece at the start from which on a log begins out of contact
+AT_REST = 50  # samples for which it then stays so
 
 
 class View(Protocol):
@@ -122,15 +123,17 @@ class FrictionView:
 
     def depends_on(self, parameter: str) -> bool:
         a = self.axis
-        mine = {f"sensors.{what}_f_{b}" for what in ("bias", "gain", "crosstalk") for b in "xz"}
-        mine |= {f"sensors.gain_f_a{a}", f"sensors.tau_v_{a}"} | ({"coupling", "coupling_limit"} if a == "z" else set())
+        mine = {f"sensors.{what}_f_{b}" for what in ("bias", "gain", "crosstalk", "drift", "curve") for b in "xz"}
+        mine |= {f"sensors.gain_f_a{a}", f"sensors.tau_v_{a}", f"sensors.stages_v_{a}"} | (
+            {"coupling", "coupling_limit"} if a == "z" else set()
+        )
         return parameter.startswith(self.prefix) or parameter in mine
 
     def residual(self, values: Values) -> Array:
         table, signals = self._store.table, self._store.signals({k: v for k, v in values.items() if self.depends_on(k)})
         result = np.full((table.rows, 1), np.nan)
         parameters = {**SOLVER, **_own(self.prefix, self._nominal, values, self._known)}
-        tau, sigma = values.get(f"sensors.tau_v_{self.axis}", 0.0), table.sigma[f"v_{self.axis}"]
+        sigma = table.sigma[f"v_{self.axis}"]
         names = ["f_a", "f_c", "f_load"]
         actuator = self.actuator / values.get(f"sensors.gain_f_a{self.axis}", 1.0)
         columns = [actuator, signals.force[self.axis], np.hypot(signals.force["x"], signals.force["z"])]
@@ -140,18 +143,18 @@ class FrictionView:
             columns.append(limit * np.tanh(couple / limit) if limit > 0 else couple)
         inputs = midway(np.column_stack(columns), table.spans)
         mass = self._nominal[self.prefix + "m"]
-        keep = np.exp(-PERIOD / tau) if tau > 0 else 0.0
+        keep, stages = tachometer(self.axis, values)
         for i in self.logs:
             rows, setup = slice(*table.spans[i]), table.setups[i]
             speed = signals.speed[self.axis][rows]
             guide = Guide(
                 signals.position[self.axis][rows][:, None], speed[:, None],
-                (mass / (4 * self.guided**2) + self._spring[rows])[:, None], [mass / self.guided], [keep],
+                (mass / (4 * self.guided**2) + self._spring[rows])[:, None], [mass / self.guided], [keep], stages,
             )  # fmt: skip
             parameters["s_start"] = {"x": setup.start_x, "z": setup.start_z}[self.axis]
             clamped = table.clamped[self.axis][rows][:, None].astype(np.float64)
             true = self._block.run_guided(parameters, names, inputs[rows], ("clamp",), clamped, ("s", "v"), guide)[:, 1]
-            result[rows, 0] = (speed - first_order(np.ascontiguousarray(true), keep)) / sigma
+            result[rows, 0] = (speed - sensed_speed(true, self.axis, values)) / sigma
         result[self._blind] = 0.0
         result[~self.moving] = np.nan
         return result
@@ -159,18 +162,6 @@ class FrictionView:
     @cached_property
     def _acceleration(self) -> Array:
         return _acceleration(self._store.table.columns["v_x"], self._store.table)
-
-
-@njit(cache=True)
-def first_order(speed: Array, keep: float) -> Array:
-    result = np.empty(len(speed))
-    """A lag that keeps the share `keep` of its last value per sample, started at rest in the first."""
-    value = speed[0]
-    for k in range(len(speed)):
-        driven = speed[k] if k == 0 else 0.5 * (speed[k] + speed[k - 1])
-        value = keep * value + (1 - keep) * driven
-        result[k] = value
-    return result
 
 
 def _acceleration(speed: Array, table: Table) -> Array:
@@ -193,20 +184,23 @@ def _impacts(table: Table, axis: str, low: float, high: float, near: float = 2e-
 
 
 def _touching(table: Table) -> NDArray[np.bool_]:
-    """Rows in contact: the measured force, less what the channels say where there is no workpiece, is beyond TOUCHING."""
+    """Rows in contact: the measured force, less what the channels say where nothing is touched, is beyond TOUCHING."""
     free = np.zeros(table.rows, dtype=bool)
     for setup, (first, last) in zip(table.setups, table.spans, strict=True):
-        free[first:last] = setup.workpiece == "none"
+        if setup.workpiece == "none":
+            free[first:last] = True
+        elif setup.start_z < setup.z_0 - CLEAR:
+            free[first : first + AT_REST] = True
     forces = [table.columns[f"f_{a}"] - (np.median(table.columns[f"f_{a}"][free]) if free.any() else 0.0) for a in "xz"]
     return np.asarray(np.hypot(*forces) > TOUCHING)
 
 
-def _onsets(table: Table, around: int = 20) -> NDArray[np.bool_]:
-    """Rows within 20 ms of contact's onset or loss, where the speed jumps faster than its mean can follow."""
+def _onsets(table: Table, before: int = 20, after: int = 20) -> NDArray[np.bool_]:
+    """Rows about contact's onset or loss: a carriage's speed jumps there faster than its mean can follow."""
     changes = np.flatnonzero(np.diff(_touching(table).astype(np.int8)) != 0)
     near = np.zeros(table.rows, dtype=bool)
     for change in changes:
-        near[max(0, change - around) : change + around + 1] = True
+        near[max(0, change - before) : change + after + 1] = True
     return near
 
 
@@ -233,7 +227,7 @@ class ContactView:
         self._block, self._nominal, self._store = block, nominal, store
         self._known = {n: v for n, v in block.file.variables.items() if v.causality == "parameter"}
         self.logs = [i for i, setup in enumerate(store.table.setups) if setup.workpiece != "none"]
-        self._onsets = _onsets(store.table)
+        self._onsets = _onsets(store.table, before=3, after=3)  # the instant itself, known to a sample or two
 
     def depends_on(self, parameter: str) -> bool:
         sensed = parameter.startswith("sensors.") and not parameter.startswith(("sensors.gain_f_a", "sensors.quantum"))
@@ -259,13 +253,24 @@ class ContactView:
         parameters = _own("", {**self._nominal, **given}, values, self._known)
         parameters["contact.z_0"] = given["contact.z_0"] + shift
         x, z = signals.position["x"][rows], signals.position["z"][rows]
-        speeds = [np.where(table.clamped[a][rows], 0.0, _at_rest(signals.speed[a][rows], table.sigma[f"v_{a}"])) for a in "xz"]
+        speeds = [np.where(table.clamped[a][rows], 0.0, self._true_speed(a, signals.speed[a], values)[rows]) for a in "xz"]
         names, columns = ["x", "z", "v_x", "v_z"], [x, z, *speeds]
         profile = own_profile(setup)
         if profile is not None:
             names += list(PROFILE)
             columns += [x, profile.height(x), profile.slope(x), profile.curvature(x)]
         return self._block.run(parameters, names, np.column_stack(columns), ("f_x", "f_z"))
+
+    def _true_speed(self, axis: str, measured: Array, values: Values) -> Array:
+        """Smoothed speed, a tachometer's lag undone."""
+        lag = values.get(f"sensors.tau_v_{axis}", 0.0)
+        return self._smooth[axis] + lag * _acceleration(measured, self._store.table) if lag > 0 else self._smooth[axis]
+
+    @cached_property
+    def _smooth(self) -> dict[str, Array]:
+        table = self._store.table
+        logs = [slice(*span) for span in table.spans]
+        return {a: np.concatenate([_at_rest(table.columns[f"v_{a}"][rows], table.sigma[f"v_{a}"]) for rows in logs]) for a in "xz"}
 
 
 class SensorView:
@@ -286,7 +291,7 @@ class SensorView:
         return free
 
     def depends_on(self, parameter: str) -> bool:
-        return parameter.startswith(("sensors.tau_v", "sensors.bias"))
+        return parameter.startswith(("sensors.tau_v", "sensors.bias", "sensors.drift"))
 
     def residual(self, values: Values) -> Array:
         table, signals = self._store.table, self._store.signals({k: v for k, v in values.items() if self.depends_on(k)})
@@ -294,8 +299,8 @@ class SensorView:
         for column, axis in enumerate("xz"):
             moving = ~table.clamped[axis]
             result[moving, column] = signals.innovation[axis][moving]
-            bias = values.get(f"sensors.bias_f_{axis}", 0.0)
-            result[self.untouched, 2 + column] = (table.columns[f"f_{axis}"][self.untouched] - bias) / table.sigma[f"f_{axis}"]
+            bias = values.get(f"sensors.bias_f_{axis}", 0.0) + values.get(f"sensors.drift_f_{axis}", 0.0) * table.columns["time"]
+            result[self.untouched, 2 + column] = (table.columns[f"f_{axis}"] - bias)[self.untouched] / table.sigma[f"f_{axis}"]
         return result
 
 

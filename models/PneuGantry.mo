@@ -40,6 +40,11 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Ratio lag_bend_high(min = -0.9, max = 10) = 0 "The same halfway to the upper end; neutral 0";
     parameter Force lag_blend(min = 0, max = 1000) = 0 "Force difference over which rising turns to falling; 0: at once";
     parameter Time tau_2(min = 0, max = 100) = 0 "Time constant of a second stage before the chamber; neutral 0";
+    parameter Time spool_time(min = 0, max = 10) = 0 "1 / natural frequency of a spool that swings, before the chamber; neutral 0";
+    parameter Ratio spool_zeta(min = 0.01, max = 10) = 0.3 "Its damping";
+    parameter Ratio leak(min = 0, max = 100) = 0 "Force lost, per lag, of what exceeds leak_from; neutral 0";
+    parameter Force leak_from(min = 0, max = 1e5) = 10 "Force from which the chamber leaks";
+    parameter Real slew(unit = "s/N", min = 0, max = 10) = 0 "1 / greatest rate of force; neutral 0";
     parameter Time delay_time(min = 0, max = 0.2) = 0 "Transport delay of the command; neutral 0";
     parameter Voltage play(min = 0, max = 5) = 0 "Half-width of the play (backlash) on the command; neutral 0";
     parameter Ratio play_spread(min = 0, max = 1) = 0 "Three plays in parallel whose half-widths differ by this share; neutral 0";
@@ -59,6 +64,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Real supply(start = 1, fixed = true, unit = "1") "Supply pressure / nominal supply pressure";
     Force f_target "Steady force of the present command";
     Force f_stage(start = 0, fixed = true) "Force behind the second stage";
+    Real f_stage_rate(start = 0, fixed = true, unit = "N/s", nominal = 100) "Its rate, where the spool swings";
   protected
     discrete Voltage u_play(start = 0, fixed = true) "Command behind the play";
     discrete Voltage u_narrow(start = 0, fixed = true) "Command behind a narrower play";
@@ -70,6 +76,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Time tau_eff;
     Ratio rising "1 while |f_a| rises, -1 while it falls";
     Force f_drive;
+    Real rate(unit = "N/s");
     Ratio wanted "Steady loss of supply pressure";
   equation
     u_late = noEvent(if delay_time > 0 then delay(u, if delay_time > 0 then delay_time else 1e-3, 0.2) else u);
@@ -82,13 +89,15 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     u_eff = noEvent(if play > 0 then (if play_spread > 0 then (u_narrow + u_play + u_wide)/3 else u_play) else u_late);
     f_target = f_manual + direction*supply*min(max(K*(u_eff - u_0), if bidirectional then -f_max else 0), f_max);
     xi = 2*(s - s_low)/(s_high - s_low) - 1;
-    der(f_stage) = noEvent(if tau_2 > 0 then (f_target - f_stage)/(if tau_2 > 0 then tau_2 else 1) else 0);
-    f_drive = noEvent(if tau_2 > 0 then f_stage else f_target);
+    der(f_stage) = noEvent(if tau_2 > 0 then (f_target - f_stage)/(if tau_2 > 0 then tau_2 else 1) else f_stage_rate);
+    der(f_stage_rate) = noEvent(if spool_time > 0 then ((f_target - f_stage)/(if spool_time > 0 then spool_time else 1) - 2*spool_zeta*f_stage_rate)/(if spool_time > 0 then spool_time else 1) else 0);
+    f_drive = noEvent(if tau_2 > 0 or spool_time > 0 then f_stage else f_target);
     rising = noEvent(if lag_blend > 0 then tanh((f_drive - f_a)*(if f_a >= 0 then 1 else -1)/(if lag_blend > 0 then lag_blend else 1))
       elseif (f_drive - f_a)*f_a >= 0 then 1 else -1);
     tau_eff = tau*noEvent(1 + (if xi > 0 then (lag_high - 1)*xi + lag_bend_high*max(1 - abs(2*xi - 1), 0)
       else (1 - lag_low)*xi + lag_bend_low*max(1 - abs(2*xi + 1), 0)))*(1 + lag_asymmetry*rising);
-    tau_eff*der(f_a) + f_a = f_drive;
+    rate = (f_drive - f_a - noEvent(if leak > 0 then leak*(max(f_a - leak_from, 0) - max(-f_a - leak_from, 0)) else 0))/tau_eff;
+    der(f_a) = noEvent(if slew > 0 then max(min(rate, 1/(if slew > 0 then slew else 1)), -1/(if slew > 0 then slew else 1)) else rate);
     wanted = noEvent(if droop > 0 then droop*(if droop_exponent == 1 then abs(f_a)/f_max else (abs(f_a)/f_max + 1e-12)^droop_exponent) else 0);
     der(supply) = noEvent((1 - wanted - supply)/(droop_time*(if 1 - wanted < supply then droop_pace else 1))
       - (if droop_flow > 0 then droop_flow*max(direction*(f_drive - f_a)/tau_eff, 0)/f_max else 0));
@@ -103,15 +112,23 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Force beta(min = 1e-3, max = 1e4) = 12 "Limit force of the DDFM; [A] read off Fig. 4.14, 4.17";
     parameter Real sigma(unit = "N/m", min = 1, max = 1e9) = 1e5 "Presliding stiffness at F = 0 (ddfm, lugre); [A] read off Fig. 4.14, 4.17";
     parameter Ratio exponent(min = 0.2, max = 5) = 2 "Exponent of the DDFM; 2 in Eq. 4-8, 1 for the plain Dahl model";
+    parameter Ratio soft_share(min = 0, max = 0.95) = 0 "Share of the limit that a second, softer spring carries (ddfm); neutral 0";
+    parameter Ratio soft_ratio(min = 1e-3, max = 1) = 0.2 "Its displacement to slip is that of the first / soft_ratio";
     parameter Real sigma_1(unit = "N.s/m", min = 0, max = 1e5) = 20 "Bristle damping (lugre) [A]";
     parameter Ratio level(min = 0, max = 100) = 1 "Scales F_s, F_d and beta together; neutral 1";
     parameter Ratio position_slope(min = -1, max = 1) = 0 "Share by which the level rises from mid-stroke to the upper end; neutral 0";
     parameter Ratio position_bow(min = -1, max = 10) = 0 "Share by which the level at both ends exceeds that at mid-stroke; neutral 0";
     parameter Ratio asymmetry(min = -0.99, max = 0.99) = 0 "Share by which the level is higher for v > 0 and lower for v < 0; neutral 0";
     parameter Ratio position_table[11](each min = -1, each max = 10) = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0} "Share by which the level is higher, at nodes evenly spaced from the lower to the upper end; neutral 0";
+    parameter Ratio position_fine[21](each min = -1, each max = 10) = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0} "The same at 21 nodes; neutral 0";
     parameter Ratio load(min = 0, max = 10) = 0 "Level gained per newton of contact force; neutral 0";
     parameter Ratio load_share(min = 0, max = 100) = 0 "Share by which 10 N of contact force raise the level; neutral 0";
     parameter Ratio load_exponent(min = 0.1, max = 5) = 1 "It grows as the contact force to this power";
+    parameter Ratio warm(min = -10, max = 0.95) = 0 "Share of the level that is lost when the seals are warm; neutral 0";
+    parameter Real warm_rate(unit = "1/s", min = 0, max = 100) = 0.1 "Rate at which they warm by themselves";
+    parameter Real warm_work(unit = "1/J", min = 0, max = 1000) = 0 "Warming per work of friction";
+    parameter Ratio dwell(min = -1, max = 10) = 0 "Share by which the break-away level grows per decade of time at rest; neutral 0";
+    parameter Time dwell_from(min = 1e-3, max = 100) = 0.05 "Time at rest at which that growth begins";
     parameter Ratio stribeck_exponent(min = 0.1, max = 5) = 1 "Shape of the decay from F_s to F_d (law stribeck): exp(-((|v| - v_th)/v_s)^n)";
     parameter Position s_low = 0 "Lower end of the stroke";
     parameter Position s_high = 1 "Upper end of the stroke";
@@ -121,10 +138,13 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     input Force f_load "Contact force, >= 0";
     output Force F "Friction force, acts against v";
     Force F_pre(start = 0, fixed = true) "Displacement-dependent force (ddfm, lugre)";
+    Force F_soft(start = 0, fixed = true) "Force of the second, softer spring (ddfm)";
+    Real heat(start = 0, fixed = true) "How warm the seals are; 63 % of the change at 1";
     Boolean stick "Inside the stick band";
   protected
-    Ratio xi, shape, bumpy, loaded;
-    Force up, down, curve, F_pre_limit;
+    Ratio xi, shape, bumpy, uneven, loaded, rested;
+    discrete Time stuck_since(start = 0, fixed = true) "Since when it has been in the stick band";
+    Force up, down, curve, F_limit, F_pre_limit, F_soft_limit, F_cap;
     Ratio toward "Sign of v, frozen between reversals";
     Boolean banded, bristled, sliding_up, sliding_down, beyond_up, beyond_down;
     Real rate(unit = "N/s");
@@ -133,11 +153,17 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     bristled = law == FrictionLaw.ddfm or law == FrictionLaw.lugre;
     xi = 2*(s - s_low)/(s_high - s_low) - 1;
     bumpy = noEvent(if sum(abs(position_table[i]) for i in 1:11) > 0 then sum(position_table[i]*max(1 - abs(5*(xi + 1) - (i - 1)), 0) for i in 1:11) else 0);
+    uneven = noEvent(if sum(abs(position_fine[i]) for i in 1:21) > 0 then sum(position_fine[i]*max(1 - abs(10*(xi + 1) - (i - 1)), 0) for i in 1:21) else 0);
     loaded = noEvent(if load_share > 0 then load_share*(if load_exponent == 1 then f_load/10 else (max(f_load, 0)/10 + 1e-12)^load_exponent) else 0);
-    shape = level*(1 + position_slope*xi + position_bow*xi^2 + bumpy)*(1 + loaded);
+    der(heat) = noEvent(if abs(warm) > 0 then warm_rate + warm_work*abs(F*v) else 0);
+    shape = level*(1 + position_slope*xi + position_bow*xi^2 + bumpy + uneven)*(1 + loaded)*(1 - noEvent(if abs(warm) > 0 then warm*(1 - exp(-heat)) else 0));
     // break-away levels in both directions
-    up = (F_s*shape + load*f_load)*(1 + asymmetry);
-    down = (F_s*shape + load*f_load)*(1 - asymmetry);
+    when stick then
+      stuck_since = time;
+    end when;
+    rested = noEvent(if abs(dwell) > 0 and stick then 1 + dwell*log10(1 + max(time - stuck_since, 0)/dwell_from) else 1);
+    up = (F_s*shape*rested + load*f_load)*(1 + asymmetry);
+    down = (F_s*shape*rested + load*f_load)*(1 - asymmetry);
     // A relation is watched only where its law and mode make it matter: elsewhere its operand is the constant -1.
     sliding_up = (if banded then v - v_th else -1) > 0;
     sliding_down = (if banded then -v - v_th else -1) > 0;
@@ -146,15 +172,19 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     beyond_down = (if stick then -f_net - down else -1) > 0;
     curve = noEvent(if law == FrictionLaw.stribeck then (F_s - F_d)*exp(-(if stribeck_exponent == 1 then (abs(v) - v_th)/v_s else (max(abs(v) - v_th, 0)/v_s + 1e-12)^stribeck_exponent)) elseif law == FrictionLaw.lugre then (F_s - F_d)*exp(-(v/v_s)^2) else 0);
     toward = if (if bristled then v else 1) >= 0 then 1 else -1;
-    F_pre_limit = (if law == FrictionLaw.ddfm then beta*shape + load*f_load else (F_d + curve)*shape + load*f_load)*(1 + asymmetry*toward);
-    rate = noEvent(if law == FrictionLaw.ddfm then sigma*v*(1 - toward*min(max(F_pre/F_pre_limit, -1), 1))^exponent
+    F_limit = if law == FrictionLaw.ddfm then beta*shape + load*f_load else (F_d + curve)*shape + load*f_load;
+    F_pre_limit = F_limit*(1 + asymmetry*toward);
+    F_cap = F_limit*(1 + abs(asymmetry)); // does not jump at a reversal
+    rate = noEvent(if law == FrictionLaw.ddfm then (1 - soft_share)*sigma*v*(1 - toward*min(max(F_pre/((1 - soft_share)*F_pre_limit), -1), 1))^exponent
       elseif law == FrictionLaw.lugre then sigma*(v - abs(v)*F_pre/F_pre_limit) else 0);
     der(F_pre) = rate;
+    F_soft_limit = soft_share*F_pre_limit;
+    der(F_soft) = noEvent(if law == FrictionLaw.ddfm and soft_share > 0 then soft_share*soft_ratio*sigma*v*(1 - toward*min(max(F_soft/(if soft_share > 0 then F_soft_limit else 1), -1), 1))^exponent else 0);
     F = if banded then
           (if sliding_up then ((F_d + curve)*shape + load*f_load)*(1 + asymmetry)
            elseif sliding_down then -((F_d + curve)*shape + load*f_load)*(1 - asymmetry)
            elseif beyond_up then up elseif beyond_down then -down else f_net)
-        elseif law == FrictionLaw.ddfm then noEvent(min(max(F_pre, -F_pre_limit), F_pre_limit))
+        elseif law == FrictionLaw.ddfm then noEvent(min(max(F_pre + F_soft, -F_cap), F_cap))
         elseif law == FrictionLaw.lugre then F_pre + sigma_1*rate/sigma
         else 0;
   end Friction;
@@ -164,6 +194,9 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Real C(unit = "N.s/m", min = 0, max = 1e5) = 40 "Viscous friction (Table 3.13)";
     parameter Force F_w(min = -1000, max = 1000) = 5 "Cable force of the position transducer, always towards -axis; [A] size of its spring";
     parameter Ratio cable_growth(min = -2, max = 2) = 0 "Share by which the cable force grows over the stroke, about mid-stroke; neutral 0";
+    parameter Force spring(min = -1e4, max = 1e4) = 0 "Force towards mid-stroke that grows to this at the ends; neutral 0";
+    parameter Force spring_even(min = -1e4, max = 1e4) = 0 "Its part that grows as the square, towards -axis; neutral 0";
+    parameter Force spring_cubic(min = -1e4, max = 1e4) = 0 "Its part that grows as the cube; neutral 0";
     parameter Position s_low(min = -10, max = 10) = 0 "Lower end stop";
     parameter Position s_high(min = -10, max = 10) = 1 "Upper end stop";
     parameter Position s_start(min = -10, max = 10) = 0 "Position at the start; the run starts at rest";
@@ -181,9 +214,11 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
   protected
     Acceleration a_free "Acceleration without stops and clamp";
     Force f_net;
+    Ratio xi "Position: -1 at the lower end, 0 in the middle, +1 at the upper end";
     Boolean held "Pressed against a stop";
   equation
-    f_net = f_a - f_c - F_w*(1 + cable_growth*((s - s_low)/(s_high - s_low) - 0.5)) + f_couple;
+    xi = 2*(s - s_low)/(s_high - s_low) - 1;
+    f_net = f_a - f_c - F_w*(1 + cable_growth*xi/2) - xi*(spring + xi*(spring_even + xi*spring_cubic)) + f_couple;
     friction.v = v;
     friction.s = s;
     friction.f_net = f_net;

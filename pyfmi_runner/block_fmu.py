@@ -33,7 +33,8 @@ class Guide:
     speed: Array
     per_position: Array  # (N, n), input per unit of position error
     per_speed: Sequence[float]
-    keep: Sequence[float]  # share of its last value that a lagging speed sensor keeps per sample; 0: no lag
+    keep: Sequence[float]  # share of its last value that each stage of a lagging speed sensor keeps per sample; 0: no lag
+    stages: int = 1  # of that lag
 
 
 class BlockFmu:
@@ -106,7 +107,7 @@ class BlockFmu:
             references(flags), np.ascontiguousarray(flag_values).astype(np.int32), references(outputs), PERIOD, result,
             np.ascontiguousarray(guide.position), np.ascontiguousarray(guide.speed),
             np.ascontiguousarray(guide.per_position, dtype=np.float64), np.asarray(guide.per_speed, dtype=np.float64),
-            np.asarray(guide.keep, dtype=np.float64),
+            np.asarray(guide.keep, dtype=np.float64), guide.stages,
         )  # fmt: skip
         return self._whole(result, status, row)
 
@@ -175,12 +176,13 @@ def _run_flagged(component, addresses, input_refs, values, flag_refs, flags, out
 
 @njit(nogil=True)
 def _run_guided(  # type: ignore[no-untyped-def]
-    component, addresses, input_refs, values, flag_refs, flags, output_refs, period, result, position, speed, per_position, per_speed, keep
+    component, addresses, input_refs, values, flag_refs, flags, output_refs, period, result,
+    position, speed, per_position, per_speed, keep, stages,
 ):  # fmt: skip
     set_real, _, set_boolean, get_real, do_step = addresses[:5]
     count = len(per_speed)
     now = np.empty(values.shape[1])
-    sensed, before = np.zeros(count), np.zeros(count)
+    lagged = np.zeros((count, stages + 1))  # what goes in, and what comes out of each stage
     for k in range(len(values)):
         if k == 0:
             status = native_values(set_real, component, input_refs, values[k])
@@ -189,10 +191,13 @@ def _run_guided(  # type: ignore[no-untyped-def]
             status = native_values(get_real, component, output_refs, result[k])
         now[:] = values[k]
         for i in range(count):
-            v = result[k, count + i]
-            sensed[i] = v if k == 0 else keep[i] * sensed[i] + (1 - keep[i]) * 0.5 * (v + before[i]) if keep[i] > 0 else v
-            before[i] = v
-            now[i] += per_position[k, i] * (position[k, i] - result[k, i]) + per_speed[i] * (speed[k, i] - sensed[i])
+            sensed = result[k, count + i]
+            for j in range(stages):
+                before, lagged[i, j] = lagged[i, j], sensed
+                if keep[i] > 0 and k > 0:
+                    sensed = keep[i] * lagged[i, j + 1] + (1 - keep[i]) * 0.5 * (sensed + before)
+                lagged[i, j + 1] = sensed
+            now[i] += per_position[k, i] * (position[k, i] - result[k, i]) + per_speed[i] * (speed[k, i] - sensed)
         status = max(status, native_values(set_real, component, input_refs, now))
         if k == 0 or (flags[k] != flags[k - 1]).any():
             status = max(status, native_values(set_boolean, component, flag_refs, flags[k]))

@@ -1,9 +1,8 @@
 """What each part of the diagnosis earns: the same cases with one part taken out, and an oracle that knows the effects.
 
 `python -m studies.ablations FOLDER [--cases N] [--seed S] [--workers N] [--json FILE]`: draws N cases of the truth plant with one effect,
-searches each of them whole and without a part, and prints how often the right cause leads. The oracle fits the true effects alone: its
-shrink on the held-out log is the best that the catalogue's forms reach. There is no "without held-out evidence": evidence is the fitted
-logs' own, cut to what their stretches bear out; the part that guards against chance is that cut, and it is the one taken out.
+searches each of them whole and without a part, and prints how often the right cause leads. The oracle fits the true effect alone: its
+shrink on the held-out log is the best that the catalogue's forms reach.
 """
 
 from __future__ import annotations
@@ -19,11 +18,12 @@ from unittest.mock import patch
 import numpy as np
 
 import diagnosis.search as searching
-from diagnosis.bench import TOLERANCE, Bench, Choice
+from diagnosis.bench import Bench, Choice
 from diagnosis.catalogue import read_catalogue
 from diagnosis.confirm import Augmented, replay_gap
-from diagnosis.decide import decide
+from diagnosis.decide import Decision, decide
 from diagnosis.diagnose import split_campaign
+from diagnosis.held_out import examine
 from diagnosis.search import search
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
@@ -35,7 +35,7 @@ from studies.truth.case import draw_case
 __all__ = ["VARIANTS", "judge", "table"]
 
 NO_TOLERANCE = 1e-4  # share; the fit of tolerance needs a scale
-VARIANTS = ("whole", "without tolerance", "without whitening", "without the cut of evidence")
+VARIANTS = ("whole", "without held-out evidence", "without the cut of evidence", "without tolerance", "without whitening")
 
 
 def judge(folder: Path, seed: int) -> dict[str, Any]:
@@ -48,30 +48,36 @@ def judge(folder: Path, seed: int) -> dict[str, Any]:
     truth = f"{cause['effect']}/{cause['axis']}" if cause["axis"] else cause["effect"]
     gantry, catalogue = FmuFile.read(build_fmu().path), read_catalogue()
     result: dict[str, Any] = {"seed": seed, "truth": truth}
-    for variant in VARIANTS:
-        tolerance = NO_TOLERANCE if variant == "without tolerance" else TOLERANCE
-        with Bench(fitted, gantry, tolerance=tolerance, whitened=variant != "without whitening") as bench:
+    assert held is not None
+    with Bench(fitted, gantry) as bench:
+        found = search(bench, catalogue)
+        seen = ("quantisation",) if bench.table.quanta else ()
+        result["without held-out evidence"] = _judged(decide(found, seen=seen), truth)
+        examine(found, logs, held, gantry)
+        decision = decide(found, seen=seen)
+        result["whole"] = _judged(decision, truth)
+        with patch.object(searching, "borne_out", lambda differences: 1.0):
+            result["without the cut of evidence"] = _judged(decide(found, seen=seen), truth)
+        plain: dict[str, float] = {}
+        for outcome in found.null.values():
+            plain |= outcome.values
+        for name, trial in (("shrink", decision.best), ("oracle", next((t for t in found.singles if t.choice.keys == (truth,)), None))):
+            values = plain | (trial.outcome.values if trial is not None else {})
+            values |= bench.polish(trial.choice if trial is not None else Choice(), values).values
+            with Replayer(gantry) as plant:
+                result[name] = float(replay_gap(plant, held, Augmented.of({k: float(v) for k, v in values.items()})).shrink)
+    for variant, options in (("without tolerance", {"tolerance": NO_TOLERANCE}), ("without whitening", {"whitened": False})):
+        with Bench(fitted, gantry, **options) as bench:
             found = search(bench, catalogue)
-            seen = ("quantisation",) if bench.table.quanta else ()
-            with patch.object(searching, "borne_out", _whole if variant == "without the cut of evidence" else searching.borne_out):
-                decision = decide(found, seen=seen)
-            leader = decision.hypotheses[0]
-            result[variant] = {"right": leader.keys == (truth,), "probability": leader.probability, "keys": list(leader.keys)}
-            if variant != "whole" or held is None:
-                continue
-            plain: dict[str, float] = {}
-            for outcome in found.null.values():
-                plain |= outcome.values
-            for name, trial in (("shrink", decision.best), ("oracle", next((t for t in found.singles if t.choice.keys == (truth,)), None))):
-                values = plain | (trial.outcome.values if trial is not None else {})
-                values |= bench.polish(trial.choice if trial is not None else Choice(), values).values
-                with Replayer(gantry) as plant:
-                    result[name] = float(replay_gap(plant, held, Augmented.of({k: float(v) for k, v in values.items()})).shrink)
+        examine(found, logs, held, gantry)
+        result[variant] = _judged(decide(found, seen=seen), truth)
     return result
 
 
-def _whole(differences: Any) -> float:
-    return 1.0
+def _judged(decision: Decision, truth: str) -> dict[str, Any]:
+    leader = decision.hypotheses[0]
+    right = leader.keys == (truth,) and decision.verdict != "unknown"
+    return {"right": right, "probability": leader.probability, "keys": list(leader.keys), "verdict": decision.verdict}
 
 
 def table(results: list[dict[str, Any]]) -> str:

@@ -19,6 +19,7 @@ from diagnosis.bench import Bench
 from diagnosis.catalogue import read_catalogue
 from diagnosis.decide import Decision, Weights, decide
 from diagnosis.diagnose import split_campaign
+from diagnosis.held_out import examine
 from diagnosis.search import Search, search
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
@@ -71,10 +72,14 @@ def _search_one(job: tuple[Path, int]) -> int:
     folder, seed = job
     campaign, label = draw_case(seed)
     write(folder / str(seed), campaign)
-    fitted, _ = split_campaign(read_campaign(folder / str(seed)))
-    with Bench(fitted, FmuFile.read(build_fmu().path)) as bench:
+    logs = read_campaign(folder / str(seed))
+    fitted, held = split_campaign(logs)
+    gantry = FmuFile.read(build_fmu().path)
+    with Bench(fitted, gantry) as bench:
         found = search(bench, read_catalogue())
         seen = ("quantisation",) if bench.table.quanta else ()
+    if held is not None:
+        examine(found, logs, held, gantry)
     for outcome in [*found.null.values(), *(t.outcome for t in found.singles + found.pairs)]:
         outcome.fit.columns.clear()
     (folder / f"{seed}.pickle").write_bytes(pickle.dumps(case_of(seed, label, found, seen)))

@@ -36,7 +36,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--augmented", metavar="FOLDER", type=Path, help="write the plant with the effect added: AugmentedGantry.mo and its FMU"
     )
     command.add_argument("--html", metavar="FILE", type=Path, help="write the report, one self-contained page")
-    command.add_argument("--workers", type=int, default=2, metavar="N", help="processes, for a folder of campaigns (default: %(default)s)")
+    command.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)")
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
@@ -56,7 +56,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     catalogue = read_catalogue(options.catalogue)
     campaign = read_campaign(options.campaign, strict=False)
     gantry = FmuFile.read(options.fmu or build_fmu().path)
-    result = diagnose(campaign, gantry, catalogue, say_stage)
+    result = diagnose(campaign, gantry, catalogue, say_stage, options.workers)
     found = report_json(result)
     print_diagnosis(found)
     if options.augmented is not None:

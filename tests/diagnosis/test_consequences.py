@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from diagnosis.augmented import augmented_model, outside_the_plant, write_augmen
 from diagnosis.bench import Bench
 from diagnosis.delays import estimate_delays
 from diagnosis.next_experiment import candidates, next_experiment
+from diagnosis.signals import corrected, sensed_forces, table_of
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, scenario_setup
 from pyfmi_runner.fmu import FmuFile, FmuSession
@@ -24,6 +26,8 @@ FITTED = {
     "axis_z.friction.law": 3.0, "axis_z.friction.beta": 14.2, "axis_z.friction.sigma": 9e4, "axis_x.m": 7.41, "valve_x.play_centred": 1.0,
     "coupling": 0.5, "sensors.bias_f_x": 2.0, "timing.delay": 0.004, "valve_z.K": 100.0,
 }  # fmt: skip
+
+SENSOR_ERRORS = {"bias": 1.5, "gain": 0.9, "crosstalk": 0.06, "drift": 0.1, "curve": 0.15}
 
 
 @pytest.fixture(scope="module")
@@ -93,3 +97,13 @@ def test_a_loops_delay_is_found_by_trying(gantry: FmuFile, late: Campaign) -> No
         settled = bench.white(bench.all["timing"], {"timing.delay": delay.starts[0], **form.settings})
         untouched = bench.white(bench.all["timing"], {})
     assert np.sqrt(np.mean(settled**2)) < 0.05 * np.sqrt(np.mean(untouched**2))
+
+
+def test_a_force_channels_errors_are_undone(late: Campaign) -> None:
+    """Bias, drift, gain, crosstalk and curve of both channels: the inverse of what they do."""
+    sensors = {f"sensors.{what}_f_{a}": size for a in "xz" for what, size in SENSOR_ERRORS.items()}
+    table = table_of(late)
+    true = np.column_stack([table.columns["f_x"], table.columns["f_z"]])
+    read = sensed_forces(true, table.columns["time"], sensors)
+    force = corrected(replace(table, columns={**table.columns, "f_x": read[:, 0], "f_z": read[:, 1]}), sensors).force
+    assert np.allclose(np.column_stack([force["x"], force["z"]]), true, atol=1e-3)

@@ -90,6 +90,43 @@ def test_what_no_effect_explains_is_unknown() -> None:
 def test_a_second_effect_must_pay_its_cost() -> None:
     single = noise(2)
     pair = single - np.full(STRETCHES, 0.02)
-    decision = decide(searched(noise(1, 2.0), (single, ("valve_lag/z",)), (pair, ("valve_lag/z", "valve_delay/z"))))
+    found = searched(noise(1, 2.0), (single, ("valve_lag/z",)), (pair, ("valve_lag/z", "valve_delay/z")))
+    decision = decide(found)
     assert decision.hypotheses[0].keys == ("valve_lag/z",)
-    assert Weights().cost(2) > Weights().cost(1) > Weights().cost(0) == 0.0
+    costs = [Weights().cost(t.choice if t is not None else None) for t in (None, found.singles[0], found.pairs[0])]
+    assert costs == sorted(costs)
+    assert costs[0] == 0.0
+
+
+def test_a_rough_form_of_what_the_catalogue_lacks_makes_it_unknown_and_says_what_it_resembles() -> None:
+    decision = decide(searched(noise(1, 2.0), (noise(2), ("swinging_spool/z",)), (noise(1, 1.9), ("valve_lag/z",))))
+    assert decision.verdict == "unknown"
+    assert decision.resembles is CATALOGUE["swinging_spool/z"]
+    assert decision.answer_set == [["unknown"]]
+    assert not any("swinging_spool/z" in h.keys for h in decision.hypotheses)
+
+
+def test_a_rough_form_no_better_than_an_effect_of_the_catalogue_gives_way() -> None:
+    null, same = noise(1, 2.0), noise(2)
+    decision = decide(searched(null, (same, ("swinging_spool/z",)), (same, ("valve_delay/z",))))
+    assert decision.verdict == "identified"
+    assert decision.hypotheses[0].keys == ("valve_delay/z",)
+
+
+def test_the_log_that_no_fit_has_seen_tells_two_like_effects_apart() -> None:
+    found = searched(noise(1, 2.0), (noise(2), ("valve_lag/z",)), (noise(2), ("valve_delay/z",)))
+    found.held_out = outcome(noise(4, 2.0))
+    found.singles[0].held_out, found.singles[1].held_out = outcome(noise(5)), outcome(noise(5, 1.5))
+    decision = decide(found)
+    assert decision.verdict == "identified"
+    assert decision.hypotheses[0].keys == found.singles[0].choice.keys
+
+
+def test_what_only_the_unseen_log_shows_is_unknown() -> None:
+    found = searched(noise(2))
+    found.troubled = set()
+    assert decide(found).verdict == "none"
+    found.held_out = outcome(noise(4, 2.0))
+    decision = decide(found)
+    assert decision.verdict == "unknown"
+    assert decision.unknown_view == VIEW

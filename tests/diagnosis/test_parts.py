@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from diagnosis.catalogue import Parameter, read_catalogue
 from diagnosis.converter import converter_step
 from diagnosis.fit import effect_coordinate, fit, predict, tolerance_coordinate
+from diagnosis.parallel import each
+from diagnosis.signals import sensed_speed
 from diagnosis.waviness import sines
 from diagnosis.whitening import correlation_length, innovations, robust_segments
 from pyfmi_runner.errors import InputError
@@ -42,7 +44,7 @@ class Line:
 
 def test_the_catalogue_holds_every_effect_of_the_specification_with_its_block() -> None:
     catalogue = read_catalogue()
-    assert len({effect.name for effect in catalogue.values()}) == 30
+    assert len({effect.name for effect in catalogue.values() if not effect.outside}) == 30
     assert catalogue["valve_delay/z"].block == "valve_z"
     assert catalogue["presliding/x"].block == "friction_x"
     assert catalogue["loop_delay"].block == "timing"
@@ -69,6 +71,22 @@ def test_a_bad_catalogue_names_file_field_and_mend(tmp_path: Path) -> None:
         read_catalogue(path)
     assert "mine.toml" in str(caught.value)
     assert "a.scale" in str(caught.value)
+
+
+def test_a_range_of_indices_stands_for_its_members() -> None:
+    profile = read_catalogue()["friction_position/z"].forms[0]
+    assert [p.name for p in profile.parameters] == [f"axis_z.friction.position_table[{i}]" for i in range(1, 12)]
+
+
+def test_three_stages_lag_as_long_as_one() -> None:
+    ramp = np.arange(2000) * 1e-3
+    for stages in (1.0, 3.0):
+        lagged = sensed_speed(ramp, "z", {"sensors.tau_v_z": 0.03, "sensors.stages_v_z": stages})
+        assert ramp[-1] - lagged[-1] == pytest.approx(0.03, rel=0.02)
+
+
+def test_work_shared_out_gives_what_one_process_gives() -> None:
+    assert each(lambda n: n * n, range(7), 2) == each(lambda n: n * n, range(7), 1) == [n * n for n in range(7)]
 
 
 def test_the_fit_equals_linear_least_squares_with_its_prior() -> None:
