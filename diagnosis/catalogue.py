@@ -13,18 +13,21 @@ refines = ["viscous_friction"]             optional: effects that it shapes, and
 from __future__ import annotations
 
 import re
-import tomllib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from pyfmi_runner.errors import InputError
+from pyfmi_runner.scenario import Fields, parse_toml
 
 __all__ = ["AXIS_BLOCKS", "Effect", "Form", "Parameter", "read_catalogue"]
 
 FOLDER = Path(__file__).parent / "effects"
 AXIS_BLOCKS = ("valve", "friction")  # blocks that each axis has of its own
+EFFECT_KEYS = ("name", "block", "axes", "summary", "refines", "outside", "form")
+FORM_KEYS = ("name", "parameters", "settings", "estimator")
+PARAMETER_KEYS = ("neutral", "scale", "low", "high", "unit", "relative", "positive", "starts")
 
 
 @dataclass(frozen=True)
@@ -78,58 +81,76 @@ def read_catalogue(source: Path | None = None) -> dict[str, Effect]:
     effects: dict[str, Effect] = {}
     folder = source if source is not None and source.is_dir() else FOLDER
     for path in sorted(folder.glob("*.toml")):
-        effects.update(_effects(path, [_read(path)]))
+        effects.update(_effects(path, [parse_toml(path)]))
     if source is not None and not source.is_dir():
-        tables = _read(source)
+        tables = parse_toml(source)
         effects.update(_effects(source, tables.get("effect", [tables])))
     if not effects:
         raise InputError("holds no effect", file=source, mend="add one TOML file per effect")
     return effects
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError:
-        raise InputError("cannot be read", file=path, mend="check the path given with --catalogue") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"not valid TOML: {error}", file=path, mend="correct that line") from None
-
-
-def _effects(path: Path, tables: Iterable[Mapping[str, Any]]) -> dict[str, Effect]:
+def _effects(path: Path, tables: object) -> dict[str, Effect]:
+    if not isinstance(tables, list):
+        raise InputError(f"is {tables!r}, expected tables", file=path, field="effect", mend="write [[effect]]")
     found = {}
     for table in tables:
-        for key in ("name", "block", "form"):
-            if key not in table:
-                raise InputError("is missing", file=path, field=key, mend=f"write {key} = ...")
-        for axis in table.get("axes", [""]):
-            block = f"{table['block']}_{axis}" if axis and table["block"] in AXIS_BLOCKS else table["block"]
-            forms = tuple(_form(path, form, axis) for form in table["form"])
-            refines, outside = tuple(table.get("refines", ())), table.get("outside", False)
-            effect = Effect(table["name"], axis, block, table.get("summary", ""), forms, refines, outside)
+        fields = Fields(table, EFFECT_KEYS, path)
+        name, block = _given(fields, "name", str), _given(fields, "block", str)
+        forms, axes = _given(fields, "form", list), _texts(fields, "axes") or ("",)
+        summary, refines, outside = fields.of_type("summary", str, ""), _texts(fields, "refines"), fields.of_type("outside", bool, False)
+        for axis in axes:
+            at = f"{block}_{axis}" if axis and block in AXIS_BLOCKS else block
+            effect = Effect(name, axis, at, summary, tuple(_form(path, form, axis) for form in forms), refines, outside)
             found[effect.key] = effect
     return found
 
 
+def _given(fields: Fields, key: str, kind: type) -> Any:
+    """What must be there and not be empty."""
+    if key not in fields:
+        fields.refuse(key, "is missing", f"write {key} = ...")
+    return fields.of_type(key, kind, None) or fields.refuse(key, "is empty", f"write {key} = ...")
+
+
+def _texts(fields: Fields, key: str) -> tuple[str, ...]:
+    texts = fields.of_type(key, list, [])
+    if not all(isinstance(text, str) for text in texts):
+        fields.refuse(key, f"is {texts!r}, expected texts", 'write for example ["x", "z"]')
+    return tuple(texts)
+
+
 def _members(name: str) -> list[str]:
     """A parameter's name, or those that a range of indices stands for."""
-    span = re.fullmatch(r"(.*)\[(\d+):(\d+)\]", name)
+    span = re.fullmatch(r"(.*)\[(\d{1,3}):(\d{1,3})\]", name)
     return [f"{span[1]}[{i}]" for i in range(int(span[2]), int(span[3]) + 1)] if span else [name]
 
 
-def _form(path: Path, table: Mapping[str, Any], axis: str) -> Form:
-    parameters = []
-    for name, values in table.get("parameters", {}).items():
-        for key in ("scale", "low", "high"):
-            if not isinstance(values.get(key), int | float):
-                raise InputError("must be a number", file=path, field=f"{name}.{key}", mend=f"write {key} = 0.1")
-        known = {"neutral", "scale", "low", "high", "unit", "relative", "positive", "starts"}
-        unknown = set(values) - known
-        if unknown:
-            raise InputError("unknown key", file=path, field=f"{name}.{unknown.pop()}", mend=f"use {', '.join(sorted(known))}")
-        rest = {"neutral": 0.0, **values, "starts": tuple(values.get("starts", ()))}
-        parameters += [Parameter(member, **rest) for member in _members(name.format(axis=axis))]
-    if not parameters and not table.get("estimator"):
+def _form(path: Path, table: object, axis: str) -> Form:
+    fields = Fields(table, FORM_KEYS, path, "form.")
+    parameters = [
+        replace(parameter, name=member)
+        for parameter in (_parameter(fields, name) for name in fields.sub("parameters", fields.table.get("parameters", {})).table)
+        for member in _members(parameter.name.replace("{axis}", axis))
+    ]
+    estimator = fields.of_type("estimator", str, "")
+    if not parameters and not estimator:
         raise InputError("has no parameters", file=path, field="form", mend="name at least one parameter to fit")
-    settings = {name.format(axis=axis): float(value) for name, value in table.get("settings", {}).items()}
-    return Form(table.get("name", "form"), tuple(parameters), settings, table.get("estimator", ""))
+    settings = {name.replace("{axis}", axis): value for name, value in fields.numbers("settings").items()}
+    return Form(fields.of_type("name", str, "form"), tuple(parameters), settings, estimator)
+
+
+def _parameter(form: Fields, name: str) -> Parameter:
+    fields = Fields(form.table["parameters"][name], PARAMETER_KEYS, form.file, f"{name}.")
+    scale, low, high = (fields.number(key) for key in ("scale", "low", "high"))
+    for key, value in (("scale", scale), ("low", low), ("high", high)):
+        if value is None:
+            fields.refuse(key, "must be a number", f"write {key} = 0.1")
+    relative, positive = (fields.of_type(key, bool, False) for key in ("relative", "positive"))
+    if not low < high or scale <= 0.0 or (positive and low <= 0.0):
+        fields.refuse("low", f"is {low:g}, high {high:g}, scale {scale:g}", "let low < high and scale > 0; positive needs low > 0")
+    starts = fields.of_type("starts", list, [])
+    for start in starts:
+        Fields({"starts": start}, ("starts",), form.file, f"{name}.").number("starts")
+    neutral, unit = fields.number("neutral", 0.0), fields.of_type("unit", str, "1")
+    return Parameter(name, neutral, scale, low, high, unit, relative, positive, tuple(map(float, starts)))

@@ -13,7 +13,7 @@ Paths are relative to the file. Row k holds the readings at k * period and the i
 
 from __future__ import annotations
 
-import tomllib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,10 +27,12 @@ from scipy.io import loadmat
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.scenario import Fields, parse_toml
 
 __all__ = ["Channel", "OwnLog", "OwnPlant", "is_own_plant", "read_own_plant"]
 
 Array = NDArray[np.float64]
+PLANT_KEYS = ("name", "model", "class", "fmu", "catalogue", "period", "decimate", "skip")
 
 
 @dataclass(frozen=True)
@@ -74,98 +76,99 @@ class OwnPlant:
 
 def is_own_plant(path: Path) -> bool:
     """A TOML file with a [plant] table."""
-    return path.suffix == ".toml" and path.is_file() and "plant" in _read(path)
+    return path.suffix == ".toml" and os.path.isfile(path) and "plant" in parse_toml(path)
 
 
 def read_own_plant(path: Path, fmu: Path | None = None, out: Path | None = None) -> OwnPlant:
     """Reads the description and its logs, and builds the FMU where a Modelica file is given. `fmu`: used instead; `out`: folder of the
     FMU built. Raises InputError naming file, field and mend."""
-    text = _read(path)
-    plant = _table(path, text, "plant")
-    file = FmuFile.read(fmu) if fmu is not None else _fmu(path, plant, out)
-    inputs, outputs = _table(path, text, "inputs"), _table(path, text, "outputs")
-    channels = tuple(_channel(path, name, entry) for name, entry in outputs.items())
-    tolerance, parameters = dict(text.get("tolerance", {})), dict(text.get("parameters", {}))
-    for name in (*inputs, *outputs, *tolerance, *parameters):
+    top = Fields(parse_toml(path), ("plant", "inputs", "outputs", "tolerance", "parameters", "log"), path)
+    for name in ("plant", "inputs", "outputs", "log"):
+        if not top.table.get(name):
+            top.refuse(name, "is missing or empty", f"add a table [{name}]")
+    plant, inputs, outputs = top.sub("plant", PLANT_KEYS), _free(top, "inputs"), _free(top, "outputs")
+    period, skip = plant.number("period", 1e-3, 0.0, 10.0), plant.number("skip", 0.0, 0.0)
+    if period <= 0 or abs(period * 1e3 - round(period * 1e3)) > 1e-9:
+        plant.refuse("period", f"{period:g} s is no whole number of milliseconds", "resample the logs")
+    decimate = plant.of_type("decimate", int, 1)
+    if decimate < 1:
+        plant.refuse("decimate", f"is {decimate}, expected >= 1", "write 1 to judge every sample")
+    texts = {key: plant.of_type(key, str, "") for key in ("name", "model", "class", "fmu", "catalogue")}
+    sources = {name: _source(inputs, name) for name in inputs.table}
+    channels = tuple(_channel(outputs, name) for name in outputs.table)
+    tolerance, parameters = top.numbers("tolerance"), top.numbers("parameters")
+    file = FmuFile.read(fmu) if fmu is not None else _fmu(path, texts, out)
+    for name in (*sources, *outputs.table, *tolerance, *parameters):
         if name not in file.variables:
             raise InputError("no such variable in the FMU", file=path, field=name, mend=f"see modelDescription.xml in {file.path.name}")
-    period = _number(path, plant, "period", 1e-3)
-    if period <= 0 or abs(period * 1e3 - round(period * 1e3)) > 1e-9:
-        raise InputError(f"{period:g} s is no whole number of milliseconds", file=path, field="plant.period", mend="resample the logs")
-    logs = tuple(_log(path, name, entry, inputs, channels) for name, entry in _table(path, text, "log").items())
+    entries = _free(top, "log")
+    logs = tuple(_log(entries, name, sources, channels) for name in entries.table)
     if all(log.held_out for log in logs):
-        raise InputError("every log is held out", file=path, field="log", mend='give at least one log use = "fit"')
-    catalogue = path.parent / plant["catalogue"] if "catalogue" in plant else None
+        top.refuse("log", "every log is held out", 'give at least one log use = "fit"')
+    catalogue = path.parent / texts["catalogue"] if texts["catalogue"] else None
     return OwnPlant(
-        plant.get("name", path.parent.name), file, catalogue, period, int(plant.get("decimate", 1)), _number(path, plant, "skip", 0.0),
-        tuple(inputs), channels, tolerance, parameters, logs,
-    )  # fmt: skip
+        texts["name"] or path.parent.name, file, catalogue, period, decimate, skip, tuple(sources), channels, tolerance, parameters, logs
+    )
 
 
-def _fmu(path: Path, plant: Mapping[str, Any], out: Path | None) -> FmuFile:
-    if "fmu" in plant:
-        return FmuFile.read(path.parent / plant["fmu"])
-    if "model" not in plant or "class" not in plant:
+def _free(fields: Fields, key: str) -> Fields:
+    """A table whose keys are the user's."""
+    return fields.sub(key, fields.table.get(key, {}))
+
+
+def _source(fields: Fields, name: str) -> str | float:
+    """Where an input comes from: a column of the log, or a number."""
+    given = fields.table[name]
+    return given if isinstance(given, str) else float(fields.number(name))
+
+
+def _fmu(path: Path, texts: Mapping[str, str], out: Path | None) -> FmuFile:
+    if texts["fmu"]:
+        return FmuFile.read(path.parent / texts["fmu"])
+    if not texts["model"] or not texts["class"]:
         raise InputError("names no plant", file=path, field="plant", mend='write fmu = "axis.fmu", or model = "Axis.mo" and class = "Axis"')
-    return FmuFile.read(build_fmu(plant["class"], path.parent / plant["model"], out=out).path)
+    return FmuFile.read(build_fmu(texts["class"], path.parent / texts["model"], out=out).path)
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError:
-        raise InputError("cannot be read", file=path, mend="check the path") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"not valid TOML: {error}", file=path, mend="correct that line") from None
-
-
-def _table(path: Path, text: Mapping[str, Any], name: str) -> dict[str, Any]:
-    if not isinstance(text.get(name), dict) or not text[name]:
-        raise InputError("is missing or empty", file=path, field=name, mend=f"add a table [{name}]")
-    return dict(text[name])
-
-
-def _number(path: Path, table: Mapping[str, Any], name: str, default: float | None = None) -> float:
-    value = table.get(name, default)
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        raise InputError(f"must be a number, got {value!r}", file=path, field=name, mend=f"write {name} = 0.1")
-    return float(value)
-
-
-def _channel(path: Path, name: str, entry: Mapping[str, Any]) -> Channel:
-    sigma = _number(path, entry, "sigma")
+def _channel(outputs: Fields, name: str) -> Channel:
+    entry = outputs.sub(name, ("column", "sigma", "unit"))
+    sigma = entry.number("sigma", 0.0)
     if sigma <= 0:
-        raise InputError(f"must be > 0, got {sigma:g}", file=path, field=f"outputs.{name}.sigma", mend="give the RMS of the sensor's noise")
-    return Channel(name, str(entry.get("column", name)), sigma, str(entry.get("unit", "1")))
+        entry.refuse("sigma", f"must be > 0, got {sigma:g}", "give the RMS of the sensor's noise")
+    return Channel(name, entry.of_type("column", str, name), sigma, entry.of_type("unit", str, "1"))
 
 
-def _log(path: Path, name: str, entry: Mapping[str, Any], inputs: Mapping[str, Any], channels: tuple[Channel, ...]) -> OwnLog:
-    use = entry.get("use", "fit")
-    if use not in ("fit", "held out") or "file" not in entry:
-        raise InputError("needs file, and use as one of fit, held out", file=path, field=f"log.{name}", mend='write use = "fit"')
-    file = path.parent / entry["file"]
+def _log(logs: Fields, name: str, inputs: Mapping[str, str | float], channels: tuple[Channel, ...]) -> OwnLog:
+    entry = logs.sub(name, ("file", "use", "inputs", "parameters"))
+    use = entry.of_type("use", str, "fit")
+    if use not in ("fit", "held out") or not entry.of_type("file", str, ""):
+        logs.refuse(name, "needs file, and use as one of fit, held out", 'write use = "fit"')
+    given = _free(entry, "inputs")
+    for unknown in set(given.table) - set(inputs):
+        given.refuse(unknown, "no such input", "name it under [inputs] first")
+    assert logs.file is not None
+    file = Path(logs.file).parent / entry.table["file"]
     columns = _columns(file)
-    sources = {**inputs, **entry.get("inputs", {})}
-    unknown = set(sources) - set(inputs)
-    if unknown:
-        raise InputError("no such input", file=path, field=f"log.{name}.inputs.{unknown.pop()}", mend="name it under [inputs] first")
-    measured = np.column_stack([_column(file, columns, c.column) for c in channels])
-    driven = [np.full(len(measured), float(s)) if isinstance(s, int | float) else _column(file, columns, s) for s in sources.values()]
-    if len({len(d) for d in (*driven, measured)}) > 1:
+    sources = {**inputs, **{key: _source(given, key) for key in given.table}}
+    read = [_column(file, columns, c.column) for c in channels]
+    driven = [_column(file, columns, s) if isinstance(s, str) else np.full(len(read[0]), s) for s in sources.values()]
+    if len({len(values) for values in (*driven, *read)}) > 1:
         raise InputError("columns differ in length", file=file, mend="write one row per sample")
-    return OwnLog(name, np.column_stack(driven), measured, dict(entry.get("parameters", {})), use == "held out")
+    return OwnLog(name, np.column_stack(driven), np.column_stack(read), entry.numbers("parameters"), use == "held out")
 
 
 def _columns(file: Path) -> Mapping[str, Any]:
     """Columns of a table, by name."""
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise InputError("no such file", file=file, mend="correct the log's file in the TOML")
     try:
         if file.suffix == ".mat":
             return {name: values for name, values in loadmat(file).items() if not name.startswith("__")}
         table = pd.read_parquet(file) if file.suffix == ".parquet" else pd.read_csv(file, comment="#")
-    except (ValueError, OSError, NotImplementedError) as error:
+    except Exception as error:  # of a damaged file the readers, scipy's foremost, raise anything
         raise InputError(f"cannot be read: {error}", file=file, mend="give a CSV, Parquet or MATLAB (up to v7) file") from None
+    if not table.columns.is_unique:
+        raise InputError("a column is there twice", file=file, field=str(table.columns[table.columns.duplicated()][0]), mend="keep one")
     return {str(name): table[name].to_numpy() for name in table.columns}
 
 
@@ -174,7 +177,7 @@ def _column(file: Path, columns: Mapping[str, Any], name: str) -> Array:
         raise InputError("no such column", file=file, field=name, mend=f"use one of {', '.join(columns)}")
     try:
         values = np.asarray(columns[name], dtype=np.float64).ravel()
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError("holds what is no number", file=file, field=name, mend="write numbers, SI") from None
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import sys
+import threading
+import time
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -29,12 +32,24 @@ def each(work: Callable[[T], R], items: Sequence[T], workers: int) -> list[R]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # a process with threads forks: the copies use none of them
-            with ProcessPoolExecutor(min(workers, len(items)), mp_context=multiprocessing.get_context("fork")) as pool:
+            context = multiprocessing.get_context("fork")
+            with ProcessPoolExecutor(min(workers, len(items)), context, _watch, (os.getpid(),)) as pool:
                 return list(pool.map(_call, range(len(items))))
     except BrokenProcessPool:
         return [work(item) for item in items]
     finally:
         _work = None
+
+
+def _watch(parent: int) -> None:
+    """A process that is killed leaves no copy behind."""
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
 
 
 def _call(i: int) -> Any:

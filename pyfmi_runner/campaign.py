@@ -104,7 +104,7 @@ def read_campaign(path: str | os.PathLike[str], *, strict: bool = True, setup: M
     and named in `notes`. Raises InputError naming file, key and mend.
     """
     path = Path(path)
-    return _read_folder(path, strict) if path.is_dir() else _read_single(path, dict(setup or {}))
+    return _read_folder(path, strict) if os.path.isdir(path) else _read_single(path, dict(setup or {}))
 
 
 def _read_folder(folder: Path, strict: bool) -> Campaign:
@@ -153,7 +153,7 @@ def _log_file(folder: Path, name: str, table: Mapping[str, Any], index: Path) ->
         file: str = Fields(table, KEYS, index, f"log.{name}.").of_type("file", str, "")
         return folder / file
     names = [name + suffix for suffix in SUFFIXES if name + suffix != table.get("workpiece")]
-    present = [folder / file for file in names if (folder / file).is_file()]
+    present = [folder / file for file in names if os.path.isfile(folder / file)]
     if len(present) == 1:
         return present[0]
     if present:

@@ -45,7 +45,7 @@ class FmuFile:
     def read(cls, path: str | os.PathLike[str]) -> FmuFile:
         """InputError on anything but a readable FMU of version 2.0 or 3.0."""
         file = Path(path)
-        if not file.is_file():
+        if not os.path.isfile(file):
             raise InputError("no such file", file=file, mend="build it with `pneugantry build` or correct the path")
         data = file.read_bytes()
         with _archive(file, data) as archive:

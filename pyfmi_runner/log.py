@@ -9,8 +9,10 @@ import contextlib
 import difflib
 import io
 import json
+import math
 import os
 import re
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +28,7 @@ from pyfmi_runner.errors import InputError
 
 __all__ = [
     "COLUMNS", "MEASURED", "OPTIONAL", "PERIOD", "PHASES", "REQUIRED", "SIGMA", "STROKE_X", "STROKE_Z",
-    "Column", "Log", "check_table", "log_warnings", "read_log", "write_atomically", "write_log",
+    "Column", "Log", "check_table", "log_warnings", "parsed_numbers", "read_log", "write_atomically", "write_log",
 ]  # fmt: skip
 
 PERIOD = 0.001  # s, between rows
@@ -34,6 +36,7 @@ STROKE_X = 1.0  # m, x piston 0..1
 STROKE_Z = 0.101  # m, z piston 0..0.101
 PHASES = ("approach", "contact", "contour", "retreat")  # column `phase` holds the index; names are accepted on reading
 MIN_ROWS = 10
+LARGEST = 10**300
 _SPAN = {
     "x": f"0..{STROKE_X:g}",
     "z": f"0..{STROKE_Z:g}",
@@ -111,15 +114,16 @@ class Log:
 def read_log(path: str | os.PathLike[str]) -> Log:
     """Read and check a Parquet or CSV log. Raises InputError naming file, column or row, and the mend."""
     path = Path(path)
-    if path.is_dir():
+    if os.path.isdir(path):
         raise InputError("is a folder, expected a log file", file=path, mend="name one .parquet or .csv file in it")
     try:
         with path.open("rb") as stream:
             head = stream.read(4)
     except FileNotFoundError:
         raise InputError("no such file", file=path, mend=_mend_absent(path)) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=path, mend="check the file's permissions") from None
+    except (OSError, ValueError) as error:  # ValueError: a path that holds a NUL
+        reason = getattr(error, "strerror", error)
+        raise InputError(f"cannot be read ({reason})", file=path, mend="check its path and permissions") from None
     if not head:
         raise InputError("the file is empty", file=path, mend="record or export the log again")
     suffix = path.suffix.lower()
@@ -224,8 +228,10 @@ def _read_csv(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
             raise InputError(message, file=path, mend=mend)
     try:
         body = io.StringIO("".join(lines[first:]))
-        frame = pd.read_csv(body, sep=separator, skipinitialspace=True, index_col=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # it would drop values that the header does not name
+            frame = pd.read_csv(body, sep=separator, skipinitialspace=True, index_col=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, pd.errors.ParserWarning) as error:
         reason = str(error).replace("Error tokenizing data. C error: ", "")
         raise InputError(f"not a readable table ({reason})", file=path, mend="even out the rows") from None
     frame.columns = [str(name).strip().strip('"') for name in frame.columns]
@@ -258,6 +264,8 @@ def check_table(table: pd.DataFrame, file: str | os.PathLike[str] | None = None)
     def refuse(message: str, column: str | None, mend: str) -> NoReturn:
         raise InputError(message, file=file, field=column, mend=mend)
 
+    if not table.columns.is_unique:
+        refuse("column is there twice", str(table.columns[table.columns.duplicated()][0]), "keep one of them")
     for name in REQUIRED:
         if name not in table.columns:
             spare = {_bare(str(c)): str(c) for c in table.columns if c not in COLUMNS}
@@ -284,16 +292,23 @@ def _bare(name: str) -> str:
     return re.sub(r"[^a-z]|\bpos(ition)?\b", "", name.lower().split("[")[0].split("(")[0])
 
 
+def parsed_numbers(column: pd.Series) -> NDArray[np.float64]:
+    """A column of any type as float64: NaN where there is no number, infinity where it is beyond a float."""
+    if column.dtype == object:
+        column = column.map(lambda value: math.inf if isinstance(value, int) and abs(value) > LARGEST else value)  # pandas overflows
+    return np.asarray(pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64))
+
+
 def _numbers(column: pd.Series, name: str, file: str | os.PathLike[str] | None) -> NDArray[np.float64]:
     try:
         if column.dtype != object:
             return np.asarray(column.to_numpy(dtype=np.float64))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         pass
     if name == "phase":
         codes = {phase: float(code) for code, phase in enumerate(PHASES)}
-        column = column.map(lambda value: codes.get(value, value))
-    parsed = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64)
+        column = column.map(lambda value: codes.get(value, value) if isinstance(value, str) else value)
+    parsed = parsed_numbers(column)
     bad = np.flatnonzero(np.isnan(parsed) & column.notna().to_numpy())
     if len(bad):
         value = column.iloc[int(bad[0])]

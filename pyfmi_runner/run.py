@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from dataclasses import dataclass
 from functools import cache
@@ -55,12 +56,12 @@ def run_scenario(
     return RunResult(_log(scenario, plan, rows, fmu, outcome, reason), outcome, reason, rows.seconds)
 
 
-def make_scenario_controller(scenario: Scenario) -> Controller:
-    """The controller that a scenario names, with its gains. Raises InputError for unknown names."""
+def make_scenario_controller(scenario: Scenario, file: str | os.PathLike[str] | None = None) -> Controller:
+    """The controller that a scenario names, with its gains. Raises InputError for unknown names; `file`: where they stand."""
     try:
         return make_controller(scenario.controller, **({} if scenario.gains is None else {"gains": scenario.gains}))
     except ValueError as error:
-        raise InputError(str(error), field="controller", mend="choose a known controller and gain table") from None
+        raise InputError(str(error), file=file, field="controller", mend="choose a known controller and gain table") from None
 
 
 def _log(scenario: Scenario, plan: Plan, rows: Rows, fmu: FmuFile, outcome: str, reason: str) -> Log:

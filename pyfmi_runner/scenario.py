@@ -27,6 +27,7 @@ __all__ = [
 
 T = TypeVar("T")
 Phases = dict[str, tuple[float, float]]  # name -> start and end [s], in the order in which they happen
+MOST_SAMPLES = 5_000_000  # of a run, 1 GB
 CONTOUR_LENGTH = {"incline_16": 4.5, "incline_30": 2.4}  # s, where the z stroke ends it; else 9 s
 
 
@@ -161,7 +162,7 @@ class Fields:
         if not name.lower().endswith(".csv") or self.file is None:
             return name
         path = Path(self.file).parent / name
-        if not path.is_file():
+        if not os.path.isfile(path):
             self.refuse("workpiece", f"no such file {path}", "check the path; it is taken from the folder of this file")
         return str(path)
 
@@ -229,7 +230,7 @@ def _arguments(fields: Fields) -> dict[str, Any]:
     seed = fields.of_type("seed", int, 0)
     if seed < 0:
         fields.refuse("seed", f"is {seed}, expected >= 0", "choose a whole number from 0 on")
-    timing = fields.sub("timing", ("period", "delay", "jitter"))
+    timing = _timing(fields, phases)
     return {
         "name": fields.of_type("name", str, "run"),
         "workpiece": workpiece,
@@ -248,7 +249,7 @@ def _arguments(fields: Fields) -> dict[str, Any]:
         "clamped": fields.clamped(["x until contour"], phases),
         "plant": fields.numbers("plant"),
         "sensors": _sensors(fields),
-        "timing": _valid(fields, "timing", lambda: LoopTiming(**{key: timing.number(key) for key in timing.table})),
+        "timing": timing,
         "seed": seed,
     }
 
@@ -264,6 +265,14 @@ def _check_phases(fields: Fields, phases: Phases) -> None:
         end = stop
     if end > 600.0:
         fields.refuse("phases", f"end at {end:g} s, expected 600 s or less", "give the phases in seconds")
+
+
+def _timing(fields: Fields, phases: Phases) -> LoopTiming:
+    table = fields.sub("timing", ("period", "delay", "jitter"))
+    timing = _valid(fields, "timing", lambda: LoopTiming(**{key: table.number(key) for key in table.table}))
+    if (samples := max(end for _, end in phases.values()) / timing.period) > MOST_SAMPLES:
+        table.refuse("period", f"gives {samples:.3g} samples, expected {MOST_SAMPLES} or fewer", "choose a longer one, or shorter phases")
+    return timing
 
 
 def _sensors(fields: Fields) -> SensorParams:
@@ -338,6 +347,8 @@ def parse_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise InputError("not a text file in UTF-8", file=path, mend="give a TOML file") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"not valid TOML: {error}", file=path, mend="correct that line") from None
+    except ValueError as error:  # a path that holds a NUL
+        raise InputError(f"cannot be read ({error})", file=path, mend="correct the path") from None
 
 
 def to_toml(table: Mapping[str, Any], sections: Iterable[str] = ()) -> str:

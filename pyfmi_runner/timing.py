@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 __all__ = ["LoopTiming", "action_instants"]
 
 MICROSECOND = 1e-6  # s; instants are integers of it, so that no rounding builds up over a run
+LONGEST = 600.0  # s, as a run is
 
 
 @dataclass(frozen=True)
@@ -18,8 +19,8 @@ class LoopTiming:
     """Timing of the sampled loop.
 
     Sample k is taken at k * period; its command acts from k * period + delay + e_k until the next one acts, e_k uniform
-    within +-sqrt(3) * jitter. Raises ValueError for a period that is no whole number of microseconds, and for jitter
-    that would let a command act before its sample or overtake the one before.
+    within +-sqrt(3) * jitter. Raises ValueError for a period that is no whole number of microseconds, a delay beyond
+    LONGEST, and jitter that would let a command act before its sample or overtake the one before.
     """
 
     period: float = 0.001  # s, > 0
@@ -29,8 +30,8 @@ class LoopTiming:
     def __post_init__(self) -> None:
         for name in ("period", "delay", "jitter"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} must be >= 0 s, got {value!r}")
+            if not 0.0 <= value <= LONGEST:
+                raise ValueError(f"{name} must be 0..{LONGEST:g} s, got {value!r}")
         cycles = self.period / MICROSECOND
         if round(cycles) < 1 or abs(cycles - round(cycles)) > 1e-6:
             raise ValueError(f"period must be a whole number of microseconds, got {self.period!r} s")

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from pyfmi_runner.errors import InputError
+from pyfmi_runner.log import parsed_numbers
 
 __all__ = [
     "STANDOFF", "WORKPIECES", "Profile", "check_workpiece", "default_standoff", "local_profile", "read_profile",
@@ -149,9 +150,11 @@ def _profile_table(path: Path) -> tuple[Array, Array]:
         raise InputError(f"not a readable table ({error})", file=path, mend="write CSV with the header x,z_w") from None
     table.columns = [str(name).strip() for name in table.columns]
     for name in ("x", "z_w"):
+        if list(table.columns).count(name) > 1:
+            raise InputError("column is there twice", file=path, field=name, mend="keep one of them")
         if name not in table.columns:
             raise InputError("column is missing", file=path, field=name, mend="write the header x,z_w (metres)")
-        values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=np.float64)
+        values = parsed_numbers(table[name])
         if not np.isfinite(values).all():
             row = int(np.argmin(np.isfinite(values)))
             message = f"row {row} is {table[name].iloc[row]}, not a number"

@@ -87,10 +87,10 @@ def diagnose_campaigns(
 def _on_disk(path: Path, by: dict[str, str]) -> dict[str, Any] | None:
     """A finished diagnosis; None where there is none or another FMU or catalogue made it."""
     try:
-        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return found if found.get("diagnosed_by", by) == by else None
+    return found if isinstance(found, dict) and found.get("diagnosed_by", by) == by else None
 
 
 def _catalogue_hash(source: Path | None) -> str:

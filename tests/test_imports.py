@@ -20,13 +20,14 @@ TRUTH = sorted((ROOT / "studies" / "truth").rglob("*.py"))
 TRUTH_LIBRARIES = {"numpy", "scipy", "numba", "pandas"}
 CONTROLLER_LIBRARIES = {"numpy", "numba"}
 WRAPPED = {  # library: the files that may import it
-    "fmpy": {  # solver_check: fmpy's CVode as an independent master; paths: its loops, timed
+    "fmpy": {  # solver_check: fmpy's CVode as an independent master; paths: its loops, timed; importers: beside the others
         "pyfmi_runner/fmu.py",
         "studies/solver_check.py",
         "studies/bench/paths.py",
+        "studies/importers.py",
     },
     "matplotlib": {path.relative_to(ROOT).as_posix() for path in (ROOT / "analysis").glob("plots*.py")},
-    "rumoca": {"pyfmi_runner/build/frontend.py"},
+    "rumoca": {"pyfmi_runner/build/parser.py"},
     "llvmlite": {"pyfmi_runner/native.py"},
     "gymnasium": {"pyfmi_runner/gym_env.py"},  # an extra: nothing else needs it
     "distributed": {"studies/jobs/cluster.py"},  # loaded only where a scheduler is given

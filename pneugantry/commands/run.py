@@ -17,7 +17,7 @@ from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.fmu_controller import FmuController
 from pyfmi_runner.log import write_log
-from pyfmi_runner.run import run_scenario
+from pyfmi_runner.run import make_scenario_controller, run_scenario
 from pyfmi_runner.scenario import Scenario, read_scenario, short_phases
 from pyfmi_runner.workpiece import WORKPIECES, check_workpiece
 
@@ -74,6 +74,8 @@ def own_controller(scenario: Scenario) -> AbstractContextManager[FmuController |
 def chosen_scenario(options: argparse.Namespace) -> Scenario:
     """The scenario of the file, with what the options change."""
     scenario = read_scenario(options.scenario) if options.scenario else Scenario()
+    if options.scenario and not options.controller and not scenario.controller.endswith(".fmu"):
+        make_scenario_controller(scenario, options.scenario)  # refused here, where its file is known
     changes: dict[str, Any] = {"plant": scenario.plant | parse_settings(options.set)}
     if options.workpiece:
         check_workpiece(options.workpiece)

@@ -100,9 +100,10 @@ def build_controller_fmu(
 
 def _fresh(path: Path, manifest: Path, key: str) -> bool:
     try:
-        return zipfile.is_zipfile(path) and json.loads(manifest.read_text(encoding="utf-8")).get("source_key") == key
+        made = json.loads(manifest.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
+    return isinstance(made, dict) and made.get("source_key") == key and zipfile.is_zipfile(path)
 
 
 def _source_key(models: Sequence[Path], class_name: str, fmi: str, platforms: Sequence[str] | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import casadi as ca
@@ -15,6 +16,7 @@ from pyfmi_runner.build.generate import Expressions, Layout
 from pyfmi_runner.build.hybrid import HybridSystem, build_system
 from pyfmi_runner.build.sorting import solve
 from pyfmi_runner.build.symbols import PlainScope, Scalar, constant
+from pyfmi_runner.errors import InputError
 
 CORE = ("core.h", "core.c")
 
@@ -24,7 +26,14 @@ def compile_model(path: Path, class_name: str) -> CompiledModel:
 
     Raises InputError, with file and line, for what is not Modelica or not supported.
     """
-    model = flatten(path, class_name)
+    try:
+        return _compiled(flatten(path, class_name))
+    except RecursionError:
+        mend = "split it over several variables"
+        raise InputError("an expression is nested too deeply, or has too many terms", file=path, mend=mend) from None
+
+
+def _compiled(model: FlatModel) -> CompiledModel:
     system = build_system(model)
     solved = solve(system)
     layout = _layout(system)
@@ -33,11 +42,11 @@ def compile_model(path: Path, class_name: str) -> CompiledModel:
     states = [v.index_reference for v in variables if v.variable.kind == "state"]
     derivatives = [v.index_reference for v in variables if v.variable.kind == "derivative"]
     plain = tuple(v.variable for v in variables)
-    h, c = generate.source(system, layout, expressions, plain, (class_name, {"states": states, "derivatives": derivatives}))
+    h, c = generate.source(system, layout, expressions, plain, (model.name, {"states": states, "derivatives": derivatives}))
     outputs = tuple(i for i, v in enumerate(plain) if v.causality == "output")
     return CompiledModel(
-        name=class_name,
-        identifier=class_name.replace(".", "_"),
+        name=model.name,
+        identifier=model.name.replace(".", "_"),
         description=model.description,
         variables=plain,
         states=tuple(states),
@@ -74,6 +83,11 @@ def _layout(system: HybridSystem) -> Layout:
 
 def _ordered(system: HybridSystem, scalars: list[Scalar]) -> list[Scalar]:
     """Calculated parameters, each after those it depends on."""
+    for scalar in scalars:
+        if scalar.value is not None and any(_is_moving(system, v) for v in ca.symvar(scalar.value)):
+            raise system.table.model.source.refuse(
+                f"the parameter {scalar.name} depends on a variable", scalar.variable.tree, mend="let it depend on parameters only"
+            )
     names = {s.name for s in scalars}
     done: list[Scalar] = []
     waiting = list(scalars)
@@ -207,13 +221,15 @@ def _variable(
     start: float | None = None,
 ) -> Variable:
     v = s.variable
+    low, high, nominal = (_bound(tree, s, translate) for tree in (v.min, v.max, v.nominal if kind == "state" else None))
+    for what, number in (("value", start), ("min", low), ("max", high), ("nominal", nominal)):
+        if number is not None and not math.isfinite(number):
+            raise translate.source.refuse(f"the {what} of {s.name} is {number}", v.tree, mend="give a finite number")
     base: BaseType = v.type if v.type in ("Real", "Integer", "Boolean") else "Enumeration"  # type: ignore[assignment]
     return Variable(
         name=s.name, kind=kind, type=base, causality=causality, variability=variability, initial=initial, index=index, start=start,  # type: ignore[arg-type]
         unit=v.unit if base == "Real" else None, description=v.description or None,
-        min=_bound(v.min, s, translate), max=_bound(v.max, s, translate),
-        nominal=_bound(v.nominal, s, translate) if kind == "state" else None,
-        enumeration=v.type if base == "Enumeration" else None,
+        min=low, max=high, nominal=nominal, enumeration=v.type if base == "Enumeration" else None,
     )  # fmt: skip
 
 

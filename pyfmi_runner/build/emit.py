@@ -220,9 +220,12 @@ def _expression(op: int, args: list[str]) -> str:
     raise NotImplementedError(f"CasADi operation {op} has no C form")
 
 
+ENDLESS = {"inf": "HUGE_VAL", "-inf": "(-HUGE_VAL)", "nan": "NAN"}
+
+
 def _number(value: float) -> str:
     text = repr(float(value))
-    if text == "inf":
-        return "HUGE_VAL"
+    if text in ENDLESS:
+        return ENDLESS[text]
     text = text if any(c in text for c in ".en") else text + ".0"
     return f"({text})" if text.startswith("-") else text

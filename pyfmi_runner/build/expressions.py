@@ -90,7 +90,7 @@ class Translator:
             return int(node["value"])
         if kind == "Expr":
             index = self.scalar(node["expr"])
-            if index.is_constant():
+            if index.is_constant() and float(index).is_integer():
                 return int(float(index))
         raise self.source.refuse("not supported: a subscript that is not constant, or a slice", tree)
 
@@ -156,7 +156,7 @@ class Translator:
         if function == "Sum":
             return sum(flatten(self(args[0])), start=ca.SX(0))
         if function == "Size":
-            return self._size(args)
+            return self._size(args, tree)
         if function in ROUNDING or function in ("Mod", "Rem", "Div"):
             return self._rounding(function, args, tree)
         raise self.source.refuse(f"not supported: the operator {function.lower()}()", tree)
@@ -168,10 +168,12 @@ class Translator:
             result = function(result, value)
         return result
 
-    def _size(self, args: list[Tree]) -> ca.SX:
+    def _size(self, args: list[Tree], tree: Tree) -> ca.SX:
         value = self(args[0])
         for _ in range(int(float(self.scalar(args[1]))) - 1 if len(args) > 1 else 0):
-            value = value[0]
+            value = value[0] if isinstance(value, list) and value else None
+        if not isinstance(value, list):
+            raise self.source.refuse("size() of what has no such dimension", tree, mend="name an array and one of its dimensions")
         return ca.SX(len(value))
 
     def _rounding(self, function: str, args: list[Tree], tree: Tree) -> ca.SX:

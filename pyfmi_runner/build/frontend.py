@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import bisect
+import json
 import re
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import rumoca
-
 from pyfmi_runner.errors import InputError
 
 Tree = dict[str, Any]  # one node of rumoca's expression tree: {"Binary": {...}}, {"VarRef": {...}}, ...
 
+PARSER = Path(__file__).with_name("parser.py")
+LONGEST = 60  # s of processor time that the parser may take, where the system can limit it; the gantry takes 1
+WAITED = 600.0  # s at most
 VARIABILITY = ("Constant", "Parameter", "Discrete")
 
 
@@ -95,7 +100,7 @@ class FlatModel:
     def scalars(self) -> Iterator[tuple[str, FlatVariable, tuple[int, ...]]]:
         """Every scalar: its FMI name ("A[2]"), its variable, its 1-based subscripts."""
         for variable in self.variables.values():
-            for subscripts in _subscripts(variable.dims):
+            for subscripts in subscripts_of(variable.dims):
                 yield scalar_name(variable.name, subscripts), variable, subscripts
 
 
@@ -103,12 +108,12 @@ def scalar_name(name: str, subscripts: tuple[int, ...]) -> str:
     return f"{name}[{','.join(map(str, subscripts))}]" if subscripts else name
 
 
-def _subscripts(dims: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+def subscripts_of(dims: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
     if not dims:
         yield ()
         return
     for i in range(1, dims[0] + 1):
-        for rest in _subscripts(dims[1:]):
+        for rest in subscripts_of(dims[1:]):
             yield (i, *rest)
 
 
@@ -127,10 +132,10 @@ def flatten(path: Path, class_name: str) -> FlatModel:
     Raises InputError with file and line for whatever rumoca or this back end does not accept.
     """
     source = Source(path)
-    try:
-        flat: Tree = rumoca.Session().load(str(path), model=class_name).to_dict("flat")
-    except rumoca.RumocaError as error:
-        raise _front_end_error(source, class_name, error) from None
+    parsed = _parsed(source, class_name)
+    if "error" in parsed:
+        raise _front_end_error(source, class_name, parsed["error"], parsed["line"])
+    flat: Tree = parsed["flat"]
     for section, instead in REFUSED.items():
         if flat.get(section):
             raise source.refuse(f"not supported: {instead.split(';')[0]}", flat[section], mend=instead.split("; ")[1])
@@ -149,22 +154,35 @@ def flatten(path: Path, class_name: str) -> FlatModel:
     )
 
 
-def _front_end_error(source: Source, class_name: str, error: Exception) -> InputError:
+def _parsed(source: Source, class_name: str) -> dict[str, Any]:
+    """What `parser.py` prints. It sees the text alone: Modelica files beside this one are no part of it."""
+    mend = "make its arrays smaller, its expressions shorter, or its components fewer"
+    command = [sys.executable, "-P", str(PARSER), class_name, str(LONGEST)]
+    slow = source.refuse(f"the parser takes longer than {LONGEST} s", mend=mend)
+    try:
+        done = subprocess.run(command, input=source.text.encode(), capture_output=True, timeout=WAITED, check=False)
+    except subprocess.TimeoutExpired:
+        raise slow from None
+    if done.returncode != 0:
+        name = signal.Signals(-done.returncode).name if done.returncode < 0 else f"exit code {done.returncode}"
+        if name == "SIGXCPU":
+            raise slow
+        said = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        raise source.refuse(f"the parser gave up ({': '.join([name, *said])})", mend=mend)
+    return dict(json.loads(done.stdout))
+
+
+def _front_end_error(source: Source, class_name: str, error: str, syntax_line: int | None) -> InputError:
     """rumoca's message without its frame, and the line it means."""
-    message = " ".join(str(error).split("Related failures")[0].split())
+    message = " ".join(error.split("Related failures")[0].split())
     message = re.sub(r"^(\w+ failed: )?\S+ (failed in \w+|could not be compiled): ", "", message)
-    message, _, position = re.sub(r" ?\[[^\[\]]*:(\d+):\d+\]$", r"\0\1", message).partition("\0")
+    position = re.search(r" ?\[[^\[\]]*:(\d+):\d+\]$", message)
+    message = message[: position.start()] if position else message
     if "because resolve/parse failed" in message and _class_header(source, class_name) < 0:
         known = re.findall(r"^\s*(?:package|model|block|class)\s+(\w+)", _code(source), re.MULTILINE)
         return InputError(f"no class {class_name} in this file", file=source.path, mend=f"it holds {', '.join(known[:8]) or 'none'}")
-    line = int(position) if position else _syntax_line(source) or _named_line(source, class_name, message)
+    line = int(position[1]) if position else syntax_line or _named_line(source, class_name, message)
     return InputError(message.split("; ")[0], file=f"{source.path}:{line}", mend="correct the Modelica text")
-
-
-def _syntax_line(source: Source) -> int | None:
-    """rumoca puts the position of a syntax error into the text of its diagnostics only."""
-    found = [re.search(r"input\.mo:(\d+):\d+\]", d.message) for d in rumoca.validate_source(source.text)]
-    return next((int(match.group(1)) for match in found if match), None)
 
 
 def _named_line(source: Source, class_name: str, message: str) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import casadi as ca
 
 from pyfmi_runner.build.expressions import Translator, Value, choose, compare
@@ -69,8 +71,10 @@ class FunctionLibrary:
         for local in function["locals"] + function["outputs"]:
             if local["default"] is not None:
                 scope.values[local["name"]] = run.translate(local["default"])
-            elif local["effective_type"]["dimensions"]:
-                scope.values[local["name"]] = _zeros(local["effective_type"]["dimensions"])
+            elif dimensions := local["effective_type"]["dimensions"]:
+                if math.prod(dimensions) > MAX_ITERATIONS:
+                    raise self.source.refuse(f"{local['name']} has more than {MAX_ITERATIONS} elements", tree, mend="make it smaller")
+                scope.values[local["name"]] = _zeros(dimensions)
         run.statements(function["body"])
         return scope.name(function["outputs"][0]["name"], tree)
 
@@ -102,8 +106,12 @@ class _Run:
             self.scope.values[part["ident"]] = value
             return
         target = self.scope.values[part["ident"]] = _copy(self.scope.values[part["ident"]])
-        for subscript in subscripts[:-1]:
-            target = target[subscript - 1]
+        for depth, subscript in enumerate(subscripts):
+            if not isinstance(target, list) or not 1 <= subscript <= len(target):
+                message = f"subscript {subscript} does not fit the array {part['ident']}"
+                raise self.library.source.refuse(message, node, mend="correct the subscript")
+            if depth < len(subscripts) - 1:
+                target = target[subscript - 1]
         target[subscripts[-1] - 1] = value
 
     def _for(self, node: Tree) -> None:
@@ -117,15 +125,18 @@ class _Run:
             self.scope.values[index["ident"]] = ca.SX(value)
             self.statements(node["equations"])
 
-    def _range(self, tree: Tree) -> list[int]:
+    def _range(self, tree: Tree) -> range:
         node = tree.get("Range")
         if node is None:
             raise self.library.source.refuse("not supported: a for over something else than a range", tree)
         ends = [self.translate.scalar(node[k]) if node[k] is not None else ca.SX(1) for k in ("start", "step", "end")]
         if not all(end.is_constant() for end in ends):
             raise self.library.source.refuse("not supported: a for whose range is not constant", tree)
-        start, step, end = (int(float(e)) for e in ends)
-        return list(range(start, end + (1 if step > 0 else -1), step))
+        numbers = [float(end) for end in ends]
+        if not all(number.is_integer() for number in numbers) or numbers[1] == 0:
+            raise self.library.source.refuse("a for needs whole numbers and a step that is not 0", tree, mend="correct its range")
+        start, step, end = map(int, numbers)
+        return range(start, end + (1 if step > 0 else -1), step)
 
     def _if(self, node: Tree) -> None:
         before = {k: _copy(v) for k, v in self.scope.values.items()}

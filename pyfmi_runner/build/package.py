@@ -64,8 +64,10 @@ def package_fmu(
     binaries, compilers = _binaries(compiled, fmi, sources, files, targets, bool(platforms))
     members |= binaries
     manifest = _manifest(compiled, fmi, token, members) | {"compilers": compilers} | dict(provenance or {})
+    listed = out.with_suffix(".manifest.json")
+    listed.unlink(missing_ok=True)  # killed in between, the new FMU must not stand beside the old one's manifest
     _write(out, _archive(members))
-    _write(out.with_suffix(".manifest.json"), json.dumps(manifest, indent=2, sort_keys=True).encode() + b"\n")
+    _write(listed, json.dumps(manifest, indent=2, sort_keys=True).encode() + b"\n")
     return out
 
 

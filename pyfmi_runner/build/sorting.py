@@ -11,6 +11,7 @@ from pyfmi_runner.build.frontend import Source, Tree
 from pyfmi_runner.build.hybrid import HybridSystem
 from pyfmi_runner.errors import InputError
 
+MOST_UNKNOWNS = 2000  # a minute of compilation
 LARGEST_BLOCK = 6  # linear algebraic loops up to this size are solved symbolically
 
 
@@ -23,6 +24,8 @@ def solve(system: HybridSystem) -> dict[str, ca.SX]:
     source = system.table.model.source
     unknowns = [(f"der({name})", symbol) for name, symbol in system.derivatives.items()]
     unknowns += [(s.name, s.symbol) for s in system.table.of("algebraic")]
+    if len(unknowns) > MOST_UNKNOWNS:
+        raise source.refuse(f"{len(unknowns)} unknowns, at most {MOST_UNKNOWNS} are solved for", mend="make its arrays smaller")
     residuals = [residual for residual, _ in system.residuals]
     if len(residuals) != len(unknowns):
         raise source.refuse(f"{len(residuals)} equations for {len(unknowns)} unknowns", mend="write one equation per unknown")

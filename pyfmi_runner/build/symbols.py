@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
 
 from pyfmi_runner.build.expressions import Translator, Value, compare, flatten
-from pyfmi_runner.build.frontend import FlatModel, FlatVariable, Tree, scalar_name
+from pyfmi_runner.build.frontend import FlatModel, FlatVariable, Tree, scalar_name, subscripts_of
 from pyfmi_runner.build.functions import FunctionLibrary
 
 
@@ -49,6 +50,7 @@ class Table:
         raise self.model.source.refuse(f"unknown name {name}", tree)
 
 
+MOST_SCALARS = 10_000
 TIME = ca.SX.sym("time")
 
 
@@ -78,6 +80,8 @@ def build_table(model: FlatModel, functions: FunctionLibrary) -> tuple[Table, Pl
     states = _names_under(model, "Der")
     assigned = _assigned_in_when(model)
     table = Table(model)
+    if (count := sum(math.prod(v.dims) for v in model.variables.values())) > MOST_SCALARS:
+        raise model.source.refuse(f"{count} scalar variables, at most {MOST_SCALARS} are compiled", mend="make its arrays smaller")
     for variable in _solver_parameters():
         model.variables[variable.name] = variable
     for name, variable, subscripts in model.scalars():
@@ -87,8 +91,8 @@ def build_table(model: FlatModel, functions: FunctionLibrary) -> tuple[Table, Pl
         table.arrays[variable.name] = _array(table, variable.name, variable.dims, ())
     scope = PlainScope(table, functions)
     translate = Translator(model.source, scope, events=False)
-    for scalar in table.scalars.values():
-        _give_value(scalar, translate)
+    for variable in model.variables.values():
+        _give_values([table.scalars[scalar_name(variable.name, at)] for at in subscripts_of(variable.dims)], translate)
     _fold_constants(table)
     return table, scope
 
@@ -129,20 +133,21 @@ def _kind(variable: FlatVariable, states: set[str], assigned: set[str]) -> str:
     return "discrete" if variable.name in assigned else "algebraic"
 
 
-def _give_value(scalar: Scalar, translate: Translator) -> None:
-    variable = scalar.variable
-    tree = variable.binding if scalar.kind in ("constant", "parameter") else variable.start
-    if tree is None:
-        if scalar.kind == "constant":
-            raise translate.source.refuse(f"the constant {scalar.name} has no value", variable.tree, mend="bind it")
-        tree = variable.start
-    if tree is None:
-        scalar.value = ca.SX(0)
+def _give_values(scalars: list[Scalar], translate: Translator) -> None:
+    """Binding or start value of the scalars of one variable."""
+    if not scalars:
         return
-    value = translate(tree)
-    for subscript in scalar.subscripts:
-        value = value[subscript - 1] if isinstance(value, list) else value
-    scalar.value = value
+    variable, kind = scalars[0].variable, scalars[0].kind
+    tree = variable.binding if kind in ("constant", "parameter") else variable.start
+    if tree is None and kind == "constant":
+        raise translate.source.refuse(f"the constant {variable.name} has no value", variable.tree, mend="bind it")
+    tree = tree or variable.start
+    whole = ca.SX(0) if tree is None else translate(tree)
+    for scalar in scalars:
+        value = whole
+        for subscript in scalar.subscripts:
+            value = value[subscript - 1] if isinstance(value, list) else value
+        scalar.value = value
 
 
 def _fold_constants(table: Table) -> None:

@@ -64,7 +64,7 @@ def _base(fields: Fields) -> dict[str, Any]:
     assert file is not None
     if isinstance(base, str):
         file = Path(file).parent / base
-        if not file.is_file():
+        if not os.path.isfile(file):
             fields.refuse("base", f"no such file {file}", "check the path; it is taken from the folder of this file")
         table = {"name": file.stem} | parse_toml(file)
         workpiece = scenario_from(table, file).workpiece
@@ -151,6 +151,6 @@ def _with_paths(fields: Fields, section: str, case: Case) -> Case:
         return case
     assert fields.file is not None
     path = Path(fields.file).parent / edge
-    if not path.is_file():
+    if not os.path.isfile(path):
         fields.refuse(f"{section}.workpiece", f"no such file {path}", "check the path; it is taken from the folder of this file")
     return case | {"workpiece": str(path.resolve())}

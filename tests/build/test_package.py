@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from stub_model import STUB, stub_fmu
 
-from pyfmi_runner.build import toolchain
+from pyfmi_runner.build import package, toolchain
 from pyfmi_runner.build.package import package_fmu
 from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile, FmuSession
@@ -79,6 +79,22 @@ def test_a_failed_build_leaves_the_old_file(tmp_path):
         package_fmu(replace(STUB, sources=STUB.sources | {"model.c": "int x = no_such_thing;"}), "2.0", path)
     assert path.read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["Stub.fmu", "Stub.manifest.json"]
+
+
+def test_a_build_that_is_killed_between_its_files_leaves_no_manifest_of_the_old_one(tmp_path, monkeypatch):
+    path = package_fmu(STUB, "2.0", tmp_path / "Stub.fmu")
+    write = package._write
+
+    def killed(target, data):
+        if target.suffix == ".json":
+            raise KeyboardInterrupt
+        write(target, data)
+
+    monkeypatch.setattr(package, "_write", killed)
+    with pytest.raises(KeyboardInterrupt):
+        package_fmu(replace(STUB, description="Another"), "2.0", path)
+    assert FmuFile.read(path).description.model == "Stub.Ball"
+    assert not path.with_suffix(".manifest.json").exists()  # so that the next build does not take the new FMU for the old one
 
 
 def test_only_fmi_functions_are_exported(stub, fmi, tmp_path):

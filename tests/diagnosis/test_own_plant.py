@@ -149,7 +149,7 @@ def test_the_command_line_takes_the_plant(tmp_path: Path, capsys: pytest.Capture
         ("period = 2e-3", "period = 2.5e-3", "whole number of milliseconds"),
         ('"swings.csv"', '"none.csv"', "no such file"),
         ('"swings.csv"', '"swings.csv"\nuse = "held out"', "every log is held out"),
-        ("[inputs]", "[input]", "inputs: is missing"),
+        ("[inputs]", "[input]", "input: unknown key; did you mean inputs"),
     ],
 )
 def test_an_unusable_description_is_refused_in_one_line(tmp_path: Path, fmus: Path, old: str, new: str, said: str) -> None:

@@ -102,6 +102,12 @@ def test_run_prints_and_writes_what_cli_md_promises(capsys: Capture, tmp_path: P
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_controller_that_a_scenario_names_wrongly_is_refused_with_its_file(capsys: Capture, tmp_path: Path) -> None:
+    (tmp_path / "short.toml").write_text(SCENARIO + 'controller = "pi_vf"\n')
+    text = refusal(capsys, "run", str(tmp_path / "short.toml"))
+    assert "short.toml: controller: unknown controller 'pi_vf'; nearest is 'pi_fv'" in text
+
+
 def test_run_in_words_names_the_four_figures(capsys: Capture, tmp_path: Path) -> None:
     (tmp_path / "short.toml").write_text(SCENARIO)
     code, out, err = said(capsys, "run", str(tmp_path / "short.toml"), "--controller", "dfv", "--seed", "4")

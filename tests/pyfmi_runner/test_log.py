@@ -111,6 +111,9 @@ REFUSED: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], list[str]]] = {
     "negative u": (lambda t: t.assign(u_x=-2.0), ["u_x", "0..5"]),
     "x and z swapped": (lambda t: t.rename(columns={"x": "z", "z": "x"}), ["swap columns x and z"]),
     "too short": (lambda t: t.iloc[:3], ["3 rows"]),
+    "column twice": (lambda t: pd.concat([t, t[["z"]]], axis=1), ["z", "twice"]),
+    "beyond a float": (lambda t: t.astype({"z": object}).pipe(put("z", 4, 10**400)), ["z", "row 4", "infinite"]),
+    "lists": (lambda t: t.assign(phase=[[1.0]] * len(t)), ["phase", "row 0", "not a number"]),
 }
 
 
@@ -148,6 +151,12 @@ def test_unreadable_files_are_refused_in_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
     with pytest.raises(InputError, match=r"did you mean whole\.parquet"):
         read_log(tmp_path / "whol.parquet")
+    for name in ("a\0.csv", "a" * 300 + ".csv"):
+        with pytest.raises(InputError, match="cannot be read"):
+            read_log(tmp_path / name)
+    (tmp_path / "more.csv").write_text(",".join(REQUIRED) + "\n" + f'{"0," * len(REQUIRED)}"a",1\n' * 20)
+    with pytest.raises(InputError, match="not a readable table"):
+        read_log(tmp_path / "more.csv")
     with pytest.raises(InputError, match="is a folder"):
         read_log(tmp_path)
     with pytest.raises(InputError, match="end it in"):

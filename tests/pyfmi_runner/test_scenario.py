@@ -84,6 +84,7 @@ def test_a_workpiece_file_is_taken_from_the_scenarios_folder(tmp_path: Path) -> 
     [
         ("f_ndd = 3", "f_ndd: unknown key; did you mean f_nd"),
         ('f_nd = "a"', "f_nd: is 'a', expected a number"),
+        ('workpiece = "a\\u0000.csv"', "workpiece: no such file"),
         ("f_nd = true", "f_nd: is True, expected a number"),
         ("f_nd = nan", "f_nd: is nan"),
         ("f_nd = 1e9", r"f_nd: .* expected 0\.\.150"),
@@ -100,6 +101,8 @@ def test_a_workpiece_file_is_taken_from_the_scenarios_folder(tmp_path: Path) -> 
         ('clamped = ["y"]', "clamped: has 'y'"),
         ('clamped = ["x until retreat"]', "clamped: .*no phase 'retreat'"),
         ("timing = { jitter = 0.0001 }", "timing: .*delay must be at least"),
+        ("timing = { delay = 1e300 }", "timing: delay must be 0..600 s"),
+        ("timing = { period = 1e-6 }", "timing.period: gives 1.6e.07 samples, expected 5000000 or fewer"),
         ("[sensors]\ntau_v_x = -1", "sensors: tau_v_x must be >= 0"),
         ("[sensors.sigma]\nq = 3", "sensors.sigma.q: unknown key"),
         ('[plant]\nm_x = "heavy"', "plant.m_x: is 'heavy'"),

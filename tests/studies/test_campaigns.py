@@ -59,6 +59,7 @@ def test_each_is_diagnosed_once_and_what_failed_is_tried_again(folder: Path) -> 
     assert json.loads((folder / "c" / RESULT).read_text())["campaign"] == "c"
     assert not (folder / "b" / RESULT).exists()
     (folder / "b" / "mended").touch()
+    (folder / "b" / RESULT).write_text("[]")  # not what was written there
     assert diagnose_campaigns(found, fmu)[folder / "b"]["verdict"] == "none"
     assert RUNS == ["a", "c", "b"]
     catalogue = folder / "own.toml"

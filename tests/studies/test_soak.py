@@ -47,6 +47,6 @@ def test_damaged_and_hostile_files_are_refused_or_harmless(file: FmuFile) -> Non
 
 
 def test_the_command_writes_its_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("studies.soak.__main__.soak", lambda file, *counts: {"schema": "soak/1", "passed": False, "counts": counts})
+    monkeypatch.setattr("studies.soak.__main__.soak", lambda file, counts: {"schema": "soak/2", "passed": False, "counts": counts})
     assert main(["--short", "--json", str(tmp_path / "x.json")]) == 1
-    assert json.loads((tmp_path / "x.json").read_text())["counts"] == [10_000, 1000, 10_000, 60]
+    assert json.loads((tmp_path / "x.json").read_text())["counts"] == [10_000, 1000, 10_000, 60, 1000, 1000, 100, 1]

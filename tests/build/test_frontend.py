@@ -1,0 +1,89 @@
+"""The front end alone: one text, in a process of its own, whose end is never ours."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from pyfmi_runner.build import frontend
+from pyfmi_runner.build.compiler import compile_model
+from pyfmi_runner.errors import InputError
+
+DECAY = "model M\n  Real x(start = 1, fixed = true);\nequation\n  der(x) = -x;\nend M;\n"
+
+
+def refusal(folder: Path, text: str) -> str:
+    (folder / "m.mo").write_text(text)
+    with pytest.raises(InputError) as refused:
+        compile_model(folder / "m.mo", "M")
+    assert "\n" not in str(refused.value)
+    assert str(refused.value).startswith(str(folder / "m.mo"))
+    assert refused.value.mend
+    return str(refused.value)
+
+
+def test_files_beside_the_model_are_no_part_of_it(tmp_path: Path) -> None:
+    (tmp_path / "old.mo").write_text(DECAY.replace("-x", "-2*x"))
+    (tmp_path / "m.mo").write_text(DECAY)
+    assert compile_model(tmp_path / "m.mo", "M").states
+
+
+def test_a_parser_that_dies_or_takes_too_long_is_a_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in = tmp_path / "parser.py"
+    monkeypatch.setattr(frontend, "PARSER", stand_in)
+    stand_in.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
+    assert "the parser gave up (SIGSEGV)" in refusal(tmp_path, DECAY)
+    stand_in.write_text("raise SystemExit('out of memory')\n")
+    assert "the parser gave up (exit code 1: out of memory)" in refusal(tmp_path, DECAY)
+    monkeypatch.setattr(frontend, "WAITED", 0.2)
+    stand_in.write_text("import time\ntime.sleep(60)\n")
+    assert "the parser takes longer than 60 s" in refusal(tmp_path, DECAY)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="processor time is limited by the system")
+def test_a_parser_that_runs_away_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frontend, "LONGEST", 1)
+    loop = (
+        "function f\n  input Real u;\n  output Real y;\nalgorithm\n  y := u;\n  for i in 1:1000000000 loop y := y + 1; end for;\nend f;\n"
+    )
+    assert "the parser takes longer than 1 s" in refusal(tmp_path, loop + DECAY.replace("-x", "-f(x)"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("-x", " + ".join(["x"] * 2000), "nested too deeply, or has too many terms"),
+        ("-x", "-x\0", "unexpected"),
+        ("x(start = 1, fixed = true)", "x[20000](each start = 1, each fixed = true)", "20000 scalar variables, at most 10000"),
+        ("equation", "  Real y[2100];\nequation\n  for i in 1:2100 loop\n    y[i] = x;\n  end for;", "2101 unknowns, at most 2000"),
+        ("equation", "  parameter Real p = time;\nequation", ":3: the parameter p depends on a variable"),
+        ("start = 1", "start = size(0, 1)", ":2: size() of what has no such dimension"),
+        ("start = 1", "start = log(0)", ":2: the value of x is -inf; give a finite number"),
+    ],
+)
+def test_what_is_too_large_or_too_odd_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert said in refusal(tmp_path, DECAY.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("for i in 1:20000 loop y := y + 1; end for;", "a function loops more than 10000 times"),
+        ("w := {u, u}; w[3] := u;", "subscript 3 does not fit the array w"),
+        ("w := {u, u}; for i in 0:1 loop w[i] := u; end for;", "subscript 0 does not fit the array w"),
+    ],
+)
+def test_a_function_that_runs_away_or_out_of_its_array_is_refused(tmp_path: Path, body: str, said: str) -> None:
+    function = f"function f\n  input Real u;\n  output Real y;\nprotected\n  Real w[2];\nalgorithm\n  y := u;\n  {body}\nend f;\n"
+    assert said in refusal(tmp_path, function + DECAY.replace("-x", "-f(x)"))
+
+
+def test_a_table_of_a_thousand_numbers_is_translated_once(tmp_path: Path) -> None:
+    numbers = ", ".join(str(k) for k in range(1, 1001))
+    (tmp_path / "m.mo").write_text(
+        DECAY.replace("equation", f"  parameter Real p[1000] = {{{numbers}}};\nequation").replace("-x", "-p[1000]*x")
+    )
+    starts = {v.name: v.start for v in compile_model(tmp_path / "m.mo", "M").variables}
+    assert (starts["p[1]"], starts["p[1000]"]) == (1.0, 1000.0)
