@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,8 +23,9 @@ class Weights:
     """How evidence becomes probability."""
 
     temperature: float = 0.5  # evidence is optimistic: functional forms differ from the rig's
-    single_cost: float = 10.0  # evidence that an effect must bring
+    single_cost: float = 20.0  # evidence that an effect must bring
     pair_cost: float = 24.0  # and a second one besides
+    coarse_cost: float = 20.0  # further evidence that it must bring where readings are coarse: what they leave is not white
     outside_cost: float = 10.0  # further evidence that a rough form of what the catalogue lacks must bring
     unknown_share: float = 0.20  # share of a block's misfit left unexplained at which "unknown" is as likely as not
     timing_share: float = 0.02  # the same in the timing, where a controller that is known leaves nothing
@@ -73,6 +74,8 @@ class Decision:
 def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] = ()) -> Decision:
     """`seen`: effects that the readings show by themselves (a coarse converter), part of every hypothesis."""
     weights = weights or Weights()
+    if seen:
+        weights = replace(weights, single_cost=weights.single_cost + weights.coarse_cost)
     losses = contest(found, weights)
     total = sum(math.exp(-0.5 * weights.temperature * loss) for _, loss in losses)
     ranked = [
@@ -83,7 +86,8 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
     ranked = [h for h in ranked if h not in outside]
     rough = sum(h.probability for h in outside)
     best = outside[0].trial if rough > 0.5 else ranked[0].trial
-    left, share, view = unexplained(found, best, weights)
+    # of coarse readings not even a right hypothesis leaves white noise: there, nothing is made of what remains
+    left, share, view = unexplained(found, best, weights) if not seen else (0.0, 0.0, "")
     unknown = left + (1 - left) * rough
     ranked = [Hypothesis((*h.keys, *seen), h.probability * (1 - left) * weights.cap, h.trial) for h in ranked]
     answers, held = [], 0.0
@@ -144,7 +148,9 @@ def unexplained(found: Search, best: Trial | None, weights: Weights) -> tuple[fl
     """Probability that what the best hypothesis leaves in its worst view comes from outside the catalogue, its share of the misfit
     under tolerance alone, and the view ("" where nothing is left)."""
     worst = (0.0, 0.0, "")
-    for view in sorted(found.null):
+    named = best.choice.parameter_names if best is not None else ()
+    unseen = {f"friction_{name[-1]}" for name in named if name.startswith("sensors.tau_v")}  # a lagging speed is not known at impacts
+    for view in sorted(set(found.null) - unseen):
         pairs = [(found.null[view], _outcome_in(found, best, view))] if view in found.troubled else []
         if found.held_out is not None:
             pairs.append((found.held_out, best.held_out if best is not None and best.held_out is not None else found.held_out))

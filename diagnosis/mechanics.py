@@ -71,13 +71,13 @@ class MechanicsView:
         inputs, flags = ("f_manual_x", "f_manual_z"), ("clamp_x", "clamp_z")
         if self.guided <= 0:
             return self._gantry.run_clamped(parameters, inputs, force, flags, clamps, OUTPUTS)
-        (keep_x, stages), (keep_z, stages_z) = (tachometer(a, values) for a in "xz")
-        position = self._store.signals({k: v for k, v in values.items() if k.startswith("sensors.tau_v")}).position
+        (keep_x, stages_x), (keep_z, stages_z) = (tachometer(a, values) for a in "xz")
+        position = self._store.signals({k: v for k, v in values.items() if k.startswith(("sensors.tau_v", "sensors.stages_v"))}).position
         per_speed = [self._mass[a] / self.guided for a in "xz"]
         guide = Guide(
             np.column_stack([position[a][rows] for a in "xz"]), np.column_stack([table.columns[f"v_{a}"][rows] for a in "xz"]),
             np.tile([g / (4 * self.guided) for g in per_speed], (len(force), 1)), per_speed,
-            [keep_x, keep_z], max(stages, stages_z),
+            [keep_x, keep_z], [stages_x, stages_z],
         )  # fmt: skip
         return self._gantry.run_guided(parameters, inputs, force, flags, clamps, (*STATES, *OUTPUTS[2:]), guide)[:, 2:]
 

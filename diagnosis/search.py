@@ -230,7 +230,11 @@ def _leading(found: Search) -> list[Trial]:
     """The best single effects of each troubled view."""
     leading: list[Trial] = []
     for view in sorted(found.troubled):
-        mine = [t for t in found.singles if view in t.outcome.views and t.gain > QUIET][:REFINED]
+        mine = [t for t in found.singles if view in t.outcome.views]
+        if view.startswith("valve"):  # cheap to fit; a plain form may explain nothing where another one explains all
+            mine = mine[: 2 * REFINED]
+        else:
+            mine = [t for t in mine if t.gain > QUIET][:REFINED]
         leading += [t for t in mine if t not in leading]
     return leading
 

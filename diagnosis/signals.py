@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from diagnosis.converter import converter_step
 from pyfmi_runner.campaign import Campaign, LogSetup
 from pyfmi_runner.log import PERIOD, SIGMA
-from pyfmi_runner.smoothing import smooth_axis
+from pyfmi_runner.smoothing import mean_since, smooth_axis
 
-__all__ = ["SENSOR_NEUTRAL", "Signals", "Table", "corrected", "sensed_forces", "sensed_speed", "table_of", "tachometer"]
+__all__ = ["SENSOR_NEUTRAL", "Signals", "Table", "acceleration", "corrected", "sensed_forces", "sensed_speed", "table_of", "tachometer"]
 
 Array = NDArray[np.float64]
 SENSOR_NEUTRAL = {
@@ -75,10 +75,18 @@ def table_of(campaign: Campaign) -> Table:
     clamped = {axis: np.concatenate([run.setup.clamp_signal(axis, run.log.time) for run in campaign]) for axis in "xz"}
     steps = {name: converter_step(columns[name], SIGMA[name]) for name in SIGMA}
     quanta = {name: step for name, step in steps.items() if step > 0}
+    if _cuts(columns, clamped, quanta):
+        columns |= {name: columns[name] + 0.5 * step for name, step in quanta.items()}
     sigma = {name: float(np.hypot(SIGMA[name], steps[name] * np.sqrt(DWELL / 12))) for name in SIGMA}
     return Table(
         tuple(campaign.logs), tuple(run.setup for run in campaign), np.array(spans, dtype=np.int64), columns, clamped, quanta, sigma
     )
+
+
+def _cuts(columns: Mapping[str, Array], clamped: Mapping[str, NDArray[np.bool_]], quanta: Mapping[str, float]) -> bool:
+    """Whether a coarse converter cuts off instead of rounding: a clamped carriage's speed then reads half a step too low on average."""
+    known = [(f"v_{axis}", clamped[axis]) for axis in "xz" if f"v_{axis}" in quanta and clamped[axis].any()]
+    return any(float(np.mean(columns[name][rows])) < -0.25 * quanta[name] for name, rows in known)
 
 
 def corrected(table: Table, sensors: Mapping[str, float]) -> Signals:
@@ -99,7 +107,8 @@ def corrected(table: Table, sensors: Mapping[str, float]) -> Signals:
     force = {"x": (g_z * f_x - k_x * f_z) / determinant, "z": (g_x * f_z - k_z * f_x) / determinant}
     position, innovation = {}, {}
     for axis in "xz":
-        position[axis], innovation[axis] = _positions(table, axis, value[f"sensors.tau_v_{axis}"])
+        tau = value[f"sensors.tau_v_{axis}"]
+        position[axis], innovation[axis] = _positions(table, axis, tau, 0.0 if value[f"sensors.stages_v_{axis}"] == 1 else tau**2 / 3)
     return Signals(
         position, innovation, {axis: c[f"v_{axis}"] for axis in "xz"}, force,
         {axis: c[f"f_a{axis}"] / value[f"sensors.gain_f_a{axis}"] for axis in "xz"},
@@ -128,14 +137,19 @@ def _straightened(reading: Array, curve: float) -> Array:
 def sensed_speed(true: Array, axis: str, sensors: Mapping[str, float]) -> Array:
     """What a lagging tachometer says of a true speed."""
     keep, stages = tachometer(axis, sensors)
+    if stages == 0:
+        return running_mean(np.ascontiguousarray(true), keep)
     for _ in range(stages if keep > 0 else 0):
         true = first_order(np.ascontiguousarray(true), keep)
     return true
 
 
 def tachometer(axis: str, sensors: Mapping[str, float]) -> tuple[float, int]:
-    """Share of its last value that each stage of a tachometer's lag keeps per sample, and its number of equal stages."""
+    """Share of its last value that each stage of a tachometer's lag keeps per sample, and its number of equal stages; 0 stages: a running
+    mean, and the samples that it spans."""
     tau, stages = sensors.get(f"sensors.tau_v_{axis}", 0.0), round(sensors.get(f"sensors.stages_v_{axis}", 1.0))
+    if stages == 0:
+        return 2 * tau / PERIOD, 0
     return (float(np.exp(-PERIOD * stages / tau)) if tau > 0 else 0.0), stages
 
 
@@ -151,13 +165,38 @@ def first_order(speed: Array, keep: float) -> Array:
     return result
 
 
-def _positions(table: Table, axis: str, tau: float) -> tuple[Array, Array]:
-    """Smoothed position and innovations, log by log. With v = v_m + tau dv_m/dt the lag adds tau v_m to the integral of v_m."""
+@njit(cache=True)
+def running_mean(speed: Array, span: float) -> Array:
+    """Mean over the last `span` samples (not a whole number), the first value before the first."""
+    result = np.empty(len(speed))
+    integral = np.zeros(len(speed))  # from the first sample
+    for k in range(1, len(speed)):
+        integral[k] = integral[k - 1] + 0.5 * (speed[k - 1] + speed[k])
+    for k in range(len(speed)):
+        result[k] = mean_since(integral, speed, k, span)
+    return result
+
+
+def acceleration(speed: Array, table: Table) -> Array:
+    """Measured acceleration [m/s2], the slope over 10 ms either side, log by log."""
+    result = np.zeros(table.rows)
+    half = 10
+    for first, last in table.spans:
+        v = speed[first:last]
+        kernel = np.arange(half, -half - 1, -1) / (2 * sum(i * i for i in range(1, half + 1))) / PERIOD
+        result[first:last] = np.convolve(np.pad(v, half, mode="edge"), kernel, mode="valid")
+    return result
+
+
+def _positions(table: Table, axis: str, tau: float, second: float) -> tuple[Array, Array]:
+    """Smoothed position and innovations, log by log. With v = v_m + tau dv_m/dt + second d2v_m/dt2 the lag adds tau v_m + second dv_m/dt to
+    the integral of v_m; three stages and a running mean have second = tau^2 / 3."""
     position, innovation = np.empty(table.rows), np.empty(table.rows)
+    rate = acceleration(table.columns[f"v_{axis}"], table) if second > 0 else np.zeros(table.rows)
     for first, last in table.spans:
         rows = slice(first, last)
         s, v = table.columns[axis][rows], table.columns[f"v_{axis}"][rows]
-        lead = tau * v
+        lead = tau * v + second * rate[rows]
         smoothed = smooth_axis(s - lead, v, table.sigma[axis], table.sigma[f"v_{axis}"], PERIOD)
         position[rows], innovation[rows] = smoothed.position + lead, smoothed.innovation
     return position, innovation

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.signals import Signals, Table, corrected, sensed_speed, tachometer
+from diagnosis.signals import Signals, Table, acceleration, corrected, sensed_speed, tachometer
 from pyfmi_runner.block_fmu import BlockFmu, Guide
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.campaign import Campaign
@@ -149,7 +149,7 @@ class FrictionView:
             speed = signals.speed[self.axis][rows]
             guide = Guide(
                 signals.position[self.axis][rows][:, None], speed[:, None],
-                (mass / (4 * self.guided**2) + self._spring[rows])[:, None], [mass / self.guided], [keep], stages,
+                (mass / (4 * self.guided**2) + self._spring[rows])[:, None], [mass / self.guided], [keep], [stages],
             )  # fmt: skip
             parameters["s_start"] = {"x": setup.start_x, "z": setup.start_z}[self.axis]
             clamped = table.clamped[self.axis][rows][:, None].astype(np.float64)
@@ -161,18 +161,7 @@ class FrictionView:
 
     @cached_property
     def _acceleration(self) -> Array:
-        return _acceleration(self._store.table.columns["v_x"], self._store.table)
-
-
-def _acceleration(speed: Array, table: Table) -> Array:
-    """Measured acceleration [m/s2], the slope over 10 ms either side, log by log."""
-    result = np.zeros(table.rows)
-    half = 10
-    for first, last in table.spans:
-        v = speed[first:last]
-        kernel = np.arange(half, -half - 1, -1) / (2 * sum(i * i for i in range(1, half + 1))) / PERIOD
-        result[first:last] = np.convolve(np.pad(v, half, mode="edge"), kernel, mode="valid")
-    return result
+        return acceleration(self._store.table.columns["v_x"], self._store.table)
 
 
 def _impacts(table: Table, axis: str, low: float, high: float, near: float = 2e-3, around: int = 25) -> NDArray[np.bool_]:
@@ -264,7 +253,7 @@ class ContactView:
     def _true_speed(self, axis: str, measured: Array, values: Values) -> Array:
         """Smoothed speed, a tachometer's lag undone."""
         lag = values.get(f"sensors.tau_v_{axis}", 0.0)
-        return self._smooth[axis] + lag * _acceleration(measured, self._store.table) if lag > 0 else self._smooth[axis]
+        return self._smooth[axis] + lag * acceleration(measured, self._store.table) if lag > 0 else self._smooth[axis]
 
     @cached_property
     def _smooth(self) -> dict[str, Array]:
@@ -291,7 +280,7 @@ class SensorView:
         return free
 
     def depends_on(self, parameter: str) -> bool:
-        return parameter.startswith(("sensors.tau_v", "sensors.bias", "sensors.drift"))
+        return parameter.startswith(("sensors.tau_v", "sensors.stages_v", "sensors.bias", "sensors.drift"))
 
     def residual(self, values: Values) -> Array:
         table, signals = self._store.table, self._store.signals({k: v for k, v in values.items() if self.depends_on(k)})

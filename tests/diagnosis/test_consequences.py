@@ -99,6 +99,18 @@ def test_a_loops_delay_is_found_by_trying(gantry: FmuFile, late: Campaign) -> No
     assert np.sqrt(np.mean(settled**2)) < 0.05 * np.sqrt(np.mean(untouched**2))
 
 
+@pytest.mark.parametrize("cuts", [True, False])
+def test_readings_that_were_cut_off_are_taken_in_the_middle_of_their_step(late: Campaign, cuts: bool) -> None:
+    run = late.logs["contour_curved"]
+    step = 0.02  # m/s
+    true = run.log["v_x"]
+    coarse = step * np.floor(true / step + (0.0 if cuts else 0.5))
+    log = replace(run.log, table=run.log.table.assign(v_x=coarse))
+    table = table_of(Campaign("coarse", Path("coarse"), {"contour_curved": LoggedRun(run.setup, log)}))
+    assert table.quanta["v_x"] == pytest.approx(step)
+    assert abs(np.mean(table.columns["v_x"] - true)) < 0.25 * step
+
+
 def test_a_force_channels_errors_are_undone(late: Campaign) -> None:
     """Bias, drift, gain, crosstalk and curve of both channels: the inverse of what they do."""
     sensors = {f"sensors.{what}_f_{a}": size for a in "xz" for what, size in SENSOR_ERRORS.items()}

@@ -78,9 +78,9 @@ def test_a_range_of_indices_stands_for_its_members() -> None:
     assert [p.name for p in profile.parameters] == [f"axis_z.friction.position_table[{i}]" for i in range(1, 12)]
 
 
-def test_three_stages_lag_as_long_as_one() -> None:
+def test_three_stages_and_a_running_mean_lag_as_long_as_one_stage() -> None:
     ramp = np.arange(2000) * 1e-3
-    for stages in (1.0, 3.0):
+    for stages in (1.0, 3.0, 0.0):
         lagged = sensed_speed(ramp, "z", {"sensors.tau_v_z": 0.03, "sensors.stages_v_z": stages})
         assert ramp[-1] - lagged[-1] == pytest.approx(0.03, rel=0.02)
 
