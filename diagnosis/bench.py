@@ -287,7 +287,7 @@ class Bench:
             self._let(LOOSE, first_logs)
             led = self.fit(choice, mechanics, start_values=begin, careful=True)
             self._let(0.0, self.mechanics.every)
-            for values in (led.values, begin):
+            for values in (led.values,) if begin is start else (led.values, begin):  # from the start it has been fitted above
                 outcome = self.fit(choice, mechanics, start_values=values, careful=True)
                 if outcome.objective < best.objective:
                     best = outcome

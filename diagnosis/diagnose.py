@@ -94,9 +94,7 @@ def diagnose(
 
 def _next(campaign: Campaign, gantry: FmuFile, found: Search, decision: Decision) -> dict[str, Any] | None:
     """The experiment that tells the two likeliest hypotheses apart."""
-    plain: dict[str, float] = {}
-    for outcome in found.null.values():
-        plain |= outcome.values
+    plain = found.plain
     plain.pop("waviness", None)
     pair = decision.hypotheses[:2]
     if len(pair) < 2:
@@ -144,9 +142,7 @@ def split_campaign(campaign: Campaign) -> tuple[Campaign, LoggedRun | None]:
 
 def _values(bench: Bench, found: Search, decision: Decision) -> dict[str, float]:
     """Tolerance of all views, and the best hypothesis' own values where it has them; friction and contact from the mechanics run freely."""
-    values: dict[str, float] = {}
-    for outcome in found.null.values():
-        values |= outcome.values
+    values = found.plain
     choice = Choice()
     if decision.best is not None:
         choice = decision.best.choice

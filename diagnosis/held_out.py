@@ -16,9 +16,7 @@ EXAMINED = 10  # hypotheses that lead on the fitted logs
 def examine(found: Search, campaign: Campaign, held: LoggedRun, gantry: FmuFile) -> None:
     """Judges tolerance alone and the leading hypotheses on `held`, every view at the values that they have on the other logs."""
     alone = Campaign(campaign.name, campaign.path, {held.log.name: held}, campaign.notes)
-    plain: dict[str, float] = {}
-    for outcome in found.null.values():
-        plain |= outcome.values
+    plain = found.plain
     with Bench(alone, gantry) as bench:
         found.held_out = bench.judged(plain)
         for trial, _ in sorted(contest(found), key=lambda entry: entry[1])[:EXAMINED]:

@@ -57,6 +57,11 @@ class Search:
     lengths: dict[str, float] = field(default_factory=dict)
     held_out: Outcome | None = None  # what tolerance alone leaves on the log that no fit has seen
 
+    @property
+    def plain(self) -> dict[str, float]:
+        """Values under tolerance alone, of all views."""
+        return {name: value for outcome in self.null.values() for name, value in outcome.values.items()}
+
 
 @dataclass
 class _Candidate:
@@ -271,7 +276,7 @@ def _candidates(
     left = found.troubled if left is None else left
     before = base.outcome if base else None
     plain = base.choice if base else Choice()
-    known = {name: value for outcome in found.null.values() for name, value in outcome.values.items()} | (before.values if before else {})
+    known = found.plain | (before.values if before else {})
     for effect in catalogue.values():
         if effect.key in plain.keys:
             continue

@@ -58,9 +58,7 @@ def judge(folder: Path, seed: int) -> dict[str, Any]:
         result["whole"] = _judged(decision, truth)
         with patch.object(searching, "borne_out", lambda differences: 1.0):
             result["without the cut of evidence"] = _judged(decide(found, seen=seen), truth)
-        plain: dict[str, float] = {}
-        for outcome in found.null.values():
-            plain |= outcome.values
+        plain = found.plain
         for name, trial in (("shrink", decision.best), ("oracle", next((t for t in found.singles if t.choice.keys == (truth,)), None))):
             values = plain | (trial.outcome.values if trial is not None else {})
             values |= bench.polish(trial.choice if trial is not None else Choice(), values).values

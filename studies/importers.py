@@ -24,7 +24,6 @@ from typing import Any
 
 import casadi
 import fmpy
-import fmpy.fmi2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,7 +31,7 @@ from pyfmi_runner.build import ROOT, build_fmu
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import SIGMA
 from pyfmi_runner.plant import COMMANDS, OUTPUTS
-from studies.bench.paths import quiet
+from studies.bench.paths import fmpy_slave, quiet
 
 __all__ = ["IMPORTERS", "Importer", "binaries", "commands", "compared", "ours"]
 
@@ -72,23 +71,13 @@ def _references(file: FmuFile, names: tuple[str, ...]) -> list[int]:
     return [file.variables[name].reference for name in names]
 
 
-def fmpy_slave(file: FmuFile, u: Array) -> Array:
-    description = fmpy.read_model_description(str(file.path))
-    fmu = fmpy.fmi2.FMU2Slave(
-        guid=description.guid,
-        unzipDirectory=str(file.unpack()),
-        modelIdentifier=description.coSimulation.modelIdentifier,
-        instanceName="fmpy",
-    )
-    fmu.instantiate()
-    fmu.setupExperiment(startTime=0.0)
-    fmu.enterInitializationMode()
-    fmu.exitInitializationMode()
-    rows = np.empty((len(u), len(OUTPUTS)))
+def fmpy_steps(file: FmuFile, u: Array) -> Array:
+    fmu = fmpy_slave(file)
+    rows, write, read = np.empty((len(u), len(OUTPUTS))), _references(file, COMMANDS), _references(file, OUTPUTS)
     for k in range(len(u)):
-        fmu.setReal(_references(file, COMMANDS), list(u[k]))
+        fmu.setReal(write, list(u[k]))
         fmu.doStep(currentCommunicationPoint=k * STEP, communicationStepSize=STEP)
-        rows[k] = fmu.getReal(_references(file, OUTPUTS))
+        rows[k] = fmu.getReal(read)
     fmu.terminate()
     fmu.freeInstance()
     return rows
@@ -181,7 +170,7 @@ def toolbox(file: FmuFile, u: Array) -> Array:
 
 
 IMPORTERS = (
-    Importer("fmpy", "fmpy", "co-simulation, doStep every millisecond", fmpy_slave),
+    Importer("fmpy", "fmpy", "co-simulation, doStep every millisecond", fmpy_steps),
     Importer("fmpy, CVode", "fmpy", "model exchange, events driven by the tool", fmpy_cvode),
     Importer("libcosim", "libcosimpy", "co-simulation, override and observer", libcosim),
     Importer("ecos", "ecospy", "co-simulation, set_real and step", ecos),

@@ -97,12 +97,12 @@ def _clamps(plan: Plan, k: int) -> list[int] | None:
     return None
 
 
-def fmpy_loop(experiment: Experiment) -> float:
-    """What a user of fmpy writes: setReal, doStep, getReal a sample and the controller in Python."""
-    plan, description = experiment.plan, fmpy.read_model_description(str(experiment.file.path))
+def fmpy_slave(file: FmuFile) -> fmpy.fmi2.FMU2Slave:
+    """An instance as fmpy makes it, initialised at 0 s."""
+    description = fmpy.read_model_description(str(file.path))
     fmu = fmpy.fmi2.FMU2Slave(
         guid=description.guid,
-        unzipDirectory=str(experiment.file.unpack()),
+        unzipDirectory=str(file.unpack()),
         modelIdentifier=description.coSimulation.modelIdentifier,
         instanceName="fmpy",
     )
@@ -110,6 +110,12 @@ def fmpy_loop(experiment: Experiment) -> float:
     fmu.setupExperiment(startTime=0.0)
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
+    return fmu
+
+
+def fmpy_loop(experiment: Experiment) -> float:
+    """What a user of fmpy writes: setReal, doStep, getReal a sample and the controller in Python."""
+    plan, fmu = experiment.plan, fmpy_slave(experiment.file)
     read, write, clamps = experiment.references(READ), experiment.references(COMMANDS), experiment.references(CLAMPS)
     log = np.empty((plan.samples, 11))
     start = time.process_time()
