@@ -5,7 +5,8 @@ name = "valve_delay"; block = "valve"; axes = ["x", "z"]
 [form.settings] "axis_{axis}.friction.law" = 3           switched on with the form
 [form.parameters."valve_{axis}.delay_time"]              what is fitted: parameters of the FMU, or `sensors.*`, `timing.*`
 neutral = 0.0 (value without the effect; relative = true: the nominal value), scale (a usual size), low, high, unit,
-starts = [..] (further starting values), positive = true (fitted as its logarithm); "table[1:11]" stands for eleven parameters
+starts = [..] (further starting values), positive = true (fitted as its logarithm); "table[1:11]" stands for eleven parameters;
+multiplies = ["axis_{axis}.friction.F_s"]  parameters that this one is an exact factor of
 outside = true                             optional: a rough form of what the catalogue lacks; where it leads the verdict is "unknown"
 refines = ["viscous_friction"]             optional: effects that it shapes, and that a user's own plant is offered first
 """
@@ -27,7 +28,7 @@ FOLDER = Path(__file__).parent / "effects"
 AXIS_BLOCKS = ("valve", "friction")  # blocks that each axis has of its own
 EFFECT_KEYS = ("name", "block", "axes", "summary", "refines", "outside", "form")
 FORM_KEYS = ("name", "parameters", "settings", "estimator")
-PARAMETER_KEYS = ("neutral", "scale", "low", "high", "unit", "relative", "positive", "starts")
+PARAMETER_KEYS = ("neutral", "scale", "low", "high", "unit", "relative", "positive", "starts", "multiplies")
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class Parameter:
     relative: bool = False
     positive: bool = False  # fitted as its logarithm
     starts: tuple[float, ...] = ()
+    multiplies: tuple[str, ...] = ()  # nominal parameters that it is an exact factor of: only their tolerance tells it from them
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,7 @@ def _members(name: str) -> list[str]:
 def _form(path: Path, table: object, axis: str) -> Form:
     fields = Fields(table, FORM_KEYS, path, "form.")
     parameters = [
-        replace(parameter, name=member)
+        replace(parameter, name=member, multiplies=tuple(name.replace("{axis}", axis) for name in parameter.multiplies))
         for parameter in (_parameter(fields, name) for name in fields.sub("parameters", fields.table.get("parameters", {})).table)
         for member in _members(parameter.name.replace("{axis}", axis))
     ]
@@ -153,4 +155,4 @@ def _parameter(form: Fields, name: str) -> Parameter:
     for start in starts:
         Fields({"starts": start}, ("starts",), form.file, f"{name}.").number("starts")
     neutral, unit = fields.number("neutral", 0.0), fields.of_type("unit", str, "1")
-    return Parameter(name, neutral, scale, low, high, unit, relative, positive, tuple(map(float, starts)))
+    return Parameter(name, neutral, scale, low, high, unit, relative, positive, tuple(map(float, starts)), _texts(fields, "multiplies"))

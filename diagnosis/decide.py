@@ -32,13 +32,13 @@ class Weights:
     unknown_slope: float = 3.0
     unknown_least: float = 10.0  # evidence of that misfit, below which nothing is made of it
     unknown_excess: float = 0.1  # and mean square beyond the floor
-    friction_excess: float = 1.0  # the same in friction, where one missed break-away makes as much
+    friction_excess: float = 1.0  # the same in z's friction, where one missed break-away makes as much
     cap: float = 0.98  # one claim in fifty was wrong on development cases even where nothing spoke against it
 
     def unknown(self, view: str, share: float, excess: float) -> float:
         """Probability that a misfit of this share of the view's, and of this size, comes from outside the catalogue."""
         least_share = self.timing_share if view == "timing" else self.unknown_share
-        least_excess = self.friction_excess if view.startswith("friction") else self.unknown_excess
+        least_excess = self.friction_excess if view == "friction_z" else self.unknown_excess
         odds = [(least / max(value, 1e-9)) ** self.unknown_slope for value, least in ((share, least_share), (excess, least_excess))]
         return 1.0 / ((1.0 + odds[0]) * (1.0 + odds[1]))
 
@@ -71,8 +71,9 @@ class Decision:
     resembles: Effect | None = None  # rough form that leads, of what the catalogue lacks
 
 
-def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] = ()) -> Decision:
-    """`seen`: effects that the readings show by themselves (a coarse converter), part of every hypothesis."""
+def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] = (), odd: Effect | None = None) -> Decision:
+    """What the readings show by themselves: `seen`, effects (a coarse converter), part of every hypothesis; `odd`, what no catalogue
+    holds, and then the verdict."""
     weights = weights or Weights()
     if seen:
         weights = replace(weights, single_cost=weights.single_cost + weights.coarse_cost)
@@ -88,6 +89,8 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
     best = outside[0].trial if rough > 0.5 else ranked[0].trial
     # of coarse readings not even a right hypothesis leaves white noise: there, nothing is made of what remains
     left, share, view = unexplained(found, best, weights) if not seen else (0.0, 0.0, "")
+    if odd is not None:
+        left, share, view = max(left, weights.cap), 0.0, ""
     unknown = left + (1 - left) * rough
     ranked = [Hypothesis((*h.keys, *seen), h.probability * (1 - left) * weights.cap, h.trial) for h in ranked]
     answers, held = [], 0.0
@@ -105,7 +108,7 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
         if ranked[0].probability > 0.6
         else "ambiguous"
     )
-    resembles = outside[0].trial.choice.outside[0] if rough > 0.5 and outside[0].trial is not None else None
+    resembles = odd or (outside[0].trial.choice.outside[0] if rough > 0.5 and outside[0].trial is not None else None)
     return Decision(verdict, ranked, best, share, unknown, view, answers, resembles)
 
 
@@ -149,7 +152,8 @@ def unexplained(found: Search, best: Trial | None, weights: Weights) -> tuple[fl
     under tolerance alone, and the view ("" where nothing is left)."""
     worst = (0.0, 0.0, "")
     named = best.choice.parameter_names if best is not None else ()
-    unseen = {f"friction_{name[-1]}" for name in named if name.startswith("sensors.tau_v")}  # a lagging speed is not known at impacts
+    lagging = [name[-1] for name in named if name.startswith("sensors.tau_v")]  # axes whose speed is not known at impacts
+    unseen = {view for axis in lagging for view in (f"friction_{axis}", "contact")}
     for view in sorted(set(found.null) - unseen):
         pairs = [(found.null[view], _outcome_in(found, best, view))] if view in found.troubled else []
         if found.held_out is not None:

@@ -17,6 +17,7 @@ from diagnosis.decide import Decision, Hypothesis, contributions, decide
 from diagnosis.excitation import not_excited
 from diagnosis.held_out import examine
 from diagnosis.next_experiment import next_experiment
+from diagnosis.records import oddity
 from diagnosis.regimes import regime_of
 from diagnosis.search import Search, search
 from pyfmi_runner.campaign import Campaign, LoggedRun
@@ -28,6 +29,7 @@ from pyfmi_runner.replay import Replayer
 __all__ = ["Diagnosis", "diagnose", "report_json", "sound_logs", "split_campaign"]
 
 HELD_OUT = "contour_straight"  # the log that no fit sees, where the campaign has it; else its last log
+OF_VIEWS = ("waviness", "loss")  # parameters that views alone know
 FAULTS = ("swapped", "reversed", "clipped", "throughout")  # words of `log_warnings` that tell of a fault of the record
 VIEW_BLOCKS = {
     "friction_x": ("friction_x",), "friction_z": ("friction_z",), "contact": ("contact",), "valve_x": ("valve_x",),
@@ -75,7 +77,7 @@ def diagnose(
         if held is not None:
             examine(found, campaign, held, gantry)
         seen = ("quantisation",) if bench.table.quanta and "quantisation" in catalogue else ()
-        decision = decide(found, seen=seen)
+        decision = decide(found, seen=seen, odd=oddity(bench.table))
         quanta = dict(bench.table.quanta)
         values = _values(bench, found, decision)
         where = _where(bench, found, decision, catalogue)
@@ -94,8 +96,7 @@ def diagnose(
 
 def _next(campaign: Campaign, gantry: FmuFile, found: Search, decision: Decision) -> dict[str, Any] | None:
     """The experiment that tells the two likeliest hypotheses apart."""
-    plain = found.plain
-    plain.pop("waviness", None)
+    plain = {name: value for name, value in found.plain.items() if name not in OF_VIEWS}
     pair = decision.hypotheses[:2]
     if len(pair) < 2:
         return None
@@ -148,8 +149,7 @@ def _values(bench: Bench, found: Search, decision: Decision) -> dict[str, float]
         choice = decision.best.choice
         values |= decision.best.outcome.values
     values |= bench.polish(choice, values).values
-    values.pop("waviness", None)
-    return {name: float(value) for name, value in values.items()}
+    return {name: float(value) for name, value in values.items() if name not in OF_VIEWS}
 
 
 def _confirm(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from diagnosis.catalogue import Parameter
 
-__all__ = ["Coordinate", "Fit", "Problem", "both", "effect_coordinate", "fit", "predict", "tolerance_coordinate"]
+__all__ = ["Coordinate", "Fit", "Problem", "balanced", "both", "effect_coordinate", "fit", "predict", "tolerance_coordinate"]
 
 Array = NDArray[np.float64]
 Columns = dict[tuple[str, str], Array]
@@ -35,6 +35,7 @@ class Coordinate:
     start: float = 0.0  # theta
     step: float = 0.02  # theta, of the difference quotient
     effect: bool = False  # of an effect, not of tolerance
+    multiplies: tuple[str, ...] = ()  # coordinates that it is an exact factor of
 
     def value(self, theta: float) -> float:
         raw = self.neutral * math.exp(self.scale * theta) if self.logarithmic else self.neutral + self.scale * theta
@@ -74,7 +75,27 @@ def effect_coordinate(p: Parameter, nominal: float | None, start: float | None =
     made = Coordinate(p.name, neutral, scale, logarithmic, 2.0, low, high)
     at_bound = not logarithmic and neutral in (p.low, p.high)
     theta = made.theta(start * neutral if p.relative else start) if start is not None else (0.3 if at_bound else 0.0)
-    return Coordinate(p.name, neutral, scale, logarithmic, 2.0, low, high, start=theta, effect=True)
+    return Coordinate(p.name, neutral, scale, logarithmic, 2.0, low, high, start=theta, effect=True, multiplies=p.multiplies)
+
+
+def balanced(coordinates: Sequence[Coordinate], theta: Array) -> Array:
+    """The same plant with the least penalty: each factor shares out what it and the coordinates that it multiplies hold together.
+
+    A fit would have to slide along such a ridge by difference quotients, whose noise stops it.
+    """
+    result = np.array(theta, dtype=np.float64)
+    index = {c.name: i for i, c in enumerate(coordinates)}
+    for factor in (c for c in coordinates if c.logarithmic and any(name in index for name in c.multiplies)):
+        members = [factor, *(coordinates[index[name]] for name in factor.multiplies if name in index)]
+        if not all(c.logarithmic for c in members):
+            continue
+        rows = [index[c.name] for c in members]
+        slope = np.array([(1.0 if c is factor else -1.0) / c.scale for c in members])  # of theta by the logarithm that moves over
+        spread = np.array([c.spread for c in members])
+        moved = result[rows] - slope * (slope @ (result[rows] / spread**2)) / (slope @ (slope / spread**2))
+        if all(c.bounds[0] <= t <= c.bounds[1] for c, t in zip(members, moved, strict=True)):
+            result[rows] = moved
+    return result
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.bench import BLOCK, Bench, Choice, Outcome, joined
+from diagnosis.bench import BLOCK, FLOOR_LENGTH, Bench, Choice, Outcome, joined
 from diagnosis.catalogue import Effect, Form, Parameter
 from diagnosis.delays import estimate_delays
+from diagnosis.fit import Fit
 from diagnosis.parallel import each
 from diagnosis.waviness import estimate_waviness
 
@@ -25,12 +26,16 @@ BASES = 3  # single effects per troubled view that pairs are built on
 MOST_BASES = 5
 RIVAL = 0.25  # share of its view's best gain from which on a single effect is a base too
 FIT_SINGLES = 8  # effects per troubled view that are fitted, by what one step promises
+FIT_OWN = 5  # and of those that touch no other troubled view
 FIT_PAIRS = 3  # second effects per base that are fitted in full, by what one step promises
 LEADERS = 3  # and those that are, whatever they promise: the best single effects of the views in which something is left, and no other
 NEGLIGIBLE = 0.01  # share of a view's misfit that may stay without asking for a second effect
 RETRIED = 2  # of them, those that are tried under a tighter lead too
 PAIRS_REFINED = 3
+PROSPECT = 4.0  # evidence over its members that a pair must have before it is refined: far less than a second effect costs
 STRAINED = 4.0  # standard deviations of tolerance beyond which it stands in for an effect
+MANY = 5  # parameters from which on a form is a shape
+SIZES = (-4.0, 4.0, 8.0)  # usual sizes by which one of them is moved in a scan
 ROUGH = 1.03  # RMS over the floor from which on a fit of friction may have stuck
 REFINED = 3  # leading trials, of each troubled view and among pairs, that are fitted to the end
 
@@ -70,6 +75,7 @@ class _Candidate:
     starts: dict[str, float]
     known: dict[str, float]
     base: Outcome | None = None
+    eased: dict[str, float] | None = None  # a second start, without tolerance that has stood in for an effect
     promise: float = math.inf
 
 
@@ -87,6 +93,8 @@ def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
     found.singles += _singles(bench, rest, found)
     _renull(bench, found)
     _refine(bench, found, [t for t in _leading(found) if t.choice.keys[0] not in valves])
+    _relay(bench, found)
+    _renull(bench, found)
     tried: set[str] = set()
     for base in _bases(found):
         found.pairs += _seconds(bench, catalogue, found, base)
@@ -96,7 +104,7 @@ def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
         found.pairs += [p for t in found.singles if t.choice.keys == (key,) for p in _seconds(bench, catalogue, found, t)]
     _score(found)
     found.pairs = _distinct(found.pairs)
-    _refine(bench, found, found.pairs[:PAIRS_REFINED])
+    _refine(bench, found, _prospects(found))
     _resingle(bench, found)
     return found
 
@@ -121,14 +129,34 @@ def _renull(bench: Bench, found: Search) -> None:
     _score(found)
 
 
+def _relay(bench: Bench, found: Search) -> None:
+    """Where a view's leader strains tolerance it may have found another effect's minimum: the others once more, from there."""
+    for view in sorted(found.troubled):
+        mine = [t for t in found.singles if view in t.outcome.views]
+        if not mine or not _strained_in(mine[0].outcome.fit) & set(bench.views[view].tolerance):
+            continue
+        leader = mine[0]
+        others = [t for t in mine[1:] if found.troubled.intersection(t.outcome.views) <= set(leader.outcome.views)]
+        again = each(lambda t: _from(bench, t, leader), others, bench.workers)  # noqa: B023
+        for trial, outcome in zip(others, again, strict=True):
+            if outcome.objective < trial.outcome.objective:
+                trial.outcome = outcome
+        _score(found)
+
+
 def _resingle(bench: Bench, found: Search) -> None:
     """The members of the leading pairs once more, alone, from where the pair has left the tolerance, for the same reason."""
-    for pair in found.pairs[:2]:
-        for trial in [t for t in found.singles if t.choice.keys[0] in pair.choice.keys]:
-            again = bench.fit(trial.choice, trial.outcome.views, start_values=pair.outcome.values, base=trial.outcome, careful=True)
-            if again.objective < trial.outcome.objective:
-                trial.outcome = again
+    members = [(trial, pair) for pair in found.pairs[:2] for trial in found.singles if trial.choice.keys[0] in pair.choice.keys]
+    again = each(lambda both: _from(bench, *both), members, bench.workers)
+    for (trial, _), outcome in zip(members, again, strict=True):
+        if outcome.objective < trial.outcome.objective:
+            trial.outcome = outcome
     _score(found)
+
+
+def _from(bench: Bench, trial: Trial, start: Trial) -> Outcome:
+    """A trial's careful fit from where another one stands."""
+    return bench.fit(trial.choice, trial.outcome.views, start_values=start.outcome.values, base=trial.outcome, careful=True)
 
 
 def _troubled(found: Search) -> set[str]:
@@ -186,32 +214,36 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
 def _refine(bench: Bench, found: Search, trials: list[Trial]) -> None:
     """Leading trials fitted to the end, and with the other forms of their effects."""
     ranked = [(rank, trial) for rank, trial in enumerate(trials) if not trial.apart]
-    refined = each(lambda entry: _refined(bench, found, *entry), ranked, bench.workers)
-    for (_, trial), (choice, outcome) in zip(ranked, refined, strict=True):
-        trial.choice, trial.outcome = choice, outcome
+    outcomes = each(lambda entry: _to_the_end(bench, *entry), ranked, bench.workers)
+    for (_, trial), outcome in zip(ranked, outcomes, strict=True):
+        trial.outcome = outcome
+    for i in range(max((len(trial.choice.effects) for _, trial in ranked), default=0)):
+        _reform(bench, found, [trial for _, trial in ranked], i)
     _score(found)
 
 
-def _refined(bench: Bench, found: Search, rank: int, trial: Trial) -> tuple[Choice, Outcome]:
+def _to_the_end(bench: Bench, rank: int, trial: Trial) -> Outcome:
     o = trial.outcome
-    again = bench.fit(trial.choice, o.views, start_values=o.values, base=o, careful=True)
-    if again.objective < o.objective:
-        trial.outcome = again
-    if rank < RETRIED and any(_rough(trial.outcome, v) for v in o.views if v.startswith("friction")):
-        again = bench.fit_by_tighter_lead(trial.choice, o.views, trial.outcome.values, trial.outcome)
-        if again.objective < trial.outcome.objective:
-            trial.outcome = again
-    for i in range(len(trial.choice.effects)):
-        _reform(bench, found, trial, i)
-    return trial.choice, trial.outcome
+    best = min(o, bench.fit(trial.choice, o.views, start_values=o.values, base=o, careful=True), key=lambda o: o.objective)
+    if rank < RETRIED and any(_rough(best, v) for v in o.views if v.startswith("friction")):
+        best = min(best, bench.fit_by_tighter_lead(trial.choice, o.views, best.values, best), key=lambda o: o.objective)
+    return best
 
 
 def _rough(outcome: Outcome, view: str) -> bool:
     return outcome.rms(view) > ROUGH * outcome.floor.get(view, 1.0)
 
 
-def _reform(bench: Bench, found: Search, trial: Trial, i: int) -> None:
-    """Tries the other forms of a trial's effect `i` from where its own fit stands."""
+def _reform(bench: Bench, found: Search, trials: Sequence[Trial], i: int) -> None:
+    """Tries the other forms of each trial's effect `i` from where its own fit stands."""
+    tries = [(trial, candidate) for trial in trials if i < len(trial.choice.effects) for candidate in _forms(bench, trial, i)]
+    outcomes = each(lambda entry: _fit(bench, entry[1]), tries, bench.workers)
+    for (trial, candidate), outcome in zip(tries, outcomes, strict=True):
+        if outcome.evidence(found.lengths) < trial.outcome.evidence(found.lengths):
+            trial.choice, trial.outcome = candidate.choice, outcome
+
+
+def _forms(bench: Bench, trial: Trial, i: int) -> Iterator[_Candidate]:
     effect, held = trial.choice.effects[i]
     for form in effect.forms[1:]:
         rest = Choice(tuple(pair for j, pair in enumerate(trial.choice.effects) if j != i))
@@ -222,13 +254,20 @@ def _reform(bench: Bench, found: Search, trial: Trial, i: int) -> None:
         own = {p.name for p in (*held.parameters, *form.parameters)}
         for starts in _starts(form.parameters) or [{}]:
             known = {k: v for k, v in trial.outcome.values.items() if k not in held.settings and k not in form.settings}
-            fits = [bench.fit(choice, views, starts, starts | known, trial.outcome)]
-            if any(_rough(trial.outcome, view) for view in views if view in trial.outcome.views):  # the plain form may have led astray
+            yield _Candidate(choice, views, starts, starts | known, trial.outcome)
+            last = i == len(trial.choice.effects) - 1  # a pair's first effect has been through this alone
+            if last and any(_rough(trial.outcome, view) for view in views if view in trial.outcome.views):  # the plain form led astray
                 others = {k: v for k, v in known.items() if k not in own}
-                fits.append(bench.fit(choice, views, starts, others | starts, trial.outcome))
-            for outcome in fits:
-                if outcome.evidence(found.lengths) < trial.outcome.evidence(found.lengths):
-                    trial.choice, trial.outcome = choice, outcome
+                yield _Candidate(choice, views, starts, others | starts, trial.outcome)
+
+
+def _prospects(found: Search) -> list[Trial]:
+    """The best pairs, of those that have something over both their members."""
+    alone = {t.choice.keys: advantage(found, t.outcome, None) for t in found.singles}
+    ahead = [
+        t for t in found.pairs if advantage(found, t.outcome, None) - max(alone.get((key,), 0.0) for key in t.choice.keys) > PROSPECT
+    ]  # fmt: skip
+    return ahead[:PAIRS_REFINED]
 
 
 def _leading(found: Search) -> list[Trial]:
@@ -266,7 +305,7 @@ def misfit(outcome: Outcome, view: str) -> float:
     if n == 0:
         return 0.0
     excess = outcome.squares[view] / outcome.floor.get(view, 1.0) ** 2 - n
-    return max(0.0, excess - SCATTER * math.sqrt(2 * n * length)) / length
+    return max(0.0, excess - SCATTER * math.sqrt(2 * n * FLOOR_LENGTH.get(view, length))) / length
 
 
 def _candidates(
@@ -290,11 +329,10 @@ def _candidates(
             choice = plain.plus(effect, form)
             views = tuple(v for v in bench.views if v in touched or (before is not None and v in before.views))
             own = {p.name for p in form.parameters if not p.relative}
-            yield _Candidate(choice, views, {}, {name: value for name, value in known.items() if name not in own}, before)
             strained = {name for name in _strained(found, before) if any(bench.views[v].depends_on(name) for v in touched)}
-            if strained:
-                eased = {name: value for name, value in known.items() if name not in own | strained}
-                yield _Candidate(choice, views, {}, eased, before, promise=-math.inf)  # tried where the one before is
+            start = {name: value for name, value in known.items() if name not in own}
+            eased = {name: value for name, value in start.items() if name not in strained} if strained else None
+            yield _Candidate(choice, views, {}, start, before, eased)
             fresh = dict(before.values) if before is not None else {k: v for k, v in known.items() if k.startswith("valve_")}
             for starts in _starts(form.parameters):  # from the nominal plant: tolerance alone may have stuck in explaining the effect
                 yield _Candidate(choice, views, starts, {name: value for name, value in fresh.items() if name not in own}, before)
@@ -303,10 +341,11 @@ def _candidates(
 def _strained(found: Search, base: Outcome | None) -> set[str]:
     """Tolerance that has stood in for an effect: further off than any rig's."""
     outcomes = [*found.null.values(), *([base] if base is not None else [])]
-    fits = [outcome.fit for outcome in outcomes]
-    return {
-        c.name for f in fits for c, theta in zip(f.coordinates, f.theta, strict=True) if not c.effect and abs(theta) > STRAINED * c.spread
-    }
+    return {name for outcome in outcomes for name in _strained_in(outcome.fit)}
+
+
+def _strained_in(fit: Fit) -> set[str]:
+    return {c.name for c, theta in zip(fit.coordinates, fit.theta, strict=True) if not c.effect and abs(theta) > STRAINED * c.spread}
 
 
 def _estimated(bench: Bench, form: Form, known: Mapping[str, float], troubled: set[str]) -> Form | None:
@@ -328,7 +367,7 @@ def _clash(base: Choice, form: Form) -> bool:
 
 def _first(candidate: _Candidate) -> bool:
     """Whether its promise tells for all starts of its hypothesis."""
-    return not candidate.starts and candidate.promise == math.inf
+    return not candidate.starts
 
 
 def _weigh(bench: Bench, found: Search, candidates: Sequence[_Candidate]) -> None:
@@ -348,15 +387,17 @@ def _promising(candidates: Sequence[_Candidate], troubled: set[str]) -> list[_Ca
     chosen: list[_Candidate] = []
     for view in sorted(troubled):
         mine = [c for c in candidates if view in c.views]
-        ranked = sorted((c for c in mine if abs(c.promise) < math.inf), key=lambda c: -c.promise)
+        ranked = sorted((c for c in mine if c.promise < math.inf), key=lambda c: -c.promise)
         keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:FIT_SINGLES]
+        own = [c for c in ranked if troubled.intersection(c.views) == {view}]  # what others promise may be of another view
+        keys += list(dict.fromkeys(c.choice.keys for c in own if c.promise > QUIET))[:FIT_OWN]
         chosen += [c for c in mine if (c.choice.keys in keys or c.promise == math.inf) and c not in chosen]
     return chosen
 
 
 def _chosen(candidates: Sequence[_Candidate], most: int, leaders: set[str]) -> list[_Candidate]:
     """The most promising hypotheses and those that add one of the leaders, all starts of each."""
-    ranked = sorted((c for c in candidates if abs(c.promise) < math.inf), key=lambda c: -c.promise)
+    ranked = sorted((c for c in candidates if c.promise < math.inf), key=lambda c: -c.promise)
     keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:most]
     return [c for c in candidates if c.choice.keys in keys or c.choice.keys[-1] in leaders]
 
@@ -365,12 +406,30 @@ def _fitted(bench: Bench, candidates: Iterable[_Candidate]) -> list[Trial]:
     """Best fit per hypothesis over its forms and starts."""
     best: dict[tuple[str, ...], Trial] = {}
     candidates = list(candidates)
-    outcomes = each(lambda c: bench.fit(c.choice, c.views, c.starts, c.known, c.base), candidates, bench.workers)
+    outcomes = each(lambda c: _fit(bench, c), candidates, bench.workers)
     for c, outcome in zip(candidates, outcomes, strict=True):
         held = best.get(c.choice.keys)
         if held is None or outcome.objective < held.outcome.objective:
             best[c.choice.keys] = Trial(c.choice, outcome)
     return list(best.values())
+
+
+def _fit(bench: Bench, c: _Candidate) -> Outcome:
+    """A candidate's fit; where it strains tolerance, once more from its eased start."""
+    outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base)
+    if c.eased is not None and _strained_in(outcome.fit):
+        outcome = min(outcome, bench.fit(c.choice, c.views, c.starts, c.eased, c.base), key=lambda o: o.objective)
+    shape = c.choice.effects[-1][1].parameters
+    if len(shape) >= MANY and c.base is None and any(_rough(outcome, view) for view in c.views):
+        outcome = min(outcome, bench.fit(c.choice, c.views, {}, _scanned(bench, outcome, shape)), key=lambda o: o.objective)
+    return outcome
+
+
+def _scanned(bench: Bench, outcome: Outcome, shape: Sequence[Parameter]) -> dict[str, float]:
+    """The outcome's values with that one change of a shape's parameter which leaves least: no slope leads to a place where the carriage
+    sticks unless something is known of it."""
+    tries = [outcome.values | {p.name: min(max(p.neutral + size * p.scale, p.low), p.high)} for p in shape for size in SIZES]
+    return min(tries, key=lambda values: sum(float(r @ r) for r in (bench.white(bench.all[v], values) for v in outcome.views)))
 
 
 def _starts(parameters: Iterable[Parameter]) -> list[dict[str, float]]:

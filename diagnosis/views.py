@@ -28,6 +28,7 @@ GUIDED = 0.35  # time in which a simulated carriage is led back to the measured 
 SOLVER = {"solver.tolerance": 0.1}  # a millisecond a step but for stiff friction: exact to 0.01 of the noise
 TOUCHING = 0.5  # N, measured contact force that tells contact from none
 CLEAR = 5e-3  # m from the workpiece at the start from which on a log begins out of contact
+TURN = 2e-3  # m/s of deflection within which a loss turns its sign
 AT_REST = 50  # samples for which it then stays so
 
 
@@ -220,7 +221,7 @@ class ContactView:
 
     def depends_on(self, parameter: str) -> bool:
         sensed = parameter.startswith("sensors.") and not parameter.startswith(("sensors.gain_f_a", "sensors.quantum"))
-        return sensed or parameter.startswith(("contact.", "workpiece.")) or parameter == "waviness"
+        return sensed or parameter.startswith(("contact.", "workpiece.")) or parameter in ("waviness", "loss")
 
     def residual(self, values: Values) -> Array:
         table, signals = self._store.table, self._store.signals(values)
@@ -248,7 +249,13 @@ class ContactView:
         if profile is not None:
             names += list(PROFILE)
             columns += [x, profile.height(x), profile.slope(x), profile.curvature(x)]
-        return self._block.run(parameters, names, np.column_stack(columns), ("f_x", "f_z"))
+        force = self._block.run(parameters, names, np.column_stack(columns), ("f_x", "f_z"))
+        return force * self._given_back(force, values)[:, None] if values.get("loss", 0.0) != 0.0 else force
+
+    def _given_back(self, force: Array, values: Values) -> Array:
+        """Share of the force (n, 2) that is left by a loss at every turn of the deflection: more on the way in, less on the way out."""
+        rate = np.gradient(_mean(np.hypot(force[:, 0], force[:, 1])), PERIOD) / self._nominal["contact.K_c"]
+        return np.asarray(1.0 + values["loss"] * rate / np.hypot(rate, TURN))
 
     def _true_speed(self, axis: str, measured: Array, values: Values) -> Array:
         """Smoothed speed, a tachometer's lag undone."""
