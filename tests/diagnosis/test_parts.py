@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.catalogue import Parameter, read_catalogue
 from diagnosis.converter import converter_step
-from diagnosis.fit import effect_coordinate, fit, predict, tolerance_coordinate
+from diagnosis.fit import balanced, effect_coordinate, fit, predict, tolerance_coordinate
 from diagnosis.parallel import each
 from diagnosis.signals import sensed_speed
 from diagnosis.waviness import sines
@@ -110,6 +110,23 @@ def test_a_promise_is_kept_where_the_model_is_linear() -> None:
     promised = predict(problem, coordinates, np.zeros(2))
     fitted = fit(problem, coordinates)
     assert promised == pytest.approx(fitted.misfit + fitted.penalty, rel=1e-6)
+
+
+def test_a_factor_takes_over_what_strains_the_tolerance_that_it_multiplies() -> None:
+    level = Parameter("level", 1.0, 0.25, 0.05, 10.0, relative=True, multiplies=("static", "dynamic"))
+    coordinates = [
+        tolerance_coordinate("static", 20.0, 0.02), tolerance_coordinate("dynamic", 15.0, 0.02), effect_coordinate(level, 1.0, 1.0)
+    ]  # fmt: skip
+    strained = np.array([coordinates[0].theta(18.0), coordinates[1].theta(13.5), 0.0])
+    theta = balanced(coordinates, strained)
+    static, dynamic, factor = (c.value(t) for c, t in zip(coordinates, theta, strict=True))
+    assert factor * static == pytest.approx(18.0)
+    assert factor * dynamic == pytest.approx(13.5)
+    assert factor == pytest.approx(0.9, abs=0.005)
+    penalty = sum((t / c.spread) ** 2 for c, t in zip(coordinates, theta, strict=True))
+    for moved in (-0.01, 0.01):  # nothing else on the ridge is charged less
+        other = theta + moved * np.array([-1 / 0.02, -1 / 0.02, 1 / 0.25])
+        assert sum((t / c.spread) ** 2 for c, t in zip(coordinates, other, strict=True)) > penalty
 
 
 def test_bounds_of_a_relative_parameter_are_shares_of_its_nominal_value() -> None:
