@@ -69,6 +69,7 @@ class Decision:
     unknown_view: str = ""
     answer_set: list[list[str]] = field(default_factory=list)
     resembles: Effect | None = None  # rough form that leads, of what the catalogue lacks
+    left: frozenset[str] = frozenset()  # views in which the best hypothesis leaves something, fitted or held out
 
 
 def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] = (), odd: Effect | None = None) -> Decision:
@@ -109,7 +110,7 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
         else "ambiguous"
     )
     resembles = odd or (outside[0].trial.choice.outside[0] if rough > 0.5 and outside[0].trial is not None else None)
-    return Decision(verdict, ranked, best, share, unknown, view, answers, resembles)
+    return Decision(verdict, ranked, best, share, unknown, view, answers, resembles, _left_views(found, best, weights))
 
 
 def contest(found: Search, weights: Weights | None = None) -> list[tuple[Trial | None, float]]:
@@ -169,6 +170,15 @@ def unexplained(found: Search, best: Trial | None, weights: Weights) -> tuple[fl
             share = left / max(_excess(before, view, apart=1), 1e-9)
             worst = max(worst, (weights.unknown(view, share, left), share, view))
     return worst
+
+
+def _left_views(found: Search, best: Trial | None, weights: Weights) -> frozenset[str]:
+    judged = {view: [_outcome_in(found, best, view)] for view in found.null}
+    if found.held_out is not None:
+        unseen = best.held_out if best is not None and best.held_out is not None else found.held_out
+        for outcomes in judged.values():
+            outcomes.append(unseen)
+    return frozenset(view for view, outcomes in judged.items() if max(_remains(o, view) for o in outcomes) > weights.unknown_least)
 
 
 def _remains(outcome: Outcome, view: str) -> float:

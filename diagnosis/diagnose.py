@@ -26,7 +26,7 @@ from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import COLUMNS, SIGMA, log_warnings
 from pyfmi_runner.replay import Replayer
 
-__all__ = ["Diagnosis", "diagnose", "report_json", "sound_logs", "split_campaign"]
+__all__ = ["OF_VIEWS", "Diagnosis", "diagnose", "report_json", "sound_logs", "split_campaign"]
 
 HELD_OUT = "contour_straight"  # the log that no fit sees, where the campaign has it; else its last log
 OF_VIEWS = ("waviness", "loss")  # parameters that views alone know
@@ -188,8 +188,11 @@ def _where(bench: Bench, found: Search, decision: Decision, catalogue: Mapping[s
 
 
 def _unknown_block(found: Search, decision: Decision, blocks: Mapping[str, str]) -> str:
-    """Block of an effect outside the catalogue: that of the effect which, wrongly but best, explains the worst view."""
+    """Block of an effect outside the catalogue: that of the effect which, wrongly but best, explains the worst view; the sensors where
+    both the contact and a carriage are left, for what these share is the force that was read."""
     view = decision.unknown_view
+    if "contact" in decision.left and any(name.startswith("friction") for name in decision.left):
+        return "sensors"
     candidates = VIEW_BLOCKS[view]
     if len(candidates) == 1:
         return candidates[0]

@@ -133,30 +133,27 @@ def _relay(bench: Bench, found: Search) -> None:
     """Where a view's leader strains tolerance it may have found another effect's minimum: the others once more, from there."""
     for view in sorted(found.troubled):
         mine = [t for t in found.singles if view in t.outcome.views]
-        if not mine or not _strained_in(mine[0].outcome.fit) & set(bench.views[view].tolerance):
-            continue
-        leader = mine[0]
-        others = [t for t in mine[1:] if found.troubled.intersection(t.outcome.views) <= set(leader.outcome.views)]
-        again = each(lambda t: _from(bench, t, leader), others, bench.workers)  # noqa: B023
-        for trial, outcome in zip(others, again, strict=True):
-            if outcome.objective < trial.outcome.objective:
-                trial.outcome = outcome
-        _score(found)
+        if mine and _strained_in(mine[0].outcome.fit) & set(bench.views[view].tolerance):
+            others = [t for t in mine[1:] if found.troubled.intersection(t.outcome.views) <= set(mine[0].outcome.views)]
+            _again(bench, found, [(t, mine[0]) for t in others])
 
 
 def _resingle(bench: Bench, found: Search) -> None:
     """The members of the leading pairs once more, alone, from where the pair has left the tolerance, for the same reason."""
-    members = [(trial, pair) for pair in found.pairs[:2] for trial in found.singles if trial.choice.keys[0] in pair.choice.keys]
-    again = each(lambda both: _from(bench, *both), members, bench.workers)
-    for (trial, _), outcome in zip(members, again, strict=True):
+    _again(bench, found, [(t, pair) for pair in found.pairs[:2] for t in found.singles if t.choice.keys[0] in pair.choice.keys])
+
+
+def _again(bench: Bench, found: Search, entries: Sequence[tuple[Trial, Trial]]) -> None:
+    """The first trial of each entry fitted carefully from where the second one stands, and kept where that is better."""
+
+    def fitted(entry: tuple[Trial, Trial]) -> Outcome:
+        trial, start = entry
+        return bench.fit(trial.choice, trial.outcome.views, start_values=start.outcome.values, base=trial.outcome, careful=True)
+
+    for (trial, _), outcome in zip(entries, each(fitted, entries, bench.workers), strict=True):
         if outcome.objective < trial.outcome.objective:
             trial.outcome = outcome
     _score(found)
-
-
-def _from(bench: Bench, trial: Trial, start: Trial) -> Outcome:
-    """A trial's careful fit from where another one stands."""
-    return bench.fit(trial.choice, trial.outcome.views, start_values=start.outcome.values, base=trial.outcome, careful=True)
 
 
 def _troubled(found: Search) -> set[str]:

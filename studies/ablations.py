@@ -1,8 +1,8 @@
 """What each part of the diagnosis earns: the same cases with one part taken out, and an oracle that knows the effects.
 
-`python -m studies.ablations FOLDER [--cases N] [--seed S] [--workers N] [--json FILE]`: draws N cases of the truth plant with one effect,
-searches each of them whole and without a part, and prints how often the right cause leads. The oracle fits the true effect alone: its
-shrink on the held-out log is the best that the catalogue's forms reach.
+`python -m studies.ablations FOLDER [--cases N] [--seed S] [--workers N] [--json FILE]`: draws N cases of the truth plant, every fourth with
+tolerance alone and the others with one effect, searches each of them whole and without a part, and prints how often the right cause, or
+none, leads. The oracle fits the true effect alone: its shrink on the held-out log is the best that the catalogue's forms reach.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from diagnosis.bench import Bench, Choice
 from diagnosis.catalogue import read_catalogue
 from diagnosis.confirm import Augmented, replay_gap
 from diagnosis.decide import Decision, decide
-from diagnosis.diagnose import split_campaign
+from diagnosis.diagnose import OF_VIEWS, split_campaign
 from diagnosis.held_out import examine
 from diagnosis.search import search
 from pyfmi_runner.build import build_fmu
@@ -34,20 +34,20 @@ from studies.truth.case import draw_case
 
 __all__ = ["VARIANTS", "judge", "table"]
 
+SOUND = 4  # every fourth case has no effect
 NO_TOLERANCE = 1e-4  # share; the fit of tolerance needs a scale
 VARIANTS = ("whole", "without held-out evidence", "without the cut of evidence", "without tolerance", "without whitening")
 
 
 def judge(folder: Path, seed: int) -> dict[str, Any]:
     """Whether the right cause leads in each variant, its probability, and the shrink of the whole diagnosis and of the oracle."""
-    campaign, label = draw_case(seed, "one")
+    campaign, label = draw_case(seed, "none" if seed % SOUND == SOUND - 1 else "one")
     write(folder / str(seed), campaign)
     logs = read_campaign(folder / str(seed))
     fitted, held = split_campaign(logs)
-    cause = label["causes"][0]
-    truth = f"{cause['effect']}/{cause['axis']}" if cause["axis"] else cause["effect"]
+    truth = tuple(f"{cause['effect']}/{cause['axis']}" if cause["axis"] else cause["effect"] for cause in label["causes"])
     gantry, catalogue = FmuFile.read(build_fmu().path), read_catalogue()
-    result: dict[str, Any] = {"seed": seed, "truth": truth}
+    result: dict[str, Any] = {"seed": seed, "truth": list(truth)}
     assert held is not None
     with Bench(fitted, gantry) as bench:
         found = search(bench, catalogue)
@@ -59,11 +59,12 @@ def judge(folder: Path, seed: int) -> dict[str, Any]:
         with patch.object(searching, "borne_out", lambda differences: 1.0):
             result["without the cut of evidence"] = _judged(decide(found, seen=seen), truth)
         plain = found.plain
-        for name, trial in (("shrink", decision.best), ("oracle", next((t for t in found.singles if t.choice.keys == (truth,)), None))):
+        for name, trial in (("shrink", decision.best), ("oracle", next((t for t in found.singles if t.choice.keys == truth), None))):
             values = plain | (trial.outcome.values if trial is not None else {})
             values |= bench.polish(trial.choice if trial is not None else Choice(), values).values
+            known = {k: float(v) for k, v in values.items() if k not in OF_VIEWS}
             with Replayer(gantry) as plant:
-                result[name] = float(replay_gap(plant, held, Augmented.of({k: float(v) for k, v in values.items()})).shrink)
+                result[name] = float(replay_gap(plant, held, Augmented.of(known)).shrink)
     for variant, options in (("without tolerance", {"tolerance": NO_TOLERANCE}), ("without whitening", {"whitened": False})):
         with Bench(fitted, gantry, **options) as bench:
             found = search(bench, catalogue)
@@ -72,21 +73,21 @@ def judge(folder: Path, seed: int) -> dict[str, Any]:
     return result
 
 
-def _judged(decision: Decision, truth: str) -> dict[str, Any]:
+def _judged(decision: Decision, truth: tuple[str, ...]) -> dict[str, Any]:
     leader = decision.hypotheses[0]
-    right = leader.keys == (truth,) and decision.verdict != "unknown"
+    right = leader.keys == truth and decision.verdict != "unknown"
     return {"right": right, "probability": leader.probability, "keys": list(leader.keys), "verdict": decision.verdict}
 
 
 def table(results: list[dict[str, Any]]) -> str:
     """Shares right by variant, and the shrink beside the oracle's."""
-    lines = [f"{'variant':<28} right cause leads   mean probability of the leader"]
+    lines = [f"{'variant':<28} right cause leads   none is called none   mean probability of the leader"]
     for variant in VARIANTS:
-        right = [r[variant]["right"] for r in results]
+        one, none = ([r[variant]["right"] for r in results if bool(r["truth"]) is effect] for effect in (True, False))
         probability = float(np.mean([r[variant]["probability"] for r in results]))
-        lines.append(f"{variant:<28} {sum(right):>3} of {len(right):<3}          {probability:.2f}")
+        lines.append(f"{variant:<28} {sum(one):>3} of {len(one):<3}          {sum(none):>3} of {len(none):<3}            {probability:.2f}")
     for name in ("shrink", "oracle"):
-        values = [r[name] for r in results if name in r]
+        values = [r[name] for r in results if r["truth"]]
         lines.append(f"{name + ', median / least':<28} {np.median(values):.3f} / {np.min(values):.3f}")
     return "\n".join(lines)
 
