@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from diagnosis.bench import BLOCK, Choice, Outcome
-from diagnosis.catalogue import read_catalogue
+from diagnosis.catalogue import Effect, read_catalogue
 from diagnosis.decide import Weights, decide
 from diagnosis.fit import Fit
 from diagnosis.search import Search, Trial, advantage, borne_out, strength
@@ -130,3 +130,18 @@ def test_what_only_the_unseen_log_shows_is_unknown() -> None:
     decision = decide(found)
     assert decision.verdict == "unknown"
     assert decision.unknown_view == VIEW
+
+
+def test_what_the_readings_show_by_themselves_is_the_verdict_whatever_an_effect_explains() -> None:
+    found = searched(noise(1, 2.0), (noise(2), ("valve_lag/z",)))
+    odd = Effect("excess_noise", "", "sensors", "more noise", (), outside=True)
+    decision = decide(found, odd=odd)
+    assert decision.verdict == "unknown"
+    assert decision.resembles is odd
+    assert decision.answer_set == [["unknown"]]
+    assert decision.hypotheses[0].probability < 0.05
+
+
+def test_the_views_in_which_something_is_left_are_named() -> None:
+    assert decide(searched(noise(1, 2.0), (noise(3, 1.9), ("valve_lag/z",)))).left == {VIEW}
+    assert decide(searched(noise(1, 2.0), (noise(2), ("valve_lag/z",)))).left == frozenset()
