@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.io import loadmat
 
+from diagnosis.mat_file import read_mat
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile
@@ -163,7 +163,7 @@ def _columns(file: Path) -> Mapping[str, Any]:
         raise InputError("no such file", file=file, mend="correct the log's file in the TOML")
     try:
         if file.suffix == ".mat":
-            return {name: values for name, values in loadmat(file).items() if not name.startswith("__")}
+            return read_mat(file)
         table = pd.read_parquet(file) if file.suffix == ".parquet" else pd.read_csv(file, comment="#")
     except Exception as error:  # of a damaged file the readers, scipy's foremost, raise anything
         raise InputError(f"cannot be read: {error}", file=file, mend="give a CSV, Parquet or MATLAB (up to v7) file") from None

@@ -204,7 +204,7 @@ def _edge(rng: random.Random, folder: Path) -> Read:
 
 
 def _own_log(rng: random.Random, folder: Path) -> Read:
-    """A log of a user's own plant: CSV or Parquet with bytes changed, or MATLAB (scipy's reader itself dies of some damaged ones)."""
+    """A log of a user's own plant, CSV, Parquet or MATLAB, with bytes changed."""
     path = folder / rng.choice(["log.mat", "log.csv", "log.parquet"])
     if path.suffix == ".mat":
         savemat(path, {name: [_sound(name, k) for k in range(ROWS)] for name in COLUMNS}, do_compression=rng.random() < 0.5)
@@ -212,8 +212,7 @@ def _own_log(rng: random.Random, folder: Path) -> Read:
         _parquet(rng, folder, _sound_columns())
     else:
         path.write_text(sound_csv(), encoding="utf-8")
-    if path.suffix != ".mat":
-        path.write_bytes(with_bytes_changed(rng, path.read_bytes()))
+    path.write_bytes(with_bytes_changed(rng, path.read_bytes()))
     text = f"""plant = {{ fmu = "plant.fmu" }}\ninputs = {{ u_z = "u_z" }}\noutputs.z.sigma = 1e-4\nlog.a.file = "{path.name}"\n"""
     (folder / "plant.toml").write_text(text, encoding="utf-8")
     fmu = build_fmu().path

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
 from diagnosis.catalogue import read_catalogue
+from diagnosis.mat_file import read_mat
 from diagnosis.own_diagnose import diagnose_own, own_json
 from diagnosis.own_plant import is_own_plant, read_own_plant
 from pneugantry.cli import main
@@ -157,3 +159,16 @@ def test_an_unusable_description_is_refused_in_one_line(tmp_path: Path, fmus: Pa
     path.write_text(PLANT.replace(old, new), encoding="utf-8")
     with pytest.raises(InputError, match=said):
         read_own_plant(path, out=fmus)
+
+
+def test_a_matlab_file_is_read_apart_and_a_damaged_one_ends_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "log.mat"
+    savemat(path, {"file": np.arange(5.0), "note": "no number", "qg": np.ones((4, 1))})
+    columns = read_mat(path)
+    assert sorted(columns) == ["file", "qg"]
+    assert columns["file"].ravel().tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    whole = path.read_bytes()
+    for cut in (0, 100, 140, len(whole) - 3):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(ValueError, match=r"\w"):
+            read_mat(path)
