@@ -2,14 +2,15 @@
 
 `python -m studies.ablations FOLDER [--cases N] [--seed S] [--workers N] [--json FILE]`: draws N cases of the truth plant, every fourth with
 tolerance alone and the others with one effect, searches each of them whole and without a part, and prints how often the right cause, or
-none, leads. The oracle fits the true effect alone: its shrink on the held-out log is the best that the catalogue's forms reach.
+none, leads. Single effects only, in every variant: without tolerance all views ask for an effect, and the search for pairs takes minutes.
+The oracle fits the true effect alone: its shrink on the held-out log is the best that the catalogue's forms reach.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,12 @@ import numpy as np
 
 import diagnosis.search as searching
 from diagnosis.bench import Bench, Choice
-from diagnosis.catalogue import read_catalogue
+from diagnosis.catalogue import Effect, read_catalogue
 from diagnosis.confirm import Augmented, replay_gap
 from diagnosis.decide import Decision, decide
 from diagnosis.diagnose import OF_VIEWS, split_campaign
 from diagnosis.held_out import examine
-from diagnosis.search import search
+from diagnosis.search import Search, search
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.fmu import FmuFile
@@ -50,7 +51,7 @@ def judge(folder: Path, seed: int) -> dict[str, Any]:
     result: dict[str, Any] = {"seed": seed, "truth": list(truth)}
     assert held is not None
     with Bench(fitted, gantry) as bench:
-        found = search(bench, catalogue)
+        found = _singles(bench, catalogue)
         seen = ("quantisation",) if bench.table.quanta else ()
         result["without held-out evidence"] = _judged(decide(found, seen=seen), truth)
         examine(found, logs, held, gantry)
@@ -67,10 +68,15 @@ def judge(folder: Path, seed: int) -> dict[str, Any]:
                 result[name] = float(replay_gap(plant, held, Augmented.of(known)).shrink)
     for variant, options in (("without tolerance", {"tolerance": NO_TOLERANCE}), ("without whitening", {"whitened": False})):
         with Bench(fitted, gantry, **options) as bench:
-            found = search(bench, catalogue)
+            found = _singles(bench, catalogue)
         examine(found, logs, held, gantry)
         result[variant] = _judged(decide(found, seen=seen), truth)
     return result
+
+
+def _singles(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
+    with patch.object(searching, "_bases", lambda found: []):
+        return search(bench, catalogue)
 
 
 def _judged(decision: Decision, truth: tuple[str, ...]) -> dict[str, Any]:
