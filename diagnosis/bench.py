@@ -56,7 +56,7 @@ FLOOR = {
 # Folded samples that say the same, at least: what smoothing and leading leave is not noise, and a fit that follows it is no evidence.
 LEAST_LENGTH = {"friction_x": 2.0, "friction_z": 4.0, "contact": 6.0}
 # The same of the floor itself, where it is the same on every rig: a misfit is held against that scatter, not against its own.
-FLOOR_LENGTH = {"contact": 6.0}
+FLOOR_LENGTH = {"contact": LEAST_LENGTH["contact"]}
 SMOOTHING = (1.0, 200.0)  # contact view: error of the smoothed position, in units of the force noise, and its length in samples
 
 

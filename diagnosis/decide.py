@@ -158,7 +158,7 @@ def unexplained(found: Search, best: Trial | None, weights: Weights) -> tuple[fl
     for view in sorted(set(found.null) - unseen):
         pairs = [(found.null[view], _outcome_in(found, best, view))] if view in found.troubled else []
         if found.held_out is not None:
-            pairs.append((found.held_out, best.held_out if best is not None and best.held_out is not None else found.held_out))
+            pairs.append((found.held_out, _unseen(found, best) or found.held_out))
         seen = [_remains(outcome, view) for _, outcome in pairs]
         if view.startswith("friction") and (min(seen, default=0.0) <= weights.unknown_least / 3 or len(seen) < 2):
             pairs = pairs[:1] if view in found.troubled else []  # in one log alone it may be a break-away's luck
@@ -173,12 +173,12 @@ def unexplained(found: Search, best: Trial | None, weights: Weights) -> tuple[fl
 
 
 def _left_views(found: Search, best: Trial | None, weights: Weights) -> frozenset[str]:
-    judged = {view: [_outcome_in(found, best, view)] for view in found.null}
-    if found.held_out is not None:
-        unseen = best.held_out if best is not None and best.held_out is not None else found.held_out
-        for outcomes in judged.values():
-            outcomes.append(unseen)
-    return frozenset(view for view, outcomes in judged.items() if max(_remains(o, view) for o in outcomes) > weights.unknown_least)
+    unseen = _unseen(found, best)
+    held = [unseen] if unseen is not None else []
+    return frozenset(
+        view for view in found.null
+        if max(_remains(o, view) for o in (_outcome_in(found, best, view), *held)) > weights.unknown_least
+    )  # fmt: skip
 
 
 def _remains(outcome: Outcome, view: str) -> float:
@@ -193,6 +193,11 @@ def _remains(outcome: Outcome, view: str) -> float:
 
 def _outcome_in(found: Search, best: Trial | None, view: str) -> Outcome:
     return best.outcome if best is not None and view in best.outcome.views else found.null[view]
+
+
+def _unseen(found: Search, best: Trial | None) -> Outcome | None:
+    """What a hypothesis leaves on the log that no fit has seen; tolerance alone, where it was not examined."""
+    return best.held_out if best is not None and best.held_out is not None else found.held_out
 
 
 def _excess(outcome: Outcome, view: str, apart: int = 0) -> float:

@@ -3,6 +3,8 @@ and a sample clock that is not the one assumed."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,15 +44,8 @@ def _outside(name: str, block: str, summary: str) -> Effect:
 def noise_ratio(values: Array, sigma: float, spans: NDArray[np.int64]) -> float:
     """RMS of a channel's (N,) white noise over `sigma`: from the median of high differences, which jumps do not touch."""
     differences = np.concatenate([np.diff(values[first:last], DIFFERENCES) for first, last in spans])
-    gain = np.sqrt(float(np.sum(_binomial() ** 2)))
+    gain = math.sqrt(math.comb(2 * DIFFERENCES, DIFFERENCES))  # sum of the squared binomial coefficients
     return float(1.4826 * np.median(np.abs(differences)) / (gain * sigma))
-
-
-def _binomial() -> Array:
-    kernel = np.ones(1)
-    for _ in range(DIFFERENCES):
-        kernel = np.convolve(kernel, [1.0, -1.0])
-    return kernel
 
 
 def holds(values: Array, spans: NDArray[np.int64]) -> int:

@@ -171,7 +171,7 @@ def _singles(bench: Bench, catalogue: Mapping[str, Effect], found: Search) -> li
     if not found.troubled:
         return []
     candidates = list(_candidates(bench, catalogue, found, None))
-    _weigh(bench, found, [c for c in candidates if not c.choice.settings and _first(c)])  # another law has no small step
+    _weigh(bench, found, [c for c in candidates if not c.choice.settings and not c.starts])  # another law has no small step
     return _fitted(bench, _promising(candidates, found.troubled))
 
 
@@ -200,7 +200,7 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     beside = {t.choice.keys[-1] for t in apart}
     rest = {key: effect for key, effect in catalogue.items() if key not in beside and not effect.outside}
     candidates = [c for c in _candidates(bench, rest, found, base, left) if mine & set(bench.touched_by(c.choice.effects[-1][1]))]
-    _weigh(bench, found, [c for c in candidates if _first(c)])
+    _weigh(bench, found, [c for c in candidates if not c.starts])
     leaders: set[str] = set()
     for view in left:
         mine_alone = [t for t in found.singles if view in t.outcome.views and left.issuperset(t.outcome.views) and t.gain > QUIET]
@@ -241,7 +241,10 @@ def _reform(bench: Bench, found: Search, trials: Sequence[Trial], i: int) -> Non
 
 
 def _forms(bench: Bench, trial: Trial, i: int) -> Iterator[_Candidate]:
+    """The other forms of a trial's effect `i`; where its plain form may have led astray, also from the form's own starts alone."""
     effect, held = trial.choice.effects[i]
+    last = i == len(trial.choice.effects) - 1  # a pair's first effect has been through this alone
+    astray = last and any(_rough(trial.outcome, view) for view in trial.outcome.views)
     for form in effect.forms[1:]:
         rest = Choice(tuple(pair for j, pair in enumerate(trial.choice.effects) if j != i))
         if form.name == held.name or form.estimator or _clash(rest, form):
@@ -252,8 +255,7 @@ def _forms(bench: Bench, trial: Trial, i: int) -> Iterator[_Candidate]:
         for starts in _starts(form.parameters) or [{}]:
             known = {k: v for k, v in trial.outcome.values.items() if k not in held.settings and k not in form.settings}
             yield _Candidate(choice, views, starts, starts | known, trial.outcome)
-            last = i == len(trial.choice.effects) - 1  # a pair's first effect has been through this alone
-            if last and any(_rough(trial.outcome, view) for view in views if view in trial.outcome.views):  # the plain form led astray
+            if astray:
                 others = {k: v for k, v in known.items() if k not in own}
                 yield _Candidate(choice, views, starts, others | starts, trial.outcome)
 
@@ -362,12 +364,8 @@ def _clash(base: Choice, form: Form) -> bool:
     return bool(taken & ({p.name for p in form.parameters} | set(form.settings)))
 
 
-def _first(candidate: _Candidate) -> bool:
-    """Whether its promise tells for all starts of its hypothesis."""
-    return not candidate.starts
-
-
 def _weigh(bench: Bench, found: Search, candidates: Sequence[_Candidate]) -> None:
+    """What one start of each hypothesis promises; it tells for its other starts, too."""
     for candidate, promise in zip(candidates, each(lambda c: _promise(bench, found, c), candidates, bench.workers), strict=True):
         candidate.promise = promise
 
@@ -412,7 +410,7 @@ def _fitted(bench: Bench, candidates: Iterable[_Candidate]) -> list[Trial]:
 
 
 def _fit(bench: Bench, c: _Candidate) -> Outcome:
-    """A candidate's fit; where it strains tolerance, once more from its eased start."""
+    """A candidate's fit; where it strains tolerance, once more from its eased start; a rough shape's, from the best of a scan."""
     outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base)
     if c.eased is not None and _strained_in(outcome.fit):
         outcome = min(outcome, bench.fit(c.choice, c.views, c.starts, c.eased, c.base), key=lambda o: o.objective)
