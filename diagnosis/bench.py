@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -203,6 +203,7 @@ class Bench:
         if self.table.quanta:
             self.floor["timing"] *= COARSE_TIMING
         self.columns: dict[tuple[str, str], Array] = {}  # Jacobian of tolerance about the nominal fit
+        self._led_columns: dict[float, dict[tuple[str, str], Array]] = {}  # the same under tighter leads
         self._kept: OrderedDict[tuple[Any, ...], Array] = OrderedDict()
 
     def __enter__(self) -> Bench:
@@ -220,19 +221,27 @@ class Bench:
         self.views = {name: self.all[name] for name in JUDGED}
         return self
 
-    def fit_by_tighter_lead(self, choice: Choice, views: Sequence[str], start_values: Mapping[str, float], base: Outcome | None) -> Outcome:
-        """A careful fit by way of a lead under which fewer break-aways are missed."""
-        led = [view for name, view in self.friction.items() if view.name in views and self.friction[name].logs]
-        loose = [view.guided for view in led]
+    @contextmanager
+    def led_tighter(self, views: Iterable[str], share: float) -> Iterator[None]:
+        """Inside, the carriages of `views` are led back in `share` of the usual time."""
+        led = [view for view in self.friction.values() if view.name in views]
+        loose, columns = [view.guided for view in led], self.columns
+        self.columns = self._led_columns.setdefault(share, {})
         try:
             for view in led:
-                view.guided *= TIGHTER
+                view.guided *= share
                 self._drop(view.name)
-            tight = self.fit(choice, views, start_values=start_values, careful=True)
+            yield
         finally:
             for view, guided in zip(led, loose, strict=True):
                 view.guided = guided
                 self._drop(view.name)
+            self.columns = columns
+
+    def fit_by_tighter_lead(self, choice: Choice, views: Sequence[str], start_values: Mapping[str, float], base: Outcome | None) -> Outcome:
+        """A careful fit by way of a lead under which fewer break-aways are missed."""
+        with self.led_tighter(views, TIGHTER):
+            tight = self.fit(choice, views, start_values=start_values, careful=True)
         return self.fit(choice, views, start_values=tight.values, base=base, careful=True)
 
     def settle(self, views: Iterable[str]) -> dict[str, Outcome]:
@@ -311,6 +320,7 @@ class Bench:
     def _forget(self, view: str) -> None:
         self._drop(view)
         self.columns = {key: column for key, column in self.columns.items() if key[0] != view}
+        self._led_columns.clear()
 
     def __exit__(self, *error: Any) -> None:
         self._stack.close()

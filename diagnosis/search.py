@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +27,16 @@ MOST_BASES = 5
 RIVAL = 0.25  # share of its view's best gain from which on a single effect is a base too
 FIT_SINGLES = 8  # effects per troubled view that are fitted, by what one step promises
 FIT_OWN = 5  # and of those that touch no other troubled view
+FIT_LED = 6  # and effects of one friction view alone by a first fit under a tight lead, where its misfit is large
+LARGE = 1.3  # RMS over the floor from which on it is: led loosely, so bad a carriage misses break-aways, and slopes lead astray
+TIGHT = (0.1, 0.3)  # shares of the usual time in which carriages are led for such a first fit, one after the other
 FIT_PAIRS = 3  # second effects per base that are fitted in full, by what one step promises
 LEADERS = 3  # and those that are, whatever they promise: the best single effects of the views in which something is left, and no other
 NEGLIGIBLE = 0.01  # share of a view's misfit that may stay without asking for a second effect
 RETRIED = 2  # of them, those that are tried under a tighter lead too
 PAIRS_REFINED = 3
-PROSPECT = 4.0  # evidence over its members that a pair must have before it is refined: far less than a second effect costs
+PROSPECT = 10.0  # evidence over its members that a pair must have before it is refined: less than half of what a second effect costs
 STRAINED = 4.0  # standard deviations of tolerance beyond which it stands in for an effect
-MANY = 5  # parameters from which on a form is a shape
-SIZES = (-4.0, 4.0, 8.0)  # usual sizes by which one of them is moved in a scan
 ROUGH = 1.03  # RMS over the floor from which on a fit of friction may have stuck
 REFINED = 3  # leading trials, of each troubled view and among pairs, that are fitted to the end
 
@@ -47,6 +48,7 @@ class Trial:
     choice: Choice
     outcome: Outcome
     gain: float = 0.0
+    led: bool = False  # fitted from where a tight lead had brought it
     apart: bool = False  # a pair in views of its own each: its members' fits are its fit
     held_out: Outcome | None = None  # what it leaves on the log that no fit has seen
 
@@ -77,6 +79,8 @@ class _Candidate:
     base: Outcome | None = None
     eased: dict[str, float] | None = None  # a second start, without tolerance that has stood in for an effect
     promise: float = math.inf
+    tight: str = ""  # friction view on which its last effect is first fitted under a tight lead
+    led: bool = False  # its start is such a fit
 
 
 def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
@@ -100,7 +104,7 @@ def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
         found.pairs += _seconds(bench, catalogue, found, base)
         tried.add(base.choice.keys[0])
     _score(found)
-    for key in [k for t in found.pairs[:1] for k in t.choice.keys if k not in tried]:  # exchange: the leading pair's other effect as base
+    for key in [k for t in _prospects(found)[:1] for k in t.choice.keys if k not in tried]:  # the leading pair's other effect as base
         found.pairs += [p for t in found.singles if t.choice.keys == (key,) for p in _seconds(bench, catalogue, found, t)]
     _score(found)
     found.pairs = _distinct(found.pairs)
@@ -130,12 +134,13 @@ def _renull(bench: Bench, found: Search) -> None:
 
 
 def _relay(bench: Bench, found: Search) -> None:
-    """Where a view's leader strains tolerance it may have found another effect's minimum: the others once more, from there."""
+    """Where a view's leader strains tolerance it may have found another effect's minimum: the others once more, from there, but for
+    those that a tight lead has brought to theirs."""
     for view in sorted(found.troubled):
         mine = [t for t in found.singles if view in t.outcome.views]
         if mine and _strained_in(mine[0].outcome.fit) & set(bench.views[view].tolerance):
             others = [t for t in mine[1:] if found.troubled.intersection(t.outcome.views) <= set(mine[0].outcome.views)]
-            _again(bench, found, [(t, mine[0]) for t in others])
+            _again(bench, found, [(t, mine[0]) for t in others if not t.led])
 
 
 def _resingle(bench: Bench, found: Search) -> None:
@@ -171,8 +176,69 @@ def _singles(bench: Bench, catalogue: Mapping[str, Effect], found: Search) -> li
     if not found.troubled:
         return []
     candidates = list(_candidates(bench, catalogue, found, None))
+    led = _led(bench, candidates, {v: found.null[v] for v in found.troubled}, None)
+    candidates = [c for c in candidates if c.choice.keys not in {known.choice.keys for known in led}]
     _weigh(bench, found, [c for c in candidates if not c.choice.settings and not c.starts])  # another law has no small step
-    return _fitted(bench, _promising(candidates, found.troubled))
+    chosen = _promising(candidates, found.troubled)
+    for view in sorted(found.troubled):
+        chosen += [c for c in led if view in c.views][:FIT_LED]
+    return _fitted(bench, chosen)
+
+
+def _led(bench: Bench, candidates: Sequence[_Candidate], left: Mapping[str, Outcome], base: Trial | None) -> list[_Candidate]:
+    """Candidates whose last effect is of one friction view alone, in which much is left, by view and by what they leave under a tight
+    lead, starting from the values that they have there.
+
+    Tightly led no simulated carriage sticks where the measured one moves: the misfit is smooth as far as any effect reaches.
+    """
+    result: list[_Candidate] = []
+    for view in _large(left):
+        held = _held(bench, base.choice, base.outcome.values, view) if base is not None else Choice()
+        values = _tight(bench, held, view, {}, {}).values  # its Jacobian of tolerance serves all
+        mine = [replace(c, tight=view, known=c.known | values) for c in candidates if _is_of(bench, c.choice.effects[-1][1], view)]
+        mine = [c for c in mine if not c.starts or c.choice.settings]  # nothing but another law needs several starts there
+        best: dict[tuple[str, ...], tuple[float, _Candidate]] = {}
+        for c, outcome in zip(mine, each(lambda c: _first_fit(bench, c), mine, bench.workers), strict=True):
+            if c.choice.keys not in best or outcome.objective < best[c.choice.keys][0]:
+                best[c.choice.keys] = (outcome.objective, replace(c, tight="", led=True, starts={}, known=c.known | outcome.values))
+        result += [c for _, c in sorted(best.values(), key=lambda entry: entry[0])]
+    return result
+
+
+def _large(left: Mapping[str, Outcome]) -> list[str]:
+    """Friction views in which so much is left that a loosely led carriage tells little."""
+    return sorted(v for v, o in left.items() if v.startswith("friction") and o.rms(v) > LARGE * o.floor.get(v, 1.0))
+
+
+def _is_of(bench: Bench, form: Form, view: str) -> bool:
+    """Whether a form touches this view and no other."""
+    return bench.touched_by(form) == (view,)
+
+
+def _first_fit(bench: Bench, c: _Candidate) -> Outcome:
+    """The candidate on its tightly led view alone, its other effects held."""
+    others = _held(bench, Choice(c.choice.effects[:-1]), c.known, "")
+    return _tight(bench, others.plus(*c.choice.effects[-1]), c.tight, c.starts, {name: c.known[name] for name in others.parameter_names})
+
+
+def _held(bench: Bench, choice: Choice, values: Mapping[str, float], free: str) -> Choice:
+    """Effects set to their values, but for those of the view `free` and those that are a tolerance's, which are fitted anyway."""
+    result = []
+    tolerance = {name for view in bench.views.values() for name in view.tolerance}
+    for effect, form in choice.effects:
+        if not _is_of(bench, form, free) and not any(p.name in tolerance for p in form.parameters):
+            form = replace(form, parameters=(), settings={**form.settings, **{p.name: values[p.name] for p in form.parameters}})
+        result.append((effect, form))
+    return Choice(tuple(result))
+
+
+def _tight(bench: Bench, choice: Choice, view: str, starts: Mapping[str, float], known: Mapping[str, float]) -> Outcome:
+    """A fit of one friction view under one tight lead after the other."""
+    for share in TIGHT:
+        with bench.led_tighter((view,), share):
+            outcome = bench.fit(choice, (view,), starts, known)
+        known = outcome.values
+    return outcome
 
 
 def _bases(found: Search) -> list[Trial]:
@@ -200,12 +266,28 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     beside = {t.choice.keys[-1] for t in apart}
     rest = {key: effect for key, effect in catalogue.items() if key not in beside and not effect.outside}
     candidates = [c for c in _candidates(bench, rest, found, base, left) if mine & set(bench.touched_by(c.choice.effects[-1][1]))]
+    dark = _large({v: _best(found, v) for v in left & mine})  # where some effect alone explains most, its own fit is a better start
+    led = _led(bench, candidates, dict.fromkeys(dark, base.outcome), base)
+    candidates = [c for c in candidates if c.choice.keys not in {known.choice.keys for known in led}]
     _weigh(bench, found, [c for c in candidates if not c.starts])
-    leaders: set[str] = set()
+    leaders: dict[str, Trial] = {}
     for view in left:
         mine_alone = [t for t in found.singles if view in t.outcome.views and left.issuperset(t.outcome.views) and t.gain > QUIET]
-        leaders |= {t.choice.keys[0] for t in mine_alone[:LEADERS]}
-    return apart + _fitted(bench, _chosen(candidates, FIT_PAIRS, leaders))
+        leaders |= {t.choice.keys[0]: t for t in mine_alone[:LEADERS]}
+    chosen = _chosen(candidates, FIT_PAIRS, leaders)
+    for view in dark:
+        ranked = [c for c in led if _is_of(bench, c.choice.effects[-1][1], view)]
+        chosen += [c for i, c in enumerate(ranked) if i < FIT_PAIRS or c.choice.keys[-1] in leaders]
+    chosen += [c for key, t in leaders.items() if key not in beside for c in _joining(bench, base, t)]
+    return apart + _fitted(bench, chosen)
+
+
+def _joining(bench: Bench, base: Trial, second: Trial) -> Iterator[_Candidate]:
+    """Two single effects as a pair, from the first one's values and the second one's."""
+    effect, form = second.choice.effects[0]
+    if effect.key not in base.choice.keys and not _clash(base.choice, form):
+        views = tuple(v for v in bench.views if v in base.outcome.views or v in second.outcome.views)
+        yield _Candidate(base.choice.plus(effect, form), views, {}, base.outcome.values | second.outcome.values, base.outcome)
 
 
 def _refine(bench: Bench, found: Search, trials: list[Trial]) -> None:
@@ -257,7 +339,8 @@ def _forms(bench: Bench, trial: Trial, i: int) -> Iterator[_Candidate]:
             yield _Candidate(choice, views, starts, starts | known, trial.outcome)
             if astray:
                 others = {k: v for k, v in known.items() if k not in own}
-                yield _Candidate(choice, views, starts, others | starts, trial.outcome)
+                alone = views[0] if len(choice.effects) == 1 and len(views) == 1 and views[0].startswith("friction") else ""
+                yield _Candidate(choice, views, starts, others | starts, trial.outcome, tight=alone)
 
 
 def _prospects(found: Search) -> list[Trial]:
@@ -274,11 +357,14 @@ def _leading(found: Search) -> list[Trial]:
     leading: list[Trial] = []
     for view in sorted(found.troubled):
         mine = [t for t in found.singles if view in t.outcome.views]
-        if view.startswith("valve"):  # cheap to fit; a plain form may explain nothing where another one explains all
-            mine = mine[: 2 * REFINED]
-        else:
-            mine = [t for t in mine if t.gain > QUIET][:REFINED]
-        leading += [t for t in mine if t not in leading]
+        least = sorted(mine, key=lambda t: t.outcome.squares[view])[
+            :1
+        ]  # a misfit in one place is hardly evidence, but a place to go on from
+        if not view.startswith("valve"):  # whose fits are cheap, and where another form may explain all that a plain one does not
+            mine = [t for t in mine if t.gain > QUIET][:REFINED] + least
+        for trial in mine:
+            if trial not in leading:
+                leading.append(trial)
     return leading
 
 
@@ -390,7 +476,7 @@ def _promising(candidates: Sequence[_Candidate], troubled: set[str]) -> list[_Ca
     return chosen
 
 
-def _chosen(candidates: Sequence[_Candidate], most: int, leaders: set[str]) -> list[_Candidate]:
+def _chosen(candidates: Sequence[_Candidate], most: int, leaders: Container[str]) -> list[_Candidate]:
     """The most promising hypotheses and those that add one of the leaders, all starts of each."""
     ranked = sorted((c for c in candidates if c.promise < math.inf), key=lambda c: -c.promise)
     keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:most]
@@ -405,26 +491,17 @@ def _fitted(bench: Bench, candidates: Iterable[_Candidate]) -> list[Trial]:
     for c, outcome in zip(candidates, outcomes, strict=True):
         held = best.get(c.choice.keys)
         if held is None or outcome.objective < held.outcome.objective:
-            best[c.choice.keys] = Trial(c.choice, outcome)
+            best[c.choice.keys] = Trial(c.choice, outcome, led=c.led)
     return list(best.values())
 
 
 def _fit(bench: Bench, c: _Candidate) -> Outcome:
-    """A candidate's fit; where it strains tolerance, once more from its eased start; a rough shape's, from the best of a scan."""
-    outcome = bench.fit(c.choice, c.views, c.starts, c.known, c.base)
+    """A candidate's fit; where it strains tolerance, once more from its eased start."""
+    known = c.known | _first_fit(bench, c).values if c.tight else c.known
+    outcome = bench.fit(c.choice, c.views, c.starts, known, c.base)
     if c.eased is not None and _strained_in(outcome.fit):
         outcome = min(outcome, bench.fit(c.choice, c.views, c.starts, c.eased, c.base), key=lambda o: o.objective)
-    shape = c.choice.effects[-1][1].parameters
-    if len(shape) >= MANY and c.base is None and any(_rough(outcome, view) for view in c.views):
-        outcome = min(outcome, bench.fit(c.choice, c.views, {}, _scanned(bench, outcome, shape)), key=lambda o: o.objective)
     return outcome
-
-
-def _scanned(bench: Bench, outcome: Outcome, shape: Sequence[Parameter]) -> dict[str, float]:
-    """The outcome's values with that one change of a shape's parameter which leaves least: no slope leads to a place where the carriage
-    sticks unless something is known of it."""
-    tries = [outcome.values | {p.name: min(max(p.neutral + size * p.scale, p.low), p.high)} for p in shape for size in SIZES]
-    return min(tries, key=lambda values: sum(float(r @ r) for r in (bench.white(bench.all[v], values) for v in outcome.views)))
 
 
 def _starts(parameters: Iterable[Parameter]) -> list[dict[str, float]]:
