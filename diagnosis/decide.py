@@ -10,7 +10,7 @@ import numpy as np
 
 from diagnosis.bench import Choice, Outcome
 from diagnosis.catalogue import Effect
-from diagnosis.search import QUIET, Search, Trial, advantage, excess, misfit, strength
+from diagnosis.evidence import QUIET, Search, Trial, advantage, excess, misfit, strength
 
 __all__ = ["Decision", "Hypothesis", "Weights", "decide"]
 

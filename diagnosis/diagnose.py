@@ -14,12 +14,13 @@ from diagnosis.catalogue import Effect
 from diagnosis.confirm import Augmented, GapResult, closed_loop, replay_gap
 from diagnosis.converter import converter_step
 from diagnosis.decide import Decision, Hypothesis, contributions, decide
+from diagnosis.evidence import Search
 from diagnosis.excitation import not_excited
 from diagnosis.held_out import examine
 from diagnosis.next_experiment import next_experiment
 from diagnosis.records import oddity
 from diagnosis.regimes import regime_of
-from diagnosis.search import Search, search
+from diagnosis.search import search
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.errors import InputError, RunError
 from pyfmi_runner.fmu import FmuFile

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from diagnosis.bench import Bench
 from diagnosis.decide import contest
-from diagnosis.search import Search
+from diagnosis.evidence import Search
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.fmu import FmuFile
 

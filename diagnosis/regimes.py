@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.bench import Bench
-from diagnosis.search import Search
+from diagnosis.evidence import Search
 
 __all__ = ["regime_of"]
 

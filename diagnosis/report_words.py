@@ -11,7 +11,7 @@ import numpy as np
 from diagnosis.bench import FLOOR
 from diagnosis.decide import Decision, Hypothesis
 from diagnosis.diagnose import Diagnosis
-from diagnosis.search import Trial
+from diagnosis.evidence import Trial
 
 __all__ = ["gain_of", "label", "number", "percent", "rivals", "runner_up", "shrink_words", "shrinkable", "verdict_sentence"]
 

@@ -19,8 +19,9 @@ from diagnosis.bench import Bench
 from diagnosis.catalogue import read_catalogue
 from diagnosis.decide import Decision, Weights, decide
 from diagnosis.diagnose import split_campaign
+from diagnosis.evidence import Search
 from diagnosis.held_out import examine
-from diagnosis.search import Search, search
+from diagnosis.search import search
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.errors import InputError

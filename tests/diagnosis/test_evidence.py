@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from diagnosis.bench import BLOCK, Choice, Outcome
 from diagnosis.catalogue import Effect, read_catalogue
 from diagnosis.decide import Weights, decide
+from diagnosis.evidence import Search, Trial, advantage, borne_out, strength
 from diagnosis.fit import Fit
-from diagnosis.search import Search, Trial, advantage, borne_out, strength
 
 Array = NDArray[np.float64]
 CATALOGUE = read_catalogue()

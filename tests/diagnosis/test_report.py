@@ -24,12 +24,12 @@ from diagnosis.catalogue import Effect, read_catalogue
 from diagnosis.confirm import GapResult
 from diagnosis.decide import Decision, Hypothesis
 from diagnosis.diagnose import Diagnosis, report_json
+from diagnosis.evidence import Search, Trial
 from diagnosis.excitation import not_excited
 from diagnosis.fit import Fit, tolerance_coordinate
 from diagnosis.report import write_report
 from diagnosis.report_pictures import SAMPLES, gap_svg, packed, plant_svg, ticks
 from diagnosis.report_words import number, percent
-from diagnosis.search import Search, Trial
 from pneugantry.commands.diagnose import print_diagnosis
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA, Log

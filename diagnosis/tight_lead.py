@@ -1,0 +1,73 @@
+"""First fits of friction effects on tightly led carriages, which no missed break-away leads astray."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from diagnosis.bench import Bench, Choice, Outcome
+from diagnosis.candidates import Candidate
+from diagnosis.catalogue import Form
+from diagnosis.evidence import Trial
+from diagnosis.parallel import each
+
+__all__ = ["LARGE", "first_fit", "is_of", "large_misfits", "tightly_led"]
+
+LARGE = 1.3  # RMS over the floor from which on it is: led loosely, so bad a carriage misses break-aways, and slopes lead astray
+TIGHT = (0.1, 0.3)  # shares of the usual time in which carriages are led for such a first fit, one after the other
+
+
+def tightly_led(bench: Bench, candidates: Sequence[Candidate], left: Mapping[str, Outcome], base: Trial | None) -> list[Candidate]:
+    """Candidates whose last effect is of one friction view alone, in which much is left, by view and by what they leave under a tight
+    lead, starting from the values that they have there.
+
+    Tightly led no simulated carriage sticks where the measured one moves: the misfit is smooth as far as any effect reaches.
+    """
+    result: list[Candidate] = []
+    for view in large_misfits(left):
+        held = _held(bench, base.choice, base.outcome.values, view) if base is not None else Choice()
+        values = _tight(bench, held, view, {}, {}).values  # its Jacobian of tolerance serves all
+        mine = [replace(c, tight=view, known=c.known | values) for c in candidates if is_of(bench, c.choice.effects[-1][1], view)]
+        mine = [c for c in mine if not c.starts or c.choice.settings]  # nothing but another law needs several starts there
+        best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
+        for c, outcome in zip(mine, each(lambda c: first_fit(bench, c), mine, bench.workers), strict=True):
+            if c.choice.keys not in best or outcome.objective < best[c.choice.keys][0]:
+                best[c.choice.keys] = (outcome.objective, replace(c, tight="", led=True, starts={}, known=c.known | outcome.values))
+        result += [c for _, c in sorted(best.values(), key=lambda entry: entry[0])]
+    return result
+
+
+def large_misfits(left: Mapping[str, Outcome]) -> list[str]:
+    """Friction views in which so much is left that a loosely led carriage tells little."""
+    return sorted(v for v, o in left.items() if v.startswith("friction") and o.rms(v) > LARGE * o.floor.get(v, 1.0))
+
+
+def is_of(bench: Bench, form: Form, view: str) -> bool:
+    """Whether a form touches this view and no other."""
+    return bench.touched_by(form) == (view,)
+
+
+def first_fit(bench: Bench, c: Candidate) -> Outcome:
+    """The candidate on its tightly led view alone, its other effects held."""
+    others = _held(bench, Choice(c.choice.effects[:-1]), c.known, "")
+    return _tight(bench, others.plus(*c.choice.effects[-1]), c.tight, c.starts, {name: c.known[name] for name in others.parameter_names})
+
+
+def _held(bench: Bench, choice: Choice, values: Mapping[str, float], free: str) -> Choice:
+    """Effects set to their values, but for those of the view `free` and those that are a tolerance's, which are fitted anyway."""
+    result = []
+    tolerance = {name for view in bench.views.values() for name in view.tolerance}
+    for effect, form in choice.effects:
+        if not is_of(bench, form, free) and not any(p.name in tolerance for p in form.parameters):
+            form = replace(form, parameters=(), settings={**form.settings, **{p.name: values[p.name] for p in form.parameters}})
+        result.append((effect, form))
+    return Choice(tuple(result))
+
+
+def _tight(bench: Bench, choice: Choice, view: str, starts: Mapping[str, float], known: Mapping[str, float]) -> Outcome:
+    """A fit of one friction view under one tight lead after the other."""
+    for share in TIGHT:
+        with bench.led_tighter((view,), share):
+            outcome = bench.fit(choice, (view,), starts, known)
+        known = outcome.values
+    return outcome

@@ -1,0 +1,76 @@
+"""A friction effect so large that a loosely led carriage sticks where the rig moves: a tight lead finds it all the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.bench import Bench, Choice, Outcome
+from diagnosis.candidates import additions
+from diagnosis.catalogue import read_catalogue
+from diagnosis.diagnose import split_campaign
+from diagnosis.evidence import Search
+from diagnosis.tight_lead import large_misfits, tightly_led
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.campaign import read_campaign
+from pyfmi_runner.fmu import FmuFile
+from studies.truth.campaign import write
+from studies.truth.case import plan_case, run_case
+
+SEED = 1010  # of development: friction that grows by 23 % of its level at 10 N
+VIEW = "friction_x"
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    folder: Path = tmp_path_factory.mktemp("load")
+    campaign, _ = run_case(plan_case(SEED, effects=(("friction_load", "x"),)))
+    write(folder, campaign)
+    fitted, _ = split_campaign(read_campaign(folder))
+    with Bench(fitted, FmuFile.read(build_fmu().path)) as opened:
+        valves = opened.settle(["valve_x"])
+        opened.drive(valves["valve_x"].values)
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def null(bench: Bench) -> Outcome:
+    return bench.settle([VIEW])[VIEW]
+
+
+def test_the_right_effect_comes_first_and_starts_near_its_value(bench: Bench, null: Outcome) -> None:
+    assert large_misfits({VIEW: null}) == [VIEW]
+    found = Search({VIEW: null}, {VIEW})
+    catalogue = {key: effect for key, effect in read_catalogue().items() if effect.block == VIEW}
+    ranked = tightly_led(bench, list(additions(bench, catalogue, found, None)), found.null, None)
+    assert ranked[0].choice.keys == ("friction_load/x",)
+    loose = bench.fit(ranked[0].choice, (VIEW,), start_values=ranked[0].known)
+    assert loose.rms(VIEW) < 1.02 < 3.0 < null.rms(VIEW)
+
+
+def _fail(bench: Bench) -> None:
+    with bench.led_tighter((VIEW,), 0.1):
+        raise ZeroDivisionError
+
+
+def test_a_lead_is_as_before_after_a_tighter_one_even_after_an_error(bench: Bench, null: Outcome) -> None:
+    guided, before = bench.friction["x"].guided, bench.white(bench.all[VIEW], null.values)
+    with bench.led_tighter((VIEW,), 0.1):
+        assert bench.friction["x"].guided == pytest.approx(0.1 * guided)
+        tight = bench.white(bench.all[VIEW], null.values)
+        assert tight @ tight < before @ before
+    with pytest.raises(ZeroDivisionError):
+        _fail(bench)
+    assert bench.friction["x"].guided == guided
+    np.testing.assert_array_equal(bench.white(bench.all[VIEW], null.values), before)
+
+
+def test_tolerance_under_a_tight_lead_leaves_the_loose_ones_slopes_alone(bench: Bench, null: Outcome) -> None:
+    columns = dict(bench.columns)
+    with bench.led_tighter((VIEW,), 0.1):
+        bench.fit(Choice(), (VIEW,), start_values=null.values)
+    assert bench.columns.keys() == columns.keys()
+    assert all(bench.columns[key] is columns[key] for key in columns)
