@@ -24,8 +24,7 @@ def augmented_model(gantry: FmuFile, values: Mapping[str, float], remarks: Seque
     """
     tree: dict[str, object] = {}
     for path, value in sorted(values.items()):
-        variable = gantry.variables.get(path)
-        if variable is None or variable.causality != "parameter" or variable.start == value:
+        if not _is_parameter(gantry, path) or gantry.variables[path].start == value:
             continue
         *parents, leaf = re.sub(r"\[\d+\]$", "", path).split(".")
         node = tree
@@ -47,26 +46,32 @@ def outside_the_plant(values: Mapping[str, float]) -> list[str]:
 
 def write_augmented(
     folder: Path, gantry: FmuFile, values: Mapping[str, float], remarks: Sequence[str] = (), model: Path | None = None
-) -> tuple[Path, Path | None]:
+) -> tuple[Path, Path]:
     """Writes AugmentedGantry.mo and the FMU built from it into a folder; returns both paths.
 
-    No FMU, None, where an array is among the values (a profile along the stroke, a waviness): rumoca 0.10.2 binds modified arrays of
-    components wrongly; the nominal FMU with these parameters set is that plant. `model`: the Modelica file of the nominal class (the
-    project's own). Raises InputError where the folder cannot be written.
+    The values reach the FMU as start values, for rumoca 0.10.2 binds modified arrays wrongly and lets a modifier of a nested component
+    drop those beside it. `model`: the Modelica file of the nominal class (the project's own). Raises InputError where the folder cannot be
+    written.
     """
-    text = augmented_model(gantry, values, remarks)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{CLASS}.mo"
+        text = augmented_model(gantry, values, remarks)
         write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=folder, mend="name a folder that can") from None
-    if any(name.endswith("]") and name in gantry.variables and gantry.variables[name].start != value for name, value in values.items()):
-        return path, None
+    starts = {name: float(value) for name, value in values.items() if _is_parameter(gantry, name)}
     with TemporaryDirectory() as temporary:
         whole = Path(temporary) / path.name  # the compiler takes one file
-        whole.write_text((model or default_model()).read_text(encoding="utf-8") + "\n" + text, encoding="utf-8")
-        return path, build_fmu(CLASS, whole, out=folder).path
+        whole.write_text(
+            (model or default_model()).read_text(encoding="utf-8") + "\n" + augmented_model(gantry, {}, remarks), encoding="utf-8"
+        )
+        return path, build_fmu(CLASS, whole, out=folder, starts=starts).path
+
+
+def _is_parameter(gantry: FmuFile, path: str) -> bool:
+    variable = gantry.variables.get(path)
+    return variable is not None and variable.causality == "parameter"
 
 
 def _literal(gantry: FmuFile, path: str, value: float) -> str:

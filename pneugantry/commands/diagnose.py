@@ -62,7 +62,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     if options.augmented is not None:
         remarks = [f"{c['effect']}{'/' if c['axis'] else ''}{c['axis']}: probability {c['probability']:.2f}" for c in found["causes"]]
         model, fmu = write_augmented(options.augmented, gantry, result.values, remarks)
-        print(f"augmented plant: {model}, {fmu or 'no FMU: the compiler does not take modified arrays; set them on the nominal one'}")
+        print(f"augmented plant: {model}, {fmu}")
     if options.html is not None:
         print(f"report: {write_report(result, options.html)}")
     return found, 0

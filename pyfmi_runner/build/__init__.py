@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
@@ -44,22 +44,25 @@ def build_fmu(
     out: Path | None = None,
     platforms: Sequence[str] | None = None,
     force: bool = False,
+    starts: Mapping[str, float] | None = None,
 ) -> BuildResult:
-    """Builds the FMU of a Modelica class into the folder `out` (the project's `fmus/`).
+    """Builds the FMU of a Modelica class into the folder `out` (the project's `fmus/`). `starts`: values of parameters in place of the
+    model's own.
 
     It is rebuilt only if the Modelica file, the compiler, its libraries, the C compiler, its flags or the platforms differ from those
-    that the manifest beside it names. Raises InputError for unusable Modelica, an unknown platform and a missing C compiler.
+    that the manifest beside it names. Raises InputError for unusable Modelica, an unknown parameter or platform and a missing C compiler.
     """
     model = model or default_model()
     path = fmu_path(class_name, fmi, out or ROOT / "fmus")
     manifest = path.with_suffix(".manifest.json")
-    key = _source_key([model] if model.is_file() else [], class_name, fmi, platforms)
+    of_starts = repr(sorted(starts.items())) if starts else ""
+    key = _source_key([model] if model.is_file() else [], class_name + of_starts, fmi, platforms)
     if not force and _fresh(path, manifest, key):
         return BuildResult(path, manifest, rebuilt=False)
     from pyfmi_runner.build.compiler import compile_model  # rumoca and CasADi load only when something is built
     from pyfmi_runner.build.package import package_fmu
 
-    compiled = compile_model(model, class_name)
+    compiled = compile_model(model, class_name, starts)
     provenance = {"source_key": key, "modelica_sha256": _sha256(model.read_bytes()), "modelica_file": model.name,
                   "rumoca": version("rumoca"), "casadi": version("casadi")}  # fmt: skip
     package_fmu(compiled, fmi, path, platforms, provenance=provenance)

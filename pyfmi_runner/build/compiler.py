@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import casadi as ca
@@ -21,22 +22,23 @@ from pyfmi_runner.errors import InputError
 CORE = ("core.h", "core.c")
 
 
-def compile_model(path: Path, class_name: str) -> CompiledModel:
-    """Compiles `class_name` of the Modelica file `path` to C.
+def compile_model(path: Path, class_name: str, starts: Mapping[str, float] | None = None) -> CompiledModel:
+    """Compiles `class_name` of the Modelica file `path` to C. `starts`: values of parameters in place of the model's own.
 
-    Raises InputError, with file and line, for what is not Modelica or not supported.
+    Raises InputError, with file and line, for what is not Modelica or not supported, and for a start of what is no free parameter.
     """
     try:
-        return _compiled(flatten(path, class_name))
+        return _compiled(flatten(path, class_name), starts or {})
     except RecursionError:
         mend = "split it over several variables"
         raise InputError("an expression is nested too deeply, or has too many terms", file=path, mend=mend) from None
 
 
-def _compiled(model: FlatModel) -> CompiledModel:
+def _compiled(model: FlatModel, starts: Mapping[str, float]) -> CompiledModel:
     system = build_system(model)
     solved = solve(system)
     layout = _layout(system)
+    _restart(layout.parameters, starts, model)
     expressions = _expressions(system, layout, solved)
     variables = _variables(system, layout)
     states = [v.index_reference for v in variables if v.variable.kind == "state"]
@@ -58,6 +60,14 @@ def _compiled(model: FlatModel) -> CompiledModel:
         enumerations=model.enumerations,
         sources={"model.h": h, "model.c": c},
     )
+
+
+def _restart(parameters: Sequence[Scalar], starts: Mapping[str, float], model: FlatModel) -> None:
+    known = {s.name: s for s in parameters}
+    for name, value in starts.items():
+        if name not in known:
+            raise InputError(f"{model.name} has no free parameter {name}", file=model.source.path, field=name, mend="give one that it has")
+        known[name].value = ca.SX(value)
 
 
 class _Placed:

@@ -139,6 +139,7 @@ def flatten(path: Path, class_name: str) -> FlatModel:
     for section, instead in REFUSED.items():
         if flat.get(section):
             raise source.refuse(f"not supported: {instead.split(';')[0]}", flat[section], mend=instead.split("; ")[1])
+    _refuse_lost_modifiers(source, class_name, flat)
     variables = {name: _variable(flat, name, tree) for name, tree in flat["variables"].items()}
     return FlatModel(
         name=class_name,
@@ -170,6 +171,36 @@ def _parsed(source: Source, class_name: str) -> dict[str, Any]:
         said = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
         raise source.refuse(f"the parser gave up ({': '.join([name, *said])})", mend=mend)
     return dict(json.loads(done.stdout))
+
+
+def _refuse_lost_modifiers(source: Source, class_name: str, flat: Tree) -> None:
+    """In `extends Base(a(b(c = 1)))` rumoca 0.10.2 drops what Base itself says of a.b beside c: such a binding is neither Base's nor of
+    the class' own text. Raises InputError at the modifier that is lost."""
+    first, last = _extent(source, class_name)
+    if "redeclare" in source.text[first:last]:  # another class brings bindings of its own
+        return
+    for base in re.findall(r"\bextends\s+([\w.]+)\s*\(", _code(source)[first:last]):
+        scopes = class_name.split(".")
+        for full in (".".join([*scopes[:i], base]) for i in reversed(range(len(scopes)))):
+            inherited = _parsed(source, full).get("flat")
+            if inherited is not None:
+                break
+        else:
+            continue
+        own = range(*(len(source.text[:place].encode()) for place in (first, last)))
+        for name, tree in inherited["variables"].items():
+            before, now = (_first_span(t["binding"]) for t in (tree, flat["variables"].get(name, tree)))
+            if before is not None and before != now and now not in own:
+                message = f"{class_name} loses the modifier of {name} in {base}: another one of that component is modified"
+                raise source.refuse(message, tree["binding"], mend="repeat it in the extends clause, too")
+        _refuse_lost_modifiers(source, full, inherited)
+
+
+def _extent(source: Source, class_name: str) -> tuple[int, int]:
+    """Where the text of a class begins and ends."""
+    begin = max(_class_header(source, class_name), 0)
+    end = re.compile(rf"\bend\s+{re.escape(class_name.rsplit('.', 1)[-1])}\s*;").search(_code(source), begin)
+    return begin, end.start() if end else len(source.text)
 
 
 def _front_end_error(source: Source, class_name: str, error: str, syntax_line: int | None) -> InputError:

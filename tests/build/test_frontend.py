@@ -87,3 +87,50 @@ def test_a_table_of_a_thousand_numbers_is_translated_once(tmp_path: Path) -> Non
     )
     starts = {v.name: v.start for v in compile_model(tmp_path / "m.mo", "M").variables}
     assert (starts["p[1]"], starts["p[1000]"]) == (1.0, 1000.0)
+
+
+NESTED = """package P
+  model F "é"
+    parameter Real a = 1; parameter Real b = 2; Real y;
+  equation
+    y = a + b;
+  end F;
+  model C
+    F f(a = 3); parameter Real c = 5;
+  end C;
+  model Base
+    C k(c = 7, f(b = 4));
+  end Base;
+  model M
+    extends Base(k(EXTENSION));
+  end M;
+  model Further
+    extends M(k(c = 9));
+  end Further;
+end P;
+"""
+
+
+@pytest.mark.parametrize("extension", ["c = 8", "f(b = 10)", "f(a = 11, b = 4)"])
+def test_modifiers_of_a_base_class_stay_where_others_are_modified(tmp_path: Path, extension: str) -> None:
+    (tmp_path / "m.mo").write_text(NESTED.replace("EXTENSION", extension))
+    given = {"k.c": 7.0, "k.f.a": 3.0, "k.f.b": 4.0} | {"c = 8": {"k.c": 8.0}, "f(b = 10)": {"k.f.b": 10.0}}.get(extension, {"k.f.a": 11.0})
+    for name, values in (("P.M", given), ("P.Further", given | {"k.c": 9.0})):
+        starts = {v.name: v.start for v in compile_model(tmp_path / "m.mo", name).variables if v.name.startswith("k.")}
+        assert {path: starts[path] for path in values} == values
+
+
+@pytest.mark.parametrize("name", ["P.M", "P.Further"])
+def test_a_modifier_that_the_parser_would_drop_is_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / "m.mo").write_text(NESTED.replace("EXTENSION", "f(a = 11)"))
+    with pytest.raises(InputError, match=r"m\.mo:11: .*M loses the modifier of k\.f\.b in Base") as refused:
+        compile_model(tmp_path / "m.mo", name)
+    assert refused.value.mend == "repeat it in the extends clause, too"
+
+
+def test_start_values_stand_in_for_the_models_own(tmp_path: Path) -> None:
+    (tmp_path / "m.mo").write_text(NESTED.replace("EXTENSION", "c = 8"))
+    starts = {v.name: v.start for v in compile_model(tmp_path / "m.mo", "P.M", {"k.f.a": 12.0}).variables}
+    assert (starts["k.f.a"], starts["k.f.b"], starts["k.c"]) == (12.0, 4.0, 8.0)
+    with pytest.raises(InputError, match=r"P\.M has no free parameter k\.f\.y"):
+        compile_model(tmp_path / "m.mo", "P.M", {"k.f.y": 1.0})

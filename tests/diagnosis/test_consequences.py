@@ -49,7 +49,6 @@ def test_the_augmented_plant_compiles_to_the_fitted_one(gantry: FmuFile, tmp_pat
     assert "extends PneuGantry.Gantry(" in text
     assert "// presliding/z: probability 0.98" in text
     assert "valve_z" not in text  # at its nominal value
-    assert fmu is not None
     built = FmuFile.read(fmu)
     plant = {name: value for name, value in FITTED.items() if not name.startswith(("sensors.", "timing."))}
     assert {name: built.variables[name].start for name in plant} == plant
@@ -61,10 +60,21 @@ def test_the_augmented_plant_compiles_to_the_fitted_one(gantry: FmuFile, tmp_pat
         np.testing.assert_array_equal(ours.get(["x", "z", "f_az"]), set_by_hand.get(["x", "z", "f_az"]))
 
 
-def test_a_plant_with_a_modified_array_gets_its_text_only(gantry: FmuFile, tmp_path: Path) -> None:
-    model, fmu = write_augmented(tmp_path, gantry, FITTED | {"axis_x.friction.position_table[3]": 0.2})
-    assert "position_table = {0.0, 0.0, 0.2, 0.0" in model.read_text()
-    assert fmu is None
+def test_a_plant_with_a_modified_array_compiles_to_the_fitted_one(gantry: FmuFile, tmp_path: Path) -> None:
+    uneven = {"axis_x.friction.position_table[3]": 0.2, "axis_x.friction.position_fine[21]": -0.1, "axis_x.friction.level": 1.1}
+    model, fmu = write_augmented(tmp_path, gantry, uneven)
+    text = model.read_text()
+    assert "position_table = {0.0, 0.0, 0.2, 0.0" in text
+    assert "level = 1.1" in text
+    built = FmuFile.read(fmu)
+    assert {name: built.variables[name].start for name in uneven} == uneven
+    assert built.variables["axis_x.friction.position_table[4]"].start == 0.0
+    with FmuSession(built) as ours, FmuSession(gantry, parameters=uneven) as set_by_hand:
+        for session in (ours, set_by_hand):
+            session.set({"u_x": 1.2, "u_z": 1.6})
+            for k in range(300):
+                session.step(1e-3, time=k * 1e-3)
+        np.testing.assert_array_equal(ours.get(["x", "z", "v_x"]), set_by_hand.get(["x", "z", "v_x"]))
 
 
 def test_what_is_no_part_of_a_plant_is_said_in_comments(gantry: FmuFile) -> None:
