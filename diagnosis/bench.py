@@ -224,18 +224,22 @@ class Bench:
     @contextmanager
     def led_tighter(self, views: Iterable[str], share: float) -> Iterator[None]:
         """Inside, the carriages of `views` are led back in `share` of the usual time."""
-        led = [view for view in self.friction.values() if view.name in views]
-        loose, columns = [view.guided for view in led], self.columns
-        self.columns = self._led_columns.setdefault(share, {})
+        led = {view.name: view for view in self.friction.values() if view.name in views}
+        loose, columns = {name: view.guided for name, view in led.items()}, self.columns
+        known = self._led_columns.setdefault(share, {})
+        self.columns = {key: column for key, column in columns.items() if key[0] not in led} | {
+            key: column for key, column in known.items() if key[0] in led
+        }
         try:
-            for view in led:
+            for name, view in led.items():
                 view.guided *= share
-                self._drop(view.name)
+                self._drop(name)
             yield
         finally:
-            for view, guided in zip(led, loose, strict=True):
-                view.guided = guided
-                self._drop(view.name)
+            known.update((key, column) for key, column in self.columns.items() if key[0] in led)
+            for name, view in led.items():
+                view.guided = loose[name]
+                self._drop(name)
             self.columns = columns
 
     def fit_by_tighter_lead(self, choice: Choice, views: Sequence[str], start_values: Mapping[str, float], base: Outcome | None) -> Outcome:
@@ -252,6 +256,7 @@ class Bench:
         outcomes = dict(zip(names, each(self._settled, names, self.workers), strict=True))
         for outcome in outcomes.values():
             self.columns.update(outcome.fit.columns)
+        self._led_columns.clear()  # what one worker or several keep must be the same
         return outcomes
 
     def _settled(self, view: str) -> Outcome:

@@ -1,4 +1,4 @@
-"""Hypotheses to try: every effect, form and start that touches a view in which something is left, by what one step promises."""
+"""Hypotheses to try: effects that touch a view in which something is left, from which starts, and what one step of each promises."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ FIT_OWN = 5  # and of those that touch no other troubled view
 
 @dataclass
 class Candidate:
+    """A hypothesis to fit: on which views, from where."""
+
     choice: Choice
     views: tuple[str, ...]
     starts: dict[str, float]
@@ -37,7 +39,7 @@ class Candidate:
 def additions(
     bench: Bench, catalogue: Mapping[str, Effect], found: Search, base: Trial | None, left: set[str] | None = None
 ) -> Iterator[Candidate]:
-    """Every form and start of every effect that touches a view in which something is left."""
+    """The first form of every effect that touches a view in which something is left, from every start."""
     left = found.troubled if left is None else left
     before = base.outcome if base else None
     plain = base.choice if base else Choice()
@@ -71,6 +73,7 @@ def _strained(found: Search, base: Outcome | None) -> set[str]:
 
 
 def strained_in(fit: Fit) -> set[str]:
+    """Tolerance that a fit strains so far that it stands in for an effect."""
     return {c.name for c, theta in zip(fit.coordinates, fit.theta, strict=True) if not c.effect and abs(theta) > STRAINED * c.spread}
 
 
@@ -136,7 +139,8 @@ def joining(bench: Bench, base: Trial, second: Trial) -> Iterator[Candidate]:
     effect, form = second.choice.effects[0]
     if effect.key not in base.choice.keys and not clash(base.choice, form):
         views = tuple(v for v in bench.views if v in base.outcome.views or v in second.outcome.views)
-        yield Candidate(base.choice.plus(effect, form), views, {}, base.outcome.values | second.outcome.values, base.outcome)
+        own = {name: base.outcome.values[name] for name in base.choice.parameter_names}  # which may be a tolerance of the second one's view
+        yield Candidate(base.choice.plus(effect, form), views, {}, base.outcome.values | second.outcome.values | own, base.outcome)
 
 
 def other_forms(bench: Bench, trial: Trial, i: int) -> Iterator[Candidate]:

@@ -78,6 +78,7 @@ def misfit(outcome: Outcome, view: str) -> float:
 
 
 def rough(outcome: Outcome, view: str) -> bool:
+    """Whether a fit of friction may have stuck."""
     return outcome.rms(view) > ROUGH * outcome.floor.get(view, 1.0)
 
 

@@ -153,6 +153,7 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     leaders: dict[str, Trial] = {}
     for view in left:
         mine_alone = [t for t in found.singles if view in t.outcome.views and left.issuperset(t.outcome.views) and t.gain > QUIET]
+        mine_alone = [t for t in mine_alone if not t.choice.outside]
         leaders |= {t.choice.keys[0]: t for t in mine_alone[:LEADERS]}
     chosen = chosen_seconds(candidates, FIT_PAIRS, leaders)
     for view in dark:

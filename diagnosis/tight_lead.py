@@ -11,7 +11,7 @@ from diagnosis.catalogue import Form
 from diagnosis.evidence import Trial
 from diagnosis.parallel import each
 
-__all__ = ["LARGE", "first_fit", "is_of", "large_misfits", "tightly_led"]
+__all__ = ["first_fit", "is_of", "large_misfits", "tightly_led"]
 
 LARGE = 1.3  # RMS over the floor from which on it is: led loosely, so bad a carriage misses break-aways, and slopes lead astray
 TIGHT = (0.1, 0.3)  # shares of the usual time in which carriages are led for such a first fit, one after the other
@@ -28,11 +28,14 @@ def tightly_led(bench: Bench, candidates: Sequence[Candidate], left: Mapping[str
         held = _held(bench, base.choice, base.outcome.values, view) if base is not None else Choice()
         values = _tight(bench, held, view, {}, {}).values  # its Jacobian of tolerance serves all
         mine = [replace(c, tight=view, known=c.known | values) for c in candidates if is_of(bench, c.choice.effects[-1][1], view)]
-        mine = [c for c in mine if not c.starts or c.choice.settings]  # nothing but another law needs several starts there
+        mine = [c for c in mine if not c.starts or c.choice.effects[-1][1].settings]  # nothing but another law needs several starts there
         best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
         for c, outcome in zip(mine, each(lambda c: first_fit(bench, c), mine, bench.workers), strict=True):
             if c.choice.keys not in best or outcome.objective < best[c.choice.keys][0]:
-                best[c.choice.keys] = (outcome.objective, replace(c, tight="", led=True, starts={}, known=c.known | outcome.values))
+                best[c.choice.keys] = (
+                    outcome.objective,
+                    replace(c, tight="", led=True, eased=None, starts={}, known=c.known | outcome.values),
+                )
         result += [c for _, c in sorted(best.values(), key=lambda entry: entry[0])]
     return result
 
@@ -48,7 +51,7 @@ def is_of(bench: Bench, form: Form, view: str) -> bool:
 
 
 def first_fit(bench: Bench, c: Candidate) -> Outcome:
-    """The candidate on its tightly led view alone, its other effects held."""
+    """The candidate on its tightly led view alone, its other effects held, but for those that are a tolerance's."""
     others = _held(bench, Choice(c.choice.effects[:-1]), c.known, "")
     return _tight(bench, others.plus(*c.choice.effects[-1]), c.tight, c.starts, {name: c.known[name] for name in others.parameter_names})
 

@@ -2,9 +2,9 @@
 
 `python -m studies.ablations FOLDER [--cases N] [--seed S] [--workers N] [--json FILE]`: draws N cases of the truth plant, one effect, two,
 one outside the catalogue and none in turn, diagnoses each of them whole and without a part, and prints how often the answer is right: all
-causes lead, or the verdict is "unknown", or none leads. Cases of one effect and of none are searched for single effects only, in every
-variant: without tolerance all views ask for an effect, and the search for pairs takes minutes. The oracle fits the true effect alone: its
-shrink on the held-out log is the best that the catalogue's forms reach.
+causes lead, or the verdict is "unknown", or none leads. Cases of one effect and of none are searched for single effects only, and they
+alone without tolerance and without whitening: there all views ask for an effect, and the search for pairs takes minutes. The oracle is
+the true effect alone: its shrink on the held-out log is the best that the catalogue's forms reach.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -77,9 +78,11 @@ def judge(folder: Path, seed: int) -> dict[str, Any]:
         with patch.object(diagnosis.evidence, "borne_out", lambda differences: 1.0):
             result["without the cut of evidence"] = judged(decided(found))
         if kind == "one":
+            result["shrink"] = _shrink(bench, found, decision.best, held, gantry)
             true = next((t for t in found.singles if set(t.choice.keys) == truth), None)
-            result["shrink"], result["oracle"] = (_shrink(bench, found, trial, held, gantry) for trial in (decision.best, true))
-    with Bench(fitted, gantry) as bench, patch.object(diagnosis.tight_lead, "LARGE", math.inf):
+            result["oracle"] = _shrink(bench, found, true, held, gantry) if true is not None else math.nan  # the true effect was not fitted
+    loose = patch.object(diagnosis.search, "first_fit", lambda bench, candidate: SimpleNamespace(values={}))
+    with Bench(fitted, gantry) as bench, patch.object(diagnosis.tight_lead, "LARGE", math.inf), loose:
         found = search_all(bench, catalogue)
     examine(found, logs, held, gantry)
     result["without the tight lead"] = judged(decided(found))
@@ -122,7 +125,7 @@ def table(results: list[dict[str, Any]]) -> str:
             cells.append(f"{sum(right)} of {len(right)}" if right else "-")
         lines.append(f"{variant:<28}" + "".join(f"{cell:>12}" for cell in cells))
     for name in ("shrink", "oracle"):
-        values = [r[name] for r in results if name in r]
+        values = [r[name] for r in results if math.isfinite(r.get(name, math.nan))]
         if values:
             lines.append(f"{name + ', median / least':<28} {np.median(values):.3f} / {np.min(values):.3f}")
     return "\n".join(lines)
@@ -132,7 +135,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--cases", type=int, default=12)
-    parser.add_argument("--seed", type=int, default=81_000)
+    parser.add_argument("--seed", type=int, default=82_000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()

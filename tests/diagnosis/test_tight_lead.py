@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from diagnosis.bench import Bench, Choice, Outcome
-from diagnosis.candidates import additions
+from diagnosis.candidates import additions, joining
 from diagnosis.catalogue import read_catalogue
 from diagnosis.diagnose import split_campaign
-from diagnosis.evidence import Search
+from diagnosis.evidence import Search, Trial
+from diagnosis.fit import Fit
 from diagnosis.tight_lead import large_misfits, tightly_led
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
@@ -20,6 +21,7 @@ from pyfmi_runner.fmu import FmuFile
 from studies.truth.campaign import write
 from studies.truth.case import plan_case, run_case
 
+CATALOGUE = read_catalogue()
 SEED = 1010  # of development: friction that grows by 23 % of its level at 10 N
 VIEW = "friction_x"
 
@@ -44,7 +46,7 @@ def null(bench: Bench) -> Outcome:
 def test_the_right_effect_comes_first_and_starts_near_its_value(bench: Bench, null: Outcome) -> None:
     assert large_misfits({VIEW: null}) == [VIEW]
     found = Search({VIEW: null}, {VIEW})
-    catalogue = {key: effect for key, effect in read_catalogue().items() if effect.block == VIEW}
+    catalogue = {key: effect for key, effect in CATALOGUE.items() if effect.block == VIEW}
     ranked = tightly_led(bench, list(additions(bench, catalogue, found, None)), found.null, None)
     assert ranked[0].choice.keys == ("friction_load/x",)
     loose = bench.fit(ranked[0].choice, (VIEW,), start_values=ranked[0].known)
@@ -74,3 +76,30 @@ def test_tolerance_under_a_tight_lead_leaves_the_loose_ones_slopes_alone(bench: 
         bench.fit(Choice(), (VIEW,), start_values=null.values)
     assert bench.columns.keys() == columns.keys()
     assert all(bench.columns[key] is columns[key] for key in columns)
+
+
+def test_leads_of_tolerance_are_the_same_for_one_process_and_for_several(bench: Bench, null: Outcome) -> None:
+    before = dict(bench._led_columns)
+    bench.settle([VIEW])
+    assert bench._led_columns == {}
+    bench._led_columns = before
+    assert null.fit.columns
+
+
+def trial(bench: Bench, key: str, **theta: float) -> Trial:
+    """A single effect in its first form with given thetas, 0 for the rest."""
+    choice = Choice(((CATALOGUE[key], CATALOGUE[key].forms[0]),))
+    coordinates = bench.coordinates(choice, (VIEW,))
+    values = np.array([theta.get(c.name.rsplit(".", 1)[-1], 0.0) for c in coordinates])
+    fit = Fit(tuple(coordinates), values, np.eye(len(values)), 0.0, {})
+    return Trial(choice, Outcome(choice, fit, {VIEW: 1.0}, {VIEW: 1}, {VIEW: 1.0}, (VIEW,)))
+
+
+def test_two_effects_as_a_pair_start_from_both_their_values(bench: Bench) -> None:
+    """The first one's mass is the second one's tolerance."""
+    heavy, loaded = trial(bench, "payload_mass/x", m=1.0), trial(bench, "friction_load/x", load_share=0.5, C=2.0)
+    (pair,) = joining(bench, heavy, loaded)
+    assert pair.choice.keys == ("payload_mass/x", "friction_load/x")
+    assert pair.known["axis_x.m"] == heavy.outcome.values["axis_x.m"] > 1.1 * bench.nominal["axis_x.m"]
+    assert pair.known["axis_x.friction.load_share"] == loaded.outcome.values["axis_x.friction.load_share"] > 0
+    assert list(joining(bench, heavy, heavy)) == []
