@@ -20,7 +20,7 @@ FIT_LED = 6  # effects of one friction view alone that are fitted from where a t
 FIT_PAIRS = 3  # second effects per base that are fitted in full, by what one step promises or a tight lead leaves
 LEADERS = 3  # and those that are, whatever they promise: the best single effects of the views in which something is left, and no other
 REFINED = 3  # leading trials of each troubled view that are fitted to the end
-RETRIED = 2  # of them, those that are tried under a tighter lead too
+RETRIED = 2  # the first so many of all of them are tried under a tighter lead too
 PAIRS_REFINED = 3
 PROSPECT = 10.0  # evidence over its members that a pair must have before it is refined: less than half of what a second effect costs
 
