@@ -31,10 +31,10 @@ Array = NDArray[np.float64]
 TOLERANCE = 0.02  # RMS share by which a rig's parameters are off (gap.md, "Logs")
 # Set by the valves' electronics and by the friction model's own regularisation, not by the rig's mechanics: seen exact on both labelled
 # example campaigns (within 0.01 % and 0.7 %), so hardly any tolerance. C_c: what the smoothed speed leaves of it is biased by a tenth.
-TIGHT = {"u_0": 0.001, "v_th": 0.005, "C_c": 0.15}
+TIGHT_TOLERANCE = {"u_0": 0.001, "v_th": 0.005, "C_c": 0.15}
 JUDGED = ("valve_x", "valve_z", "friction_x", "friction_z", "contact", "sensors", "timing")
 GOOD_MECHANICS = 1.2  # RMS of the freely run mechanics at which no other start is tried
-TIGHTER = 0.5  # share of the time in which a carriage is led back, for a first fit of its tolerance
+HALF = 0.5  # share of the time in which a carriage is led back, for another way to a fit that may have stuck
 LOOSE = 0.2  # s in which the mechanics are led back to the measured ones, at first
 GOOD_VALVE = 1.03  # RMS of a valve view whose output is taken for the force itself
 KEPT = 400  # residual vectors
@@ -244,7 +244,7 @@ class Bench:
 
     def fit_by_tighter_lead(self, choice: Choice, views: Sequence[str], start_values: Mapping[str, float], base: Outcome | None) -> Outcome:
         """A careful fit by way of a lead under which fewer break-aways are missed."""
-        with self.led_tighter(views, TIGHTER):
+        with self.led_tighter(views, HALF):
             tight = self.fit(choice, views, start_values=start_values, careful=True)
         return self.fit(choice, views, start_values=tight.values, base=base, careful=True)
 
@@ -377,7 +377,7 @@ class Bench:
         return self.touched([*(p.name for p in form.parameters), *form.settings])
 
     def _spread(self, name: str) -> float:
-        return TIGHT.get(name.rsplit(".", 1)[-1], TOLERANCE) * self._tolerance / TOLERANCE
+        return TIGHT_TOLERANCE.get(name.rsplit(".", 1)[-1], TOLERANCE) * self._tolerance / TOLERANCE
 
     def coordinates(self, choice: Choice, views: Sequence[str], starts: Mapping[str, float] | None = None) -> list[Coordinate]:
         """Tolerance of the views' blocks, less what the effects free, and the effects' parameters."""

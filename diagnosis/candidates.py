@@ -160,5 +160,5 @@ def other_forms(bench: Bench, trial: Trial, i: int) -> Iterator[Candidate]:
             yield Candidate(choice, views, starts, starts | known, trial.outcome)
             if astray:
                 others = {k: v for k, v in known.items() if k not in own}
-                alone = views[0] if len(choice.effects) == 1 and len(views) == 1 and views[0].startswith("friction") else ""
-                yield Candidate(choice, views, starts, others | starts, trial.outcome, tight=alone)
+                own_view = views[0] if len(choice.effects) == 1 and len(views) == 1 and views[0].startswith("friction") else ""
+                yield Candidate(choice, views, starts, others | starts, trial.outcome, tight=own_view)

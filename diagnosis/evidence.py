@@ -73,8 +73,8 @@ def misfit(outcome: Outcome, view: str) -> float:
     n, length = outcome.counts[view], outcome.lengths[view]
     if n == 0:
         return 0.0
-    excess = outcome.squares[view] / outcome.floor.get(view, 1.0) ** 2 - n
-    return max(0.0, excess - SCATTER * math.sqrt(2 * n * FLOOR_LENGTH.get(view, length))) / length
+    beyond = outcome.squares[view] / outcome.floor.get(view, 1.0) ** 2 - n
+    return max(0.0, beyond - SCATTER * math.sqrt(2 * n * FLOOR_LENGTH.get(view, length))) / length
 
 
 def rough(outcome: Outcome, view: str) -> bool:

@@ -112,7 +112,7 @@ def _singles(bench: Bench, catalogue: Mapping[str, Effect], found: Search) -> li
     if not found.troubled:
         return []
     candidates = list(additions(bench, catalogue, found, None))
-    led = tightly_led(bench, candidates, {v: found.null[v] for v in found.troubled}, None)
+    led = tightly_led(bench, candidates, large_misfits({v: found.null[v] for v in found.troubled}), None)
     candidates = [c for c in candidates if c.choice.keys not in {known.choice.keys for known in led}]
     weigh(bench, found, [c for c in candidates if not c.choice.settings and not c.starts])  # another law has no small step
     chosen = most_promising(candidates, found.troubled)
@@ -146,8 +146,8 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     beside = {t.choice.keys[-1] for t in apart}
     rest = {key: effect for key, effect in catalogue.items() if key not in beside and not effect.outside}
     candidates = [c for c in additions(bench, rest, found, base, left) if mine & set(bench.touched_by(c.choice.effects[-1][1]))]
-    dark = large_misfits({v: least_left(found, v) for v in left & mine})  # elsewhere a single effect's own fit is a start
-    led = tightly_led(bench, candidates, dict.fromkeys(dark, base.outcome), base)
+    far_off = large_misfits({v: least_left(found, v) for v in left & mine})  # elsewhere a single effect's own fit is a start
+    led = tightly_led(bench, candidates, far_off, base)
     candidates = [c for c in candidates if c.choice.keys not in {known.choice.keys for known in led}]
     weigh(bench, found, [c for c in candidates if not c.starts])
     leaders: dict[str, Trial] = {}
@@ -156,7 +156,7 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
         mine_alone = [t for t in mine_alone if not t.choice.outside]
         leaders |= {t.choice.keys[0]: t for t in mine_alone[:LEADERS]}
     chosen = chosen_seconds(candidates, FIT_PAIRS, leaders)
-    for view in dark:
+    for view in far_off:
         ranked = [c for c in led if is_of(bench, c.choice.effects[-1][1], view)]
         chosen += [c for i, c in enumerate(ranked) if i < FIT_PAIRS or c.choice.keys[-1] in leaders]
     chosen += [c for key, t in leaders.items() if key not in beside for c in joining(bench, base, t)]

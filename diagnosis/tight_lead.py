@@ -14,17 +14,17 @@ from diagnosis.parallel import each
 __all__ = ["first_fit", "is_of", "large_misfits", "tightly_led"]
 
 LARGE = 1.3  # RMS over the floor from which on it is: led loosely, so bad a carriage misses break-aways, and slopes lead astray
-TIGHT = (0.1, 0.3)  # shares of the usual time in which carriages are led for such a first fit, one after the other
+LEADS = (0.1, 0.3)  # shares of the usual time in which carriages are led for such a first fit, one after the other
 
 
-def tightly_led(bench: Bench, candidates: Sequence[Candidate], left: Mapping[str, Outcome], base: Trial | None) -> list[Candidate]:
-    """Candidates whose last effect is of one friction view alone, in which much is left, by view and by what they leave under a tight
-    lead, starting from the values that they have there.
+def tightly_led(bench: Bench, candidates: Sequence[Candidate], views: Sequence[str], base: Trial | None) -> list[Candidate]:
+    """Candidates whose last effect is of one of these friction views alone, by view and by what they leave under a tight lead, starting
+    from the values that they have there.
 
     Tightly led no simulated carriage sticks where the measured one moves: the misfit is smooth as far as any effect reaches.
     """
     result: list[Candidate] = []
-    for view in large_misfits(left):
+    for view in views:
         held = _held(bench, base.choice, base.outcome.values, view) if base is not None else Choice()
         values = _tight(bench, held, view, {}, {}).values  # its Jacobian of tolerance serves all
         mine = [replace(c, tight=view, known=c.known | values) for c in candidates if is_of(bench, c.choice.effects[-1][1], view)]
@@ -69,7 +69,7 @@ def _held(bench: Bench, choice: Choice, values: Mapping[str, float], free: str) 
 
 def _tight(bench: Bench, choice: Choice, view: str, starts: Mapping[str, float], known: Mapping[str, float]) -> Outcome:
     """A fit of one friction view under one tight lead after the other."""
-    for share in TIGHT:
+    for share in LEADS:
         with bench.led_tighter((view,), share):
             outcome = bench.fit(choice, (view,), starts, known)
         known = outcome.values

@@ -47,7 +47,7 @@ def test_the_right_effect_comes_first_and_starts_near_its_value(bench: Bench, nu
     assert large_misfits({VIEW: null}) == [VIEW]
     found = Search({VIEW: null}, {VIEW})
     catalogue = {key: effect for key, effect in CATALOGUE.items() if effect.block == VIEW}
-    ranked = tightly_led(bench, list(additions(bench, catalogue, found, None)), found.null, None)
+    ranked = tightly_led(bench, list(additions(bench, catalogue, found, None)), [VIEW], None)
     assert ranked[0].choice.keys == ("friction_load/x",)
     loose = bench.fit(ranked[0].choice, (VIEW,), start_values=ranked[0].known)
     assert loose.rms(VIEW) < 1.02 < 3.0 < null.rms(VIEW)
