@@ -126,6 +126,9 @@ REFUSED = {  # sections of the flat model that the back end does not take -> wha
 }
 
 
+CLASS_TOKEN = re.compile(r"\b(?:(?:model|block|class|package|function|record|connector)\s+(\w+)\b(?!\s*=)|end\s+(\w+)\s*;)")
+
+
 def flatten(path: Path, class_name: str) -> FlatModel:
     """Parses `path` and flattens `class_name`.
 
@@ -197,10 +200,18 @@ def _refuse_lost_modifiers(source: Source, class_name: str, flat: Tree) -> None:
 
 
 def _extent(source: Source, class_name: str) -> tuple[int, int]:
-    """Where the text of a class begins and ends."""
-    begin = max(_class_header(source, class_name), 0)
-    end = re.compile(rf"\bend\s+{re.escape(class_name.rsplit('.', 1)[-1])}\s*;").search(_code(source), begin)
-    return begin, end.start() if end else len(source.text)
+    """Where the text of a class begins and ends; all of it where it is not found."""
+    path, begin, inside = class_name.split("."), 0, list[str]()
+    for token in CLASS_TOKEN.finditer(_code(source)):
+        opened, closed = token.groups()
+        if opened:
+            inside.append(opened)
+            begin = token.start() if inside == path else begin
+        elif inside and inside[-1] == closed:
+            if inside == path:
+                return begin, token.start()
+            inside.pop()
+    return 0, len(source.text)
 
 
 def _front_end_error(source: Source, class_name: str, error: str, syntax_line: int | None) -> InputError:

@@ -90,6 +90,11 @@ def test_a_table_of_a_thousand_numbers_is_translated_once(tmp_path: Path) -> Non
 
 
 NESTED = """package P
+  package Other
+    model M
+      parameter Real a = 1; parameter Real b = 2;
+    end M;
+  end Other;
   model F "é"
     parameter Real a = 1; parameter Real b = 2; Real y;
   equation
@@ -123,7 +128,7 @@ def test_modifiers_of_a_base_class_stay_where_others_are_modified(tmp_path: Path
 @pytest.mark.parametrize("name", ["P.M", "P.Further"])
 def test_a_modifier_that_the_parser_would_drop_is_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / "m.mo").write_text(NESTED.replace("EXTENSION", "f(a = 11)"))
-    with pytest.raises(InputError, match=r"m\.mo:11: .*M loses the modifier of k\.f\.b in Base") as refused:
+    with pytest.raises(InputError, match=r"m\.mo:16: .*M loses the modifier of k\.f\.b in Base") as refused:
         compile_model(tmp_path / "m.mo", name)
     assert refused.value.mend == "repeat it in the extends clause, too"
 
