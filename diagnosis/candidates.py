@@ -14,7 +14,7 @@ from diagnosis.fit import Fit
 from diagnosis.parallel import each
 from diagnosis.waviness import estimate_waviness
 
-__all__ = ["Candidate", "additions", "chosen_seconds", "clash", "joining", "most_promising", "other_forms", "strained_in", "weigh"]
+__all__ = ["Candidate", "additions", "chosen_seconds", "joining", "most_promising", "other_forms", "strained_in", "weigh"]
 
 STRAINED = 4.0  # standard deviations of tolerance beyond which it stands in for an effect
 FIT_SINGLES = 8  # effects per troubled view that are fitted, by what one step promises
@@ -47,23 +47,22 @@ def additions(
     for effect in catalogue.values():
         if effect.key in plain.keys:
             continue
-        for declared in effect.forms[:1]:  # the others are tried where the first one leads
-            form = _estimated(bench, declared, known, left)
-            if form is None or clash(plain, form):
-                continue
-            touched = bench.touched_by(form)
-            if not set(touched) & left:
-                continue
-            choice = plain.plus(effect, form)
-            views = tuple(v for v in bench.views if v in touched or (before is not None and v in before.views))
-            own = {p.name for p in form.parameters if not p.relative}
-            strained = {name for name in _strained(found, before) if any(bench.views[v].depends_on(name) for v in touched)}
-            start = {name: value for name, value in known.items() if name not in own}
-            eased = {name: value for name, value in start.items() if name not in strained} if strained else None
-            yield Candidate(choice, views, {}, start, before, eased)
-            fresh = dict(before.values) if before is not None else {k: v for k, v in known.items() if k.startswith("valve_")}
-            for starts in _starts(form.parameters):  # from the nominal plant: tolerance alone may have stuck in explaining the effect
-                yield Candidate(choice, views, starts, {name: value for name, value in fresh.items() if name not in own}, before)
+        form = _estimated(bench, effect.forms[0], known, left)  # the others are tried where the first one leads
+        if form is None or _clash(plain, form):
+            continue
+        touched = bench.touched_by(form)
+        if not set(touched) & left:
+            continue
+        choice = plain.plus(effect, form)
+        views = tuple(v for v in bench.views if v in touched or (before is not None and v in before.views))
+        own = {p.name for p in form.parameters if not p.relative}
+        strained = {name for name in _strained(found, before) if any(bench.views[v].depends_on(name) for v in touched)}
+        start = {name: value for name, value in known.items() if name not in own}
+        eased = {name: value for name, value in start.items() if name not in strained} if strained else None
+        yield Candidate(choice, views, {}, start, before, eased)
+        fresh = dict(before.values) if before is not None else {k: v for k, v in known.items() if k.startswith("valve_")}
+        for starts in _starts(form.parameters):  # from the nominal plant: tolerance alone may have stuck in explaining the effect
+            yield Candidate(choice, views, starts, {name: value for name, value in fresh.items() if name not in own}, before)
 
 
 def _strained(found: Search, base: Outcome | None) -> set[str]:
@@ -88,7 +87,7 @@ def _estimated(bench: Bench, form: Form, known: Mapping[str, float], troubled: s
     return None
 
 
-def clash(base: Choice, form: Form) -> bool:
+def _clash(base: Choice, form: Form) -> bool:
     """Two forms that set or fit the same parameter do not go together."""
     taken = set(base.parameter_names) | set(base.settings)
     return bool(taken & ({p.name for p in form.parameters} | set(form.settings)))
@@ -137,7 +136,7 @@ def chosen_seconds(candidates: Sequence[Candidate], most: int, leaders: Containe
 def joining(bench: Bench, base: Trial, second: Trial) -> Iterator[Candidate]:
     """Two single effects as a pair, from the first one's values and the second one's."""
     effect, form = second.choice.effects[0]
-    if effect.key not in base.choice.keys and not clash(base.choice, form):
+    if effect.key not in base.choice.keys and not _clash(base.choice, form):
         views = tuple(v for v in bench.views if v in base.outcome.views or v in second.outcome.views)
         own = {name: base.outcome.values[name] for name in base.choice.parameter_names}  # which may be a tolerance of the second one's view
         yield Candidate(base.choice.plus(effect, form), views, {}, base.outcome.values | second.outcome.values | own, base.outcome)
@@ -150,7 +149,7 @@ def other_forms(bench: Bench, trial: Trial, i: int) -> Iterator[Candidate]:
     astray = last and any(rough(trial.outcome, view) for view in trial.outcome.views)
     for form in effect.forms[1:]:
         rest = Choice(tuple(pair for j, pair in enumerate(trial.choice.effects) if j != i))
-        if form.name == held.name or form.estimator or clash(rest, form):
+        if form.name == held.name or form.estimator or _clash(rest, form):
             continue
         choice = Choice(tuple((effect, form) if j == i else pair for j, pair in enumerate(trial.choice.effects)))
         views = tuple(v for v in bench.views if v in set(bench.touched_by(form)) | set(trial.outcome.views))

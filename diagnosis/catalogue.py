@@ -54,7 +54,7 @@ class Form:
     name: str
     parameters: tuple[Parameter, ...]
     settings: Mapping[str, float] = field(default_factory=dict)
-    estimator: str = ""  # "waviness", "converter": parameters that the data themselves give (see `diagnosis.candidates`)
+    estimator: str = ""  # "waviness", "delays": the data themselves give the parameters (`diagnosis.candidates`); "converter": elsewhere
 
 
 @dataclass(frozen=True)

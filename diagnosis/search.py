@@ -138,11 +138,11 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     left = {v for v in found.troubled if v not in mine} | {v for v in mine if leftover(bench, base.outcome, v, found.null[v]) > QUIET}
     if not left:
         return []
-    apart = [
-        Trial(Choice((*base.choice.effects, *t.choice.effects)), joined(base.outcome, t.outcome), apart=True)
-        for t in found.singles
-        if not mine & set(t.outcome.views) and left & set(t.outcome.views) and t.gain > QUIET and not t.choice.outside
-    ]
+    apart = []
+    for t in found.singles:
+        if not mine & set(t.outcome.views) and left & set(t.outcome.views) and t.gain > QUIET and not t.choice.outside:
+            both = joined(base.outcome, t.outcome)
+            apart.append(Trial(both.choice, both, apart=True))
     beside = {t.choice.keys[-1] for t in apart}
     rest = {key: effect for key, effect in catalogue.items() if key not in beside and not effect.outside}
     candidates = [c for c in additions(bench, rest, found, base, left) if mine & set(bench.touched_by(c.choice.effects[-1][1]))]
@@ -152,8 +152,8 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     weigh(bench, found, [c for c in candidates if not c.starts])
     leaders: dict[str, Trial] = {}
     for view in left:
-        mine_alone = [t for t in found.singles if view in t.outcome.views and left.issuperset(t.outcome.views) and t.gain > QUIET]
-        mine_alone = [t for t in mine_alone if not t.choice.outside]
+        inside = (t for t in found.singles if view in t.outcome.views and left.issuperset(t.outcome.views) and not t.choice.outside)
+        mine_alone = [t for t in inside if t.gain > QUIET]
         leaders |= {t.choice.keys[0]: t for t in mine_alone[:LEADERS]}
     chosen = chosen_seconds(candidates, FIT_PAIRS, leaders)
     for view in far_off:
@@ -205,11 +205,10 @@ def _leading(found: Search) -> list[Trial]:
     leading: list[Trial] = []
     for view in sorted(found.troubled):
         mine = [t for t in found.singles if view in t.outcome.views]
-        least = sorted(mine, key=lambda t: t.outcome.squares[view])[
-            :1
-        ]  # a misfit in one place is hardly evidence, but a place to go on from
+        least = min(mine, key=lambda t: t.outcome.squares[view], default=None)
         if not view.startswith("valve"):  # whose fits are cheap, and where another form may explain all that a plain one does not
-            mine = [t for t in mine if t.gain > QUIET][:REFINED] + least
+            mine = [t for t in mine if t.gain > QUIET][:REFINED]
+            mine += [least] if least is not None else []  # a misfit in one place is hardly evidence, but a place to go on from
         for trial in mine:
             if trial not in leading:
                 leading.append(trial)
