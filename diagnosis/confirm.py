@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.signals import sensed_forces, sensed_speed
+from diagnosis.signals import sensed_forces
+from diagnosis.tachometer import sensed_speed
 from pyfmi_runner.campaign import LoggedRun, LogSetup
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED, PERIOD, Log

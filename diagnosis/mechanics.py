@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from diagnosis.signals import Table, sensed_forces, sensed_speed, tachometer
+from diagnosis.signals import Table, sensed_forces
+from diagnosis.tachometer import sensed_speed
 from diagnosis.views import SOLVER, SignalStore, Values
 from pyfmi_runner.block_fmu import BlockFmu, Guide
 from pyfmi_runner.plant import plant_parameters
@@ -71,13 +72,11 @@ class MechanicsView:
         inputs, flags = ("f_manual_x", "f_manual_z"), ("clamp_x", "clamp_z")
         if self.guided <= 0:
             return self._gantry.run_clamped(parameters, inputs, force, flags, clamps, OUTPUTS)
-        (keep_x, stages_x), (keep_z, stages_z) = (tachometer(a, values) for a in "xz")
-        position = self._store.signals({k: v for k, v in values.items() if k.startswith(("sensors.tau_v", "sensors.stages_v"))}).position
+        signals = self._store.signals({k: v for k, v in values.items() if k.startswith(("sensors.tau_v", "sensors.stages_v"))})
         per_speed = [self._mass[a] / self.guided for a in "xz"]
         guide = Guide(
-            np.column_stack([position[a][rows] for a in "xz"]), np.column_stack([table.columns[f"v_{a}"][rows] for a in "xz"]),
+            np.column_stack([signals.position[a][rows] for a in "xz"]), np.column_stack([signals.speed[a][rows] for a in "xz"]),
             np.tile([g / (4 * self.guided) for g in per_speed], (len(force), 1)), per_speed,
-            [keep_x, keep_z], [stages_x, stages_z],
         )  # fmt: skip
         return self._gantry.run_guided(parameters, inputs, force, flags, clamps, (*STATES, *OUTPUTS[2:]), guide)[:, 2:]
 

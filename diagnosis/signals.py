@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from diagnosis.converter import converter_step
+from diagnosis.tachometer import lag_of, undone
 from pyfmi_runner.campaign import Campaign, LogSetup
 from pyfmi_runner.log import PERIOD, SIGMA
-from pyfmi_runner.smoothing import mean_since, smooth_axis
+from pyfmi_runner.smoothing import smooth_axis
 
-__all__ = ["SENSOR_NEUTRAL", "Signals", "Table", "acceleration", "corrected", "sensed_forces", "sensed_speed", "table_of", "tachometer"]
+__all__ = ["SENSOR_NEUTRAL", "Signals", "Table", "acceleration", "corrected", "sensed_forces", "table_of"]
 
 Array = NDArray[np.float64]
 SENSOR_NEUTRAL = {
@@ -59,7 +59,7 @@ class Signals:
 
     position: Mapping[str, Array]  # m, by axis, smoothed with the speed
     innovation: Mapping[str, Array]  # by axis, position against the integral of the speed, 1 RMS where they agree
-    speed: Mapping[str, Array]  # m/s, by axis; as measured (a tachometer's lag is not undone here)
+    speed: Mapping[str, Array]  # m/s, by axis; as measured, but with a tachometer's lag undone
     force: Mapping[str, Array]  # N, contact force by axis
     actuator: Mapping[str, Array]  # N, actuator force by axis
 
@@ -105,14 +105,14 @@ def corrected(table: Table, sensors: Mapping[str, float]) -> Signals:
     k_x, k_z = value["sensors.crosstalk_f_x"], value["sensors.crosstalk_f_z"]
     determinant = g_x * g_z - k_x * k_z
     force = {"x": (g_z * f_x - k_x * f_z) / determinant, "z": (g_x * f_z - k_z * f_x) / determinant}
-    position, innovation = {}, {}
+    position, innovation, speed = {}, {}, {}
     for axis in "xz":
-        tau = value[f"sensors.tau_v_{axis}"]
-        position[axis], innovation[axis] = _positions(table, axis, tau, 0.0 if value[f"sensors.stages_v_{axis}"] == 1 else tau**2 / 3)
-    return Signals(
-        position, innovation, {axis: c[f"v_{axis}"] for axis in "xz"}, force,
-        {axis: c[f"f_a{axis}"] / value[f"sensors.gain_f_a{axis}"] for axis in "xz"},
-    )  # fmt: skip
+        tau, stages = lag_of(axis, value)
+        position[axis], innovation[axis] = _positions(table, axis, tau, 0.0 if stages == 1 else tau**2 / 3)
+        speed[axis] = c[f"v_{axis}"]
+        if tau > 0:
+            position[axis], speed[axis] = _behind_lag(table, axis, tau, stages)
+    return Signals(position, innovation, speed, force, {axis: c[f"f_a{axis}"] / value[f"sensors.gain_f_a{axis}"] for axis in "xz"})
 
 
 def sensed_forces(true: Array, time: Array, sensors: Mapping[str, float]) -> Array:
@@ -132,49 +132,6 @@ def _straightened(reading: Array, curve: float) -> Array:
     for _ in range(6 if curve else 0):
         straight = reading / np.maximum(1.0 + curve * (straight / CURVED_AT) ** 2, 0.2)
     return straight
-
-
-def sensed_speed(true: Array, axis: str, sensors: Mapping[str, float]) -> Array:
-    """What a lagging tachometer says of a true speed."""
-    keep, stages = tachometer(axis, sensors)
-    if stages == 0:
-        return running_mean(np.ascontiguousarray(true), keep)
-    for _ in range(stages if keep > 0 else 0):
-        true = first_order(np.ascontiguousarray(true), keep)
-    return true
-
-
-def tachometer(axis: str, sensors: Mapping[str, float]) -> tuple[float, int]:
-    """Share of its last value that each stage of a tachometer's lag keeps per sample, and its number of equal stages; 0 stages: a running
-    mean, and the samples that it spans."""
-    tau, stages = sensors.get(f"sensors.tau_v_{axis}", 0.0), round(sensors.get(f"sensors.stages_v_{axis}", 1.0))
-    if stages == 0:
-        return 2 * tau / PERIOD, 0
-    return (float(np.exp(-PERIOD * stages / tau)) if tau > 0 else 0.0), stages
-
-
-@njit(cache=True)
-def first_order(speed: Array, keep: float) -> Array:
-    """A lag that keeps the share `keep` of its last value per sample, settled at the first."""
-    result = np.empty(len(speed))
-    value = speed[0]
-    for k in range(len(speed)):
-        driven = speed[k] if k == 0 else 0.5 * (speed[k] + speed[k - 1])
-        value = keep * value + (1 - keep) * driven
-        result[k] = value
-    return result
-
-
-@njit(cache=True)
-def running_mean(speed: Array, span: float) -> Array:
-    """Mean over the last `span` samples (not a whole number), the first value before the first."""
-    result = np.empty(len(speed))
-    integral = np.zeros(len(speed))  # from the first sample
-    for k in range(1, len(speed)):
-        integral[k] = integral[k - 1] + 0.5 * (speed[k - 1] + speed[k])
-    for k in range(len(speed)):
-        result[k] = mean_since(integral, speed, k, span)
-    return result
 
 
 def acceleration(speed: Array, table: Table) -> Array:
@@ -200,3 +157,13 @@ def _positions(table: Table, axis: str, tau: float, second: float) -> tuple[Arra
         smoothed = smooth_axis(s - lead, v, table.sigma[axis], table.sigma[f"v_{axis}"], PERIOD)
         position[rows], innovation[rows] = smoothed.position + lead, smoothed.innovation
     return position, innovation
+
+
+def _behind_lag(table: Table, axis: str, tau: float, stages: int) -> tuple[Array, Array]:
+    """Position and speed behind a lagging tachometer, log by log."""
+    position, speed = np.empty(table.rows), np.empty(table.rows)
+    sigma, sigma_v = table.sigma[axis], table.sigma[f"v_{axis}"]
+    for first, last in table.spans:
+        rows = slice(first, last)
+        position[rows], speed[rows] = undone(table.columns[axis][rows], table.columns[f"v_{axis}"][rows], sigma, sigma_v, tau, stages)
+    return position, speed

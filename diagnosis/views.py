@@ -13,7 +13,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.signals import Signals, Table, acceleration, corrected, sensed_speed, tachometer
+from diagnosis.signals import Signals, Table, acceleration, corrected
+from diagnosis.tachometer import lag_of, sensed_speed
 from pyfmi_runner.block_fmu import BlockFmu, Guide
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.campaign import Campaign
@@ -144,18 +145,16 @@ class FrictionView:
             columns.append(limit * np.tanh(couple / limit) if limit > 0 else couple)
         inputs = midway(np.column_stack(columns), table.spans)
         mass = self._nominal[self.prefix + "m"]
-        keep, stages = tachometer(self.axis, values)
         for i in self.logs:
             rows, setup = slice(*table.spans[i]), table.setups[i]
-            speed = signals.speed[self.axis][rows]
             guide = Guide(
-                signals.position[self.axis][rows][:, None], speed[:, None],
-                (mass / (4 * self.guided**2) + self._spring[rows])[:, None], [mass / self.guided], [keep], [stages],
+                signals.position[self.axis][rows][:, None], signals.speed[self.axis][rows][:, None],
+                (mass / (4 * self.guided**2) + self._spring[rows])[:, None], [mass / self.guided],
             )  # fmt: skip
             parameters["s_start"] = {"x": setup.start_x, "z": setup.start_z}[self.axis]
             clamped = table.clamped[self.axis][rows][:, None].astype(np.float64)
             true = self._block.run_guided(parameters, names, inputs[rows], ("clamp",), clamped, ("s", "v"), guide)[:, 1]
-            result[rows, 0] = (speed - sensed_speed(true, self.axis, values)) / sigma
+            result[rows, 0] = (table.columns[f"v_{self.axis}"][rows] - sensed_speed(true, self.axis, values)) / sigma
         result[self._blind] = 0.0
         result[~self.moving] = np.nan
         return result
@@ -243,7 +242,7 @@ class ContactView:
         parameters = _own("", {**self._nominal, **given}, values, self._known)
         parameters["contact.z_0"] = given["contact.z_0"] + shift
         x, z = signals.position["x"][rows], signals.position["z"][rows]
-        speeds = [np.where(table.clamped[a][rows], 0.0, self._true_speed(a, signals.speed[a], values)[rows]) for a in "xz"]
+        speeds = [np.where(table.clamped[a][rows], 0.0, self._slow_speed(a, signals, values)[rows]) for a in "xz"]
         names, columns = ["x", "z", "v_x", "v_z"], [x, z, *speeds]
         profile = own_profile(setup)
         if profile is not None:
@@ -257,10 +256,12 @@ class ContactView:
         rate = np.gradient(_mean(np.hypot(force[:, 0], force[:, 1])), PERIOD) / self._nominal["contact.K_c"]
         return np.asarray(1.0 + values["loss"] * rate / np.hypot(rate, TURN))
 
-    def _true_speed(self, axis: str, measured: Array, values: Values) -> Array:
-        """Smoothed speed, a tachometer's lag undone."""
-        lag = values.get(f"sensors.tau_v_{axis}", 0.0)
-        return self._smooth[axis] + lag * acceleration(measured, self._store.table) if lag > 0 else self._smooth[axis]
+    def _slow_speed(self, axis: str, signals: Signals, values: Values) -> Array:
+        """Smoothed true speed."""
+        if lag_of(axis, values)[0] <= 0:
+            return self._smooth[axis]
+        table = self._store.table
+        return np.concatenate([_at_rest(signals.speed[axis][slice(*span)], table.sigma[f"v_{axis}"]) for span in table.spans])
 
     @cached_property
     def _smooth(self) -> dict[str, Array]:

@@ -15,7 +15,6 @@ from pyfmi_runner.errors import RunError
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import PERIOD
 from pyfmi_runner.native import call_plain, call_setup, call_step
-from pyfmi_runner.smoothing import mean_since
 
 __all__ = ["BlockFmu", "Guide"]
 
@@ -28,14 +27,12 @@ _WORDS = (
 
 @dataclass(frozen=True)
 class Guide:
-    """Measured positions and speeds (N, n) that the first 2 n outputs, positions then speeds, are led to through the first n inputs."""
+    """Positions and speeds (N, n) that the first 2 n outputs, positions then speeds, are led to through the first n inputs."""
 
     position: Array
     speed: Array
     per_position: Array  # (N, n), input per unit of position error
     per_speed: Sequence[float]
-    keep: Sequence[float]  # share of its last value that each stage of a lagging speed sensor keeps per sample; 0: no lag
-    stages: Sequence[int] = (1, 1)  # of that lag; 0: a running mean over `keep` samples
 
 
 class BlockFmu:
@@ -108,7 +105,6 @@ class BlockFmu:
             references(flags), np.ascontiguousarray(flag_values).astype(np.int32), references(outputs), PERIOD, result,
             np.ascontiguousarray(guide.position), np.ascontiguousarray(guide.speed),
             np.ascontiguousarray(guide.per_position, dtype=np.float64), np.asarray(guide.per_speed, dtype=np.float64),
-            np.asarray(guide.keep, dtype=np.float64), np.asarray(guide.stages, dtype=np.int64),
         )  # fmt: skip
         return self._whole(result, status, row)
 
@@ -178,13 +174,11 @@ def _run_flagged(component, addresses, input_refs, values, flag_refs, flags, out
 @njit(nogil=True)
 def _run_guided(  # type: ignore[no-untyped-def]
     component, addresses, input_refs, values, flag_refs, flags, output_refs, period, result,
-    position, speed, per_position, per_speed, keep, stages,
+    position, speed, per_position, per_speed,
 ):  # fmt: skip
     set_real, _, set_boolean, get_real, do_step = addresses[:5]
     count = len(per_speed)
     now = np.empty(values.shape[1])
-    lagged = np.zeros((count, stages.max() + 1))  # what goes in, and what comes out of each stage
-    integral = np.zeros((count, len(values)))
     for k in range(len(values)):
         if k == 0:
             status = native_values(set_real, component, input_refs, values[k])
@@ -193,17 +187,7 @@ def _run_guided(  # type: ignore[no-untyped-def]
             status = native_values(get_real, component, output_refs, result[k])
         now[:] = values[k]
         for i in range(count):
-            sensed = result[k, count + i]
-            if stages[i] == 0:
-                if k > 0:
-                    integral[i, k] = integral[i, k - 1] + 0.5 * (result[k - 1, count + i] + sensed)
-                sensed = mean_since(integral[i], result[:, count + i], k, keep[i])
-            for j in range(stages[i]):
-                before, lagged[i, j] = lagged[i, j], sensed
-                if keep[i] > 0 and k > 0:
-                    sensed = keep[i] * lagged[i, j + 1] + (1 - keep[i]) * 0.5 * (sensed + before)
-                lagged[i, j + 1] = sensed
-            now[i] += per_position[k, i] * (position[k, i] - result[k, i]) + per_speed[i] * (speed[k, i] - sensed)
+            now[i] += per_position[k, i] * (position[k, i] - result[k, i]) + per_speed[i] * (speed[k, i] - result[k, count + i])
         status = max(status, native_values(set_real, component, input_refs, now))
         if k == 0 or (flags[k] != flags[k - 1]).any():
             status = max(status, native_values(set_boolean, component, flag_refs, flags[k]))

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["Smoothed", "mean_since", "smooth_axis"]
+__all__ = ["Smoothed", "smooth_axis"]
 
 Array = NDArray[np.float64]
 
@@ -54,17 +54,3 @@ def smooth_axis(position: Array, speed: Array, sigma_position: float, sigma_spee
     q = (sigma_speed * dt) ** 2
     smoothed, innovation, variance = _filter(np.asarray(position, float), np.asarray(speed, float), dt, q, sigma_position**2)
     return Smoothed(smoothed, innovation, math.sqrt(variance[len(variance) // 2]))
-
-
-@njit(cache=True)
-def mean_since(integral: Array, speed: Array, k: int, span: float) -> float:
-    """Mean of what has been integrated over the last `span` samples before sample k."""
-    if span < 1e-6:
-        return float(speed[k])
-    back = k - span
-    if back <= 0:
-        return float((integral[k] - back * speed[0]) / span)
-    j = int(back)
-    share = back - j
-    before = integral[j] + share * (speed[j] + 0.5 * share * (speed[j + 1] - speed[j]))
-    return float((integral[k] - before) / span)
