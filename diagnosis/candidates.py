@@ -18,7 +18,7 @@ __all__ = ["Candidate", "additions", "chosen_seconds", "joining", "most_promisin
 
 STRAINED = 4.0  # standard deviations of tolerance beyond which it stands in for an effect
 FIT_SINGLES = 8  # effects per troubled view that are fitted, by what one step promises
-FIT_OWN = 5  # and of those that touch no other troubled view
+FIT_OWN = 5  # and of those that touch no other view
 
 
 @dataclass
@@ -61,7 +61,8 @@ def additions(
         eased = {name: value for name, value in start.items() if name not in strained} if strained else None
         yield Candidate(choice, views, {}, start, before, eased)
         fresh = dict(before.values) if before is not None else {k: v for k, v in known.items() if k.startswith("valve_")}
-        for starts in _starts(form.parameters):  # from the nominal plant: tolerance alone may have stuck in explaining the effect
+        told = _told_by_sensors(bench, effect, form)
+        for starts in told or _starts(form.parameters):  # from the nominal plant: tolerance alone may have stuck in explaining the effect
             yield Candidate(choice, views, starts, {name: value for name, value in fresh.items() if name not in own}, before)
 
 
@@ -100,6 +101,15 @@ def _starts(parameters: Iterable[Parameter]) -> list[dict[str, float]]:
     return [{p.name: p.starts[i] for p in several if i < len(p.starts)} for i in range(max((len(p.starts) for p in several), default=1))]
 
 
+def _told_by_sensors(bench: Bench, effect: Effect, form: Form) -> list[dict[str, float]]:
+    """Where the sensors contradict each other, without any plant, for an effect of more than that: its parameters there; [] for others."""
+    if form.estimator or len(bench.touched_by(form)) < 2 or "sensors" not in bench.touched_by(form):
+        return []
+    alone = [bench.fit(Choice(((effect, form),)), ("sensors",), starts) for starts in _starts(form.parameters) or [{}]]
+    best = min(alone, key=lambda outcome: outcome.objective)
+    return [{p.name: best.values[p.name] for p in form.parameters}]
+
+
 def weigh(bench: Bench, found: Search, candidates: Sequence[Candidate]) -> None:
     """What one start of each hypothesis promises; it tells for its other starts, too."""
     for candidate, promise in zip(candidates, each(lambda c: _promise(bench, found, c), candidates, bench.workers), strict=True):
@@ -120,17 +130,24 @@ def most_promising(candidates: Sequence[Candidate], troubled: set[str]) -> list[
         mine = [c for c in candidates if view in c.views]
         ranked = sorted((c for c in mine if c.promise < math.inf), key=lambda c: -c.promise)
         keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:FIT_SINGLES]
-        own = [c for c in ranked if troubled.intersection(c.views) == {view}]  # what others promise may be of another view
+        own = [c for c in ranked if c.views == (view,)]  # what others promise may be of another view
         keys += list(dict.fromkeys(c.choice.keys for c in own if c.promise > QUIET))[:FIT_OWN]
         chosen += [c for c in mine if (c.choice.keys in keys or c.promise == math.inf) and c not in chosen]
     return chosen
 
 
 def chosen_seconds(candidates: Sequence[Candidate], most: int, leaders: Container[str]) -> list[Candidate]:
-    """The most promising hypotheses and those that add one of the leaders, all starts of each."""
+    """The most promising hypotheses, those that add one of the leaders and those that free tolerance which their base strains, all starts
+    of each."""
     ranked = sorted((c for c in candidates if c.promise < math.inf), key=lambda c: -c.promise)
     keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:most]
-    return [c for c in candidates if c.choice.keys in keys or c.choice.keys[-1] in leaders]
+    return [c for c in candidates if c.choice.keys in keys or c.choice.keys[-1] in leaders or _relieves(c)]
+
+
+def _relieves(c: Candidate) -> bool:
+    """Whether the last effect frees tolerance that stands in for an effect in its base."""
+    _, form = c.choice.effects[-1]
+    return c.base is not None and bool(strained_in(c.base.fit) & {p.name for p in form.parameters})
 
 
 def joining(bench: Bench, base: Trial, second: Trial) -> Iterator[Candidate]:
@@ -147,15 +164,17 @@ def other_forms(bench: Bench, trial: Trial, i: int) -> Iterator[Candidate]:
     effect, held = trial.choice.effects[i]
     last = i == len(trial.choice.effects) - 1  # a pair's first effect has been through this alone
     astray = last and any(rough(trial.outcome, view) for view in trial.outcome.views)
-    for form in effect.forms[1:]:
+    for form in effect.forms if trial.led and held.settings else effect.forms[1:]:  # another law was not tried in its plain form alone
         rest = Choice(tuple(pair for j, pair in enumerate(trial.choice.effects) if j != i))
         if form.name == held.name or form.estimator or _clash(rest, form):
             continue
         choice = Choice(tuple((effect, form) if j == i else pair for j, pair in enumerate(trial.choice.effects)))
         views = tuple(v for v in bench.views if v in set(bench.touched_by(form)) | set(trial.outcome.views))
         own = {p.name for p in (*held.parameters, *form.parameters)}
-        for starts in _starts(form.parameters) or [{}]:
-            known = {k: v for k, v in trial.outcome.values.items() if k not in held.settings and k not in form.settings}
+        told = _told_by_sensors(bench, effect, form)
+        dropped = {*held.settings, *form.settings, *(own if told else ())}
+        for starts in told or _starts(form.parameters) or [{}]:
+            known = {k: v for k, v in trial.outcome.values.items() if k not in dropped}
             yield Candidate(choice, views, starts, starts | known, trial.outcome)
             if astray:
                 others = {k: v for k, v in known.items() if k not in own}

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from diagnosis.bench import Bench, Choice, Outcome, joined
 from diagnosis.candidates import Candidate, additions, chosen_seconds, joining, most_promising, other_forms, strained_in, weigh
 from diagnosis.catalogue import Effect
-from diagnosis.evidence import QUIET, Search, Trial, advantage, least_left, leftover, rough, score, trouble
+from diagnosis.evidence import QUIET, Search, Trial, advantage, least_left, leftover, misfit, rough, score, trouble
 from diagnosis.parallel import each
 from diagnosis.tight_lead import first_fit, is_of, large_misfits, tightly_led
 
@@ -22,7 +22,7 @@ LEADERS = 3  # and those that are, whatever they promise: the best single effect
 REFINED = 3  # leading trials of each troubled view that are fitted to the end
 RETRIED = 2  # the first so many of all of them are tried under a tighter lead too
 PAIRS_REFINED = 3
-PROSPECT = 10.0  # evidence over its members that a pair must have before it is refined: less than half of what a second effect costs
+PROSPECT = 10.0  # evidence over its members that a pair must have before it is refined: less than a second effect costs
 
 
 def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
@@ -192,12 +192,19 @@ def _reform(bench: Bench, found: Search, trials: Sequence[Trial], i: int) -> Non
 
 
 def _prospects(found: Search) -> list[Trial]:
-    """The best pairs, of those that have something over both their members."""
+    """The best pairs, of those that have something over both their members; and of each valve in which something is left, whose fits are
+    cheap, the pair that leaves least: other forms may explain all that plain ones do not."""
     alone = {t.choice.keys: advantage(found, t.outcome, None) for t in found.singles}
     ahead = [
         t for t in found.pairs if advantage(found, t.outcome, None) - max(alone.get((key,), 0.0) for key in t.choice.keys) > PROSPECT
     ]  # fmt: skip
-    return ahead[:PAIRS_REFINED]
+    ahead = ahead[:PAIRS_REFINED]
+    for view in sorted(v for v in found.troubled if v.startswith("valve")):
+        mine = [t for t in found.pairs if view in t.outcome.views and not t.apart]
+        least = min(mine, key=lambda t: t.outcome.squares[view], default=None)
+        if least is not None and misfit(least_left(found, view), view) > QUIET and least not in ahead:
+            ahead.append(least)
+    return ahead
 
 
 def _leading(found: Search) -> list[Trial]:
@@ -230,7 +237,8 @@ def _fitted(bench: Bench, candidates: Iterable[Candidate]) -> list[Trial]:
 def _fit(bench: Bench, c: Candidate) -> Outcome:
     """A candidate's fit; where it strains tolerance, once more from its eased start."""
     known = c.known | first_fit(bench, c).values if c.tight else c.known
-    outcome = bench.fit(c.choice, c.views, c.starts, known, c.base)
+    cheap = all(view.startswith("valve") for view in c.views)
+    outcome = bench.fit(c.choice, c.views, c.starts, known, c.base, careful=cheap)
     if c.eased is not None and strained_in(outcome.fit):
         outcome = min(outcome, bench.fit(c.choice, c.views, c.starts, c.eased, c.base), key=lambda o: o.objective)
     return outcome

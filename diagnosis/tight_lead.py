@@ -29,6 +29,7 @@ def tightly_led(bench: Bench, candidates: Sequence[Candidate], views: Sequence[s
         values = _tight(bench, held, view, {}, {}).values  # its Jacobian of tolerance serves all
         mine = [replace(c, tight=view, known=c.known | values) for c in candidates if is_of(bench, c.choice.effects[-1][1], view)]
         mine = [c for c in mine if not c.starts or c.choice.effects[-1][1].settings]  # nothing but another law needs several starts there
+        mine += [other for c in mine if c.choice.effects[-1][1].settings for other in _other_laws(c)]
         best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
         for c, outcome in zip(mine, each(lambda c: first_fit(bench, c), mine, bench.workers), strict=True):
             if c.choice.keys not in best or outcome.objective < best[c.choice.keys][0]:
@@ -38,6 +39,13 @@ def tightly_led(bench: Bench, candidates: Sequence[Candidate], views: Sequence[s
                 )
         result += [c for _, c in sorted(best.values(), key=lambda entry: entry[0])]
     return result
+
+
+def _other_laws(c: Candidate) -> list[Candidate]:
+    """The candidate with the other laws that its last effect may have: in the plain one nothing may tell of it."""
+    effect, held = c.choice.effects[-1]
+    laws = [form for form in effect.forms if form.settings and form.name != held.name]
+    return [replace(c, choice=Choice((*c.choice.effects[:-1], (effect, form))), starts={}) for form in laws]
 
 
 def large_misfits(left: Mapping[str, Outcome]) -> list[str]:

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from diagnosis.bench import Bench, Choice, Outcome
-from diagnosis.candidates import additions, joining
+from diagnosis.candidates import Candidate, additions, chosen_seconds, joining, most_promising
 from diagnosis.catalogue import read_catalogue
 from diagnosis.diagnose import split_campaign
 from diagnosis.evidence import Search, Trial
 from diagnosis.fit import Fit
-from diagnosis.tight_lead import large_misfits, tightly_led
+from diagnosis.tight_lead import first_fit, large_misfits, tightly_led
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.fmu import FmuFile
@@ -51,6 +51,22 @@ def test_the_right_effect_comes_first_and_starts_near_its_value(bench: Bench, nu
     assert ranked[0].choice.keys == ("friction_load/x",)
     loose = bench.fit(ranked[0].choice, (VIEW,), start_values=ranked[0].known)
     assert loose.rms(VIEW) < 1.02 < 3.0 < null.rms(VIEW)
+
+
+def test_every_law_of_friction_is_led_tightly_not_only_the_plain_one(bench: Bench, null: Outcome, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A Stribeck curve with bristles is far from a Dahl law: under that alone the effect came last."""
+    presliding = {"presliding/x": CATALOGUE["presliding/x"]}
+    tried: list[str] = []
+    whole = first_fit
+
+    def noted(bench: Bench, c: Candidate) -> Outcome:
+        tried.append(c.choice.effects[-1][1].name)
+        return whole(bench, c)
+
+    monkeypatch.setattr("diagnosis.tight_lead.first_fit", noted)
+    ranked = tightly_led(bench, list(additions(bench, presliding, Search({VIEW: null}, {VIEW}), None)), [VIEW], None)
+    assert set(tried) == {form.name for form in presliding["presliding/x"].forms}
+    assert [c.choice.keys for c in ranked] == [("presliding/x",)]
 
 
 def _fail(bench: Bench) -> None:
@@ -103,3 +119,20 @@ def test_two_effects_as_a_pair_start_from_both_their_values(bench: Bench) -> Non
     assert pair.known["axis_x.m"] == heavy.outcome.values["axis_x.m"] > 1.1 * bench.nominal["axis_x.m"]
     assert pair.known["axis_x.friction.load_share"] == loaded.outcome.values["axis_x.friction.load_share"] > 0
     assert list(joining(bench, heavy, heavy)) == []
+
+
+def test_an_effect_that_frees_what_its_base_strains_is_tried_whatever_others_promise(bench: Bench) -> None:
+    strained = trial(bench, "friction_load/x", C=20.0).outcome
+    candidates = []
+    for key, promise in (("payload_mass/x", 90.0), ("cable_force/x", 80.0), ("viscous_level/x", 9.0), ("stribeck/x", 9.0)):
+        choice = strained.choice.plus(CATALOGUE[key], CATALOGUE[key].forms[0])
+        candidates.append(Candidate(choice, (VIEW,), {}, {}, strained, promise=promise))
+    chosen = [c.choice.keys[-1] for c in chosen_seconds(candidates, 2, ())]
+    assert chosen == ["payload_mass/x", "cable_force/x", "viscous_level/x"]
+
+
+def test_an_effect_of_one_view_alone_keeps_its_place_beside_those_that_promise_of_others(bench: Bench) -> None:
+    choices = {key: Choice(((CATALOGUE[key], CATALOGUE[key].forms[0]),)) for key in CATALOGUE if not CATALOGUE[key].forms[0].settings}
+    of_many = [Candidate(choice, (VIEW, "friction_z"), {}, {}, promise=90.0) for choice in list(choices.values())[:20]]
+    own = Candidate(Choice(((CATALOGUE["cable_force/x"], CATALOGUE["cable_force/x"].forms[0]),)), (VIEW,), {}, {}, promise=9.0)
+    assert own in most_promising([*of_many, own], {VIEW})
