@@ -23,8 +23,8 @@ class Weights:
     """How evidence becomes probability."""
 
     temperature: float = 0.5  # evidence is optimistic: functional forms differ from the rig's
-    single_cost: float = 20.0  # evidence that an effect must bring
-    pair_cost: float = 24.0  # and a second one besides
+    single_cost: float = 12.0  # evidence that an effect must bring
+    pair_cost: float = 16.0  # and a second one besides
     coarse_cost: float = 20.0  # further evidence that it must bring where readings are coarse: what they leave is not white
     outside_cost: float = 10.0  # further evidence that a rough form of what the catalogue lacks must bring
     unknown_share: float = 0.20  # share of a block's misfit left unexplained at which "unknown" is as likely as not
@@ -69,7 +69,7 @@ class Decision:
     unknown_view: str = ""
     answer_set: list[list[str]] = field(default_factory=list)
     resembles: Effect | None = None  # rough form that leads, of what the catalogue lacks
-    left: frozenset[str] = frozenset()  # views in which the best hypothesis leaves something, fitted or held out
+    left: frozenset[str] = frozenset()  # views in which the best hypothesis, like tolerance alone, leaves something of the fitted logs
 
 
 def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] = (), odd: Effect | None = None) -> Decision:
@@ -120,8 +120,10 @@ def contest(found: Search, weights: Weights | None = None) -> list[tuple[Trial |
     each has over tolerance alone, besides what the log that no fit has seen says.
     """
     weights = weights or Weights()
-    by_gain = sorted([*found.singles, *found.pairs], key=lambda t: -t.gain)[:CONTESTANTS]
-    by_standing = sorted(found.singles, key=lambda t: -advantage(found, t.outcome, None))[: CONTESTANTS // 2]
+    # a fit that leaves more than tolerance alone had stuck, and what it leaves of the held-out log is luck
+    better = [t for t in (*found.singles, *found.pairs) if t.gain > 0]
+    by_gain = sorted(better, key=lambda t: -t.gain)[:CONTESTANTS]
+    by_standing = sorted((t for t in found.singles if t.gain > 0), key=lambda t: -advantage(found, t.outcome, None))[: CONTESTANTS // 2]
     field: list[Trial | None] = [None, *by_gain, *(t for t in by_standing if t not in by_gain)]
     standing = [advantage(found, t.outcome, None) if t is not None else 0.0 for t in field]
     losses = [0.0] * len(field)
@@ -173,11 +175,9 @@ def unexplained(found: Search, best: Trial | None, weights: Weights) -> tuple[fl
 
 
 def _left_views(found: Search, best: Trial | None, weights: Weights) -> frozenset[str]:
-    unseen = _unseen(found, best)
-    held = [unseen] if unseen is not None else []
     return frozenset(
-        view for view in found.null
-        if max(_remains(o, view) for o in (_outcome_in(found, best, view), *held)) > weights.unknown_least
+        view for view, null in found.null.items()
+        if min(_remains(null, view), _remains(_outcome_in(found, best, view), view)) > weights.unknown_least
     )  # fmt: skip
 
 

@@ -125,7 +125,7 @@ def advantage(found: Search, better: Outcome, worse: Outcome | None) -> float:
             relief += sign * (outcome.fit.penalty - sum(found.null[v].fit.penalty for v in outcome.views))
             occam += sign * (outcome.volume() - sum(found.null[v].volume() for v in outcome.views))
     share = min(max(cut / whole, 0.0), 1.0) if abs(whole) > 1e-9 else 1.0
-    return cut + share * occam + (relief if cut * relief >= 0 else share * relief)
+    return cut + share * occam + (relief if whole * relief >= 0 else share * relief)
 
 
 def strength(differences: Array) -> float:

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from diagnosis.bench import BLOCK, Choice, Outcome
 from diagnosis.catalogue import Effect, read_catalogue
-from diagnosis.decide import Weights, decide
+from diagnosis.decide import Weights, _left_views, contest, decide
 from diagnosis.evidence import Search, Trial, advantage, borne_out, strength
-from diagnosis.fit import Fit
+from diagnosis.fit import Fit, tolerance_coordinate
 
 Array = NDArray[np.float64]
 CATALOGUE = read_catalogue()
@@ -145,3 +145,37 @@ def test_what_the_readings_show_by_themselves_is_the_verdict_whatever_an_effect_
 def test_the_views_in_which_something_is_left_are_named() -> None:
     assert decide(searched(noise(1, 2.0), (noise(3, 1.9), ("valve_lag/z",)))).left == {VIEW}
     assert decide(searched(noise(1, 2.0), (noise(2), ("valve_lag/z",)))).left == frozenset()
+
+
+def test_what_a_hypothesis_alone_disturbs_is_not_left_by_the_rig() -> None:
+    found = searched(noise(2), (noise(1, 2.0), ("valve_lag/z",)))
+    assert _left_views(found, found.singles[0], Weights()) == frozenset()
+
+
+def test_a_fit_that_leaves_more_than_tolerance_alone_is_no_hypothesis_whatever_luck_it_has_held_out() -> None:
+    null = noise(2)
+    found = searched(null, (null + 1.0, ("valve_lag/z",)))
+    found.held_out, found.singles[0].held_out = outcome(noise(4, 1.2)), outcome(noise(4))
+    assert [t for t, _ in contest(found)] == [None]
+
+
+def test_tolerance_that_is_strained_less_is_no_evidence_where_the_likelihood_says_the_contrary() -> None:
+    """Evidence is cut view by view and may change its sign thereby; the side that the likelihood takes does not."""
+    mass = tolerance_coordinate("axis_z.m", 2.0, 0.02)
+    strained = Fit((mass,), np.array([6 * mass.spread]), np.diag([mass.spread**2]), 0.0, {})
+    even, burst = np.full(STRETCHES, float(BLOCK)), np.full(STRETCHES, float(BLOCK))
+    found = searched(even)
+    found.null = {"valve_x": _both(even, even, strained), "valve_z": _both(even, even, Fit((), np.zeros(0), np.zeros((0, 0)), 0.0, {}))}
+    found.lengths = {"valve_x": 1.0, "valve_z": 1.0}
+    burst[5] += 60.0
+    stuck = _both(even - 0.05, burst, Fit((), np.zeros(0), np.zeros((0, 0)), 0.0, {}))
+    assert advantage(found, stuck, None) < 4.0  # 36 of tolerance that it does not strain
+    calm = _both(even - 0.05, even, stuck.fit)
+    assert advantage(found, calm, None) > 36.0
+
+
+def _both(of_x: Array, of_z: Array, fit: Fit) -> Outcome:
+    blocks = {"valve_x": of_x, "valve_z": of_z}
+    counts = {view: BLOCK * len(b) for view, b in blocks.items()}
+    squares = {view: float(b.sum()) for view, b in blocks.items()}
+    return Outcome(Choice(), fit, squares, counts, dict.fromkeys(blocks, 1.0), tuple(blocks), dict.fromkeys(blocks, 1.0), blocks)
