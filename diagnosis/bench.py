@@ -203,6 +203,7 @@ class Bench:
         if self.table.quanta:
             self.floor["timing"] *= COARSE_TIMING
         self.columns: dict[tuple[str, str], Array] = {}  # Jacobian of tolerance about the nominal fit
+        self.told: dict[tuple[str, str], dict[str, float]] = {}  # by effect and form: its parameters as the sensors alone tell them
         self._led_columns: dict[float, dict[tuple[str, str], Array]] = {}  # the same under tighter leads
         self._kept: OrderedDict[tuple[Any, ...], Array] = OrderedDict()
 

@@ -14,7 +14,7 @@ from diagnosis.fit import Fit
 from diagnosis.parallel import each
 from diagnosis.waviness import estimate_waviness
 
-__all__ = ["Candidate", "additions", "chosen_seconds", "joining", "most_promising", "other_forms", "strained_in", "weigh"]
+__all__ = ["Candidate", "additions", "chosen_seconds", "clash", "joining", "most_promising", "other_forms", "strained_in", "weigh"]
 
 STRAINED = 4.0  # standard deviations of tolerance beyond which it stands in for an effect
 FIT_SINGLES = 8  # effects per troubled view that are fitted, by what one step promises
@@ -48,7 +48,7 @@ def additions(
         if effect.key in plain.keys:
             continue
         form = _estimated(bench, effect.forms[0], known, left)  # the others are tried where the first one leads
-        if form is None or _clash(plain, form):
+        if form is None or clash(plain, form):
             continue
         touched = bench.touched_by(form)
         if not set(touched) & left:
@@ -88,7 +88,7 @@ def _estimated(bench: Bench, form: Form, known: Mapping[str, float], troubled: s
     return None
 
 
-def _clash(base: Choice, form: Form) -> bool:
+def clash(base: Choice, form: Form) -> bool:
     """Two forms that set or fit the same parameter do not go together."""
     taken = set(base.parameter_names) | set(base.settings)
     return bool(taken & ({p.name for p in form.parameters} | set(form.settings)))
@@ -102,12 +102,17 @@ def _starts(parameters: Iterable[Parameter]) -> list[dict[str, float]]:
 
 
 def _told_by_sensors(bench: Bench, effect: Effect, form: Form) -> list[dict[str, float]]:
-    """Where the sensors contradict each other, without any plant, for an effect of more than that: its parameters there; [] for others."""
-    if form.estimator or len(bench.touched_by(form)) < 2 or "sensors" not in bench.touched_by(form):
+    """Where the sensors contradict each other, without any plant, for an effect of more than that which needs starts: its parameters
+    there; [] for others."""
+    starts, touched = _starts(form.parameters), bench.touched_by(form)
+    if form.estimator or not starts or "sensors" not in touched or len(touched) < 2:
         return []
-    alone = [bench.fit(Choice(((effect, form),)), ("sensors",), starts) for starts in _starts(form.parameters) or [{}]]
-    best = min(alone, key=lambda outcome: outcome.objective)
-    return [{p.name: best.values[p.name] for p in form.parameters}]
+    key = (effect.key, form.name)
+    if key not in bench.told:
+        alone = [bench.fit(Choice(((effect, form),)), ("sensors",), start) for start in starts]
+        best = min(alone, key=lambda outcome: outcome.objective)
+        bench.told[key] = {p.name: best.values[p.name] for p in form.parameters}
+    return [bench.told[key]]
 
 
 def weigh(bench: Bench, found: Search, candidates: Sequence[Candidate]) -> None:
@@ -153,7 +158,7 @@ def _relieves(c: Candidate) -> bool:
 def joining(bench: Bench, base: Trial, second: Trial) -> Iterator[Candidate]:
     """Two single effects as a pair, from the first one's values and the second one's."""
     effect, form = second.choice.effects[0]
-    if effect.key not in base.choice.keys and not _clash(base.choice, form):
+    if effect.key not in base.choice.keys and not clash(base.choice, form):
         views = tuple(v for v in bench.views if v in base.outcome.views or v in second.outcome.views)
         own = {name: base.outcome.values[name] for name in base.choice.parameter_names}  # which may be a tolerance of the second one's view
         yield Candidate(base.choice.plus(effect, form), views, {}, base.outcome.values | second.outcome.values | own, base.outcome)
@@ -166,7 +171,7 @@ def other_forms(bench: Bench, trial: Trial, i: int) -> Iterator[Candidate]:
     astray = last and any(rough(trial.outcome, view) for view in trial.outcome.views)
     for form in effect.forms if trial.led and held.settings else effect.forms[1:]:  # another law was not tried in its plain form alone
         rest = Choice(tuple(pair for j, pair in enumerate(trial.choice.effects) if j != i))
-        if form.name == held.name or form.estimator or _clash(rest, form):
+        if form.name == held.name or form.estimator or clash(rest, form):
             continue
         choice = Choice(tuple((effect, form) if j == i else pair for j, pair in enumerate(trial.choice.effects)))
         views = tuple(v for v in bench.views if v in set(bench.touched_by(form)) | set(trial.outcome.views))
@@ -176,7 +181,7 @@ def other_forms(bench: Bench, trial: Trial, i: int) -> Iterator[Candidate]:
         for starts in told or _starts(form.parameters) or [{}]:
             known = {k: v for k, v in trial.outcome.values.items() if k not in dropped}
             yield Candidate(choice, views, starts, starts | known, trial.outcome)
-            if astray:
+            if astray and not told:
                 others = {k: v for k, v in known.items() if k not in own}
                 own_view = views[0] if len(choice.effects) == 1 and len(views) == 1 and views[0].startswith("friction") else ""
                 yield Candidate(choice, views, starts, others | starts, trial.outcome, tight=own_view)

@@ -50,7 +50,8 @@ def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
         found.pairs += [p for t in found.singles if t.choice.keys == (key,) for p in _seconds(bench, catalogue, found, t)]
     score(found)
     found.pairs = _distinct(found.pairs)
-    _refine(bench, found, _prospects(found))
+    prospects = _prospects(found)
+    _refine(bench, found, [*prospects, *(t for t in _valve_pairs(found) if t not in prospects)])
     _resingle(bench, found)
     return found
 
@@ -192,19 +193,22 @@ def _reform(bench: Bench, found: Search, trials: Sequence[Trial], i: int) -> Non
 
 
 def _prospects(found: Search) -> list[Trial]:
-    """The best pairs, of those that have something over both their members; and of each valve in which something is left, whose fits are
-    cheap, the pair that leaves least: other forms may explain all that plain ones do not."""
+    """The best pairs, of those that have something over both their members."""
     alone = {t.choice.keys: advantage(found, t.outcome, None) for t in found.singles}
     ahead = [
         t for t in found.pairs if advantage(found, t.outcome, None) - max(alone.get((key,), 0.0) for key in t.choice.keys) > PROSPECT
     ]  # fmt: skip
-    ahead = ahead[:PAIRS_REFINED]
-    for view in sorted(v for v in found.troubled if v.startswith("valve")):
-        mine = [t for t in found.pairs if view in t.outcome.views and not t.apart]
-        least = min(mine, key=lambda t: t.outcome.squares[view], default=None)
-        if least is not None and misfit(least_left(found, view), view) > QUIET and least not in ahead:
-            ahead.append(least)
-    return ahead
+    return ahead[:PAIRS_REFINED]
+
+
+def _valve_pairs(found: Search) -> list[Trial]:
+    """Of each valve in which something is left the pair that leaves least: its fits are cheap, and other forms may explain all that plain
+    ones do not."""
+    pairs = []
+    for view in sorted(v for v in found.troubled if v.startswith("valve") and misfit(least_left(found, v), v) > QUIET):
+        mine = [t for t in found.pairs if t.outcome.views == (view,)]
+        pairs += sorted(mine, key=lambda t: t.outcome.squares[view])[:1]
+    return pairs
 
 
 def _leading(found: Search) -> list[Trial]:

@@ -14,7 +14,7 @@ from pyfmi_runner.campaign import Campaign, LogSetup
 from pyfmi_runner.log import PERIOD, SIGMA
 from pyfmi_runner.smoothing import smooth_axis
 
-__all__ = ["SENSOR_NEUTRAL", "Signals", "Table", "acceleration", "corrected", "sensed_forces", "table_of"]
+__all__ = ["SENSOR_NEUTRAL", "Signals", "Table", "acceleration", "corrected", "innovation", "sensed_forces", "table_of"]
 
 Array = NDArray[np.float64]
 SENSOR_NEUTRAL = {
@@ -58,7 +58,6 @@ class Signals:
     """True signals as far as they can be known from the measured ones under assumed sensor errors; shape (rows,) each."""
 
     position: Mapping[str, Array]  # m, by axis, smoothed with the speed
-    innovation: Mapping[str, Array]  # by axis, position against the integral of the speed, 1 RMS where they agree
     speed: Mapping[str, Array]  # m/s, by axis; as measured, but with a tachometer's lag undone
     force: Mapping[str, Array]  # N, contact force by axis
     actuator: Mapping[str, Array]  # N, actuator force by axis
@@ -90,7 +89,7 @@ def _cuts(columns: Mapping[str, Array], clamped: Mapping[str, NDArray[np.bool_]]
 
 
 def corrected(table: Table, sensors: Mapping[str, float]) -> Signals:
-    """Undoes scale, offset and crosstalk of the force channels, and lets a tachometer's lag count in the position's smoothing.
+    """Undoes scale, offset and crosstalk of the force channels, and a tachometer's lag.
 
     `sensors`: values that differ from SENSOR_NEUTRAL, by name.
     """
@@ -105,14 +104,10 @@ def corrected(table: Table, sensors: Mapping[str, float]) -> Signals:
     k_x, k_z = value["sensors.crosstalk_f_x"], value["sensors.crosstalk_f_z"]
     determinant = g_x * g_z - k_x * k_z
     force = {"x": (g_z * f_x - k_x * f_z) / determinant, "z": (g_x * f_z - k_z * f_x) / determinant}
-    position, innovation, speed = {}, {}, {}
+    position, speed = {}, {}
     for axis in "xz":
-        tau, stages = lag_of(axis, value)
-        position[axis], innovation[axis] = _positions(table, axis, tau, 0.0 if stages == 1 else tau**2 / 3)
-        speed[axis] = c[f"v_{axis}"]
-        if tau > 0:
-            position[axis], speed[axis] = _behind_lag(table, axis, tau, stages)
-    return Signals(position, innovation, speed, force, {axis: c[f"f_a{axis}"] / value[f"sensors.gain_f_a{axis}"] for axis in "xz"})
+        position[axis], speed[axis] = _motion(table, axis, *lag_of(axis, value))
+    return Signals(position, speed, force, {axis: c[f"f_a{axis}"] / value[f"sensors.gain_f_a{axis}"] for axis in "xz"})
 
 
 def sensed_forces(true: Array, time: Array, sensors: Mapping[str, float]) -> Array:
@@ -145,25 +140,30 @@ def acceleration(speed: Array, table: Table) -> Array:
     return result
 
 
-def _positions(table: Table, axis: str, tau: float, second: float) -> tuple[Array, Array]:
-    """Smoothed position and innovations, log by log. With v = v_m + tau dv_m/dt + second d2v_m/dt2 the lag adds tau v_m + second dv_m/dt to
-    the integral of v_m; three stages and a running mean have second = tau^2 / 3."""
-    position, innovation = np.empty(table.rows), np.empty(table.rows)
+def innovation(table: Table, axis: str, sensors: Mapping[str, float]) -> Array:
+    """Position against the integral of the speed (rows,), log by log; 1 RMS where they agree. With v = v_m + tau dv_m/dt + second d2v_m/dt2
+    a tachometer's lag adds tau v_m + second dv_m/dt to the integral of v_m; three stages and a running mean have second = tau^2 / 3."""
+    tau, stages = lag_of(axis, sensors)
+    second = 0.0 if stages == 1 else tau**2 / 3
     rate = acceleration(table.columns[f"v_{axis}"], table) if second > 0 else np.zeros(table.rows)
+    result = np.empty(table.rows)
     for first, last in table.spans:
         rows = slice(first, last)
         s, v = table.columns[axis][rows], table.columns[f"v_{axis}"][rows]
         lead = tau * v + second * rate[rows]
-        smoothed = smooth_axis(s - lead, v, table.sigma[axis], table.sigma[f"v_{axis}"], PERIOD)
-        position[rows], innovation[rows] = smoothed.position + lead, smoothed.innovation
-    return position, innovation
+        result[rows] = smooth_axis(s - lead, v, table.sigma[axis], table.sigma[f"v_{axis}"], PERIOD).innovation
+    return result
 
 
-def _behind_lag(table: Table, axis: str, tau: float, stages: int) -> tuple[Array, Array]:
-    """Position and speed behind a lagging tachometer, log by log."""
-    position, speed = np.empty(table.rows), np.empty(table.rows)
+def _motion(table: Table, axis: str, tau: float, stages: int) -> tuple[Array, Array]:
+    """Smoothed position, and speed, log by log; behind a lagging tachometer both smoothed."""
+    position, speed = np.empty(table.rows), table.columns[f"v_{axis}"].copy()
     sigma, sigma_v = table.sigma[axis], table.sigma[f"v_{axis}"]
     for first, last in table.spans:
         rows = slice(first, last)
-        position[rows], speed[rows] = undone(table.columns[axis][rows], table.columns[f"v_{axis}"][rows], sigma, sigma_v, tau, stages)
+        s, v = table.columns[axis][rows], table.columns[f"v_{axis}"][rows]
+        if tau > 0:
+            position[rows], speed[rows] = undone(s, v, sigma, sigma_v, tau, stages)
+        else:
+            position[rows] = smooth_axis(s, v, sigma, sigma_v, PERIOD).position
     return position, speed

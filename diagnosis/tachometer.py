@@ -9,7 +9,7 @@ from math import factorial
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import expm
 
 from pyfmi_runner.log import PERIOD
 
@@ -17,6 +17,8 @@ __all__ = ["lag_of", "sensed_speed", "undone"]
 
 Array = NDArray[np.float64]
 CHANGE = 1.5e-3  # m/s by which a carriage's speed changes in a millisecond, RMS
+SHORTEST = 1e-9  # s, a lag that is none
+DOUBLINGS = 14  # 16 s, in samples
 PADE = 5  # order in which a running mean's delay is taken
 _PADE = np.array(
     [factorial(2 * PADE - k) * factorial(PADE) / (factorial(2 * PADE) * factorial(k) * factorial(PADE - k)) for k in range(PADE + 1)]
@@ -37,19 +39,19 @@ def sensed_speed(true: Array, axis: str, sensors: Mapping[str, float]) -> Array:
     if stages == 0:
         return _running_mean(true, 2 * tau / PERIOD)
     for _ in range(stages):
-        true = _first_order(true, float(np.exp(-PERIOD * stages / tau)))
+        true = _first_order(true, tau / stages / PERIOD)
     return true
 
 
 @njit(cache=True)
-def _first_order(speed: Array, keep: float) -> Array:
-    """A lag that keeps the share `keep` of its last value per sample, settled at the first."""
+def _first_order(speed: Array, lag: float) -> Array:
+    """A lag of `lag` samples, settled at the first; exact for a speed that is straight between samples."""
     result = np.empty(len(speed))
-    value = speed[0]
-    for k in range(len(speed)):
-        driven = speed[k] if k == 0 else 0.5 * (speed[k] + speed[k - 1])
-        value = keep * value + (1 - keep) * driven
-        result[k] = value
+    keep = np.exp(-1.0 / lag)
+    now = 1.0 - lag * (1.0 - keep)
+    result[0] = speed[0]
+    for k in range(1, len(speed)):
+        result[k] = keep * result[k - 1] + now * speed[k] + (1.0 - keep - now) * speed[k - 1]
     return result
 
 
@@ -79,6 +81,7 @@ def undone(position: Array, speed: Array, sigma_position: float, sigma_speed: fl
     Fixed-interval (Rauch-Tung-Striebel) smoother, at its steady gains, of a carriage whose speed walks at random and of the lag's own
     states; at the start all speeds are the first that was read.
     """
+    tau = max(tau, SHORTEST)
     step, gain, back = _gains(tau, stages, sigma_position, sigma_speed)
     measured = np.ascontiguousarray(np.column_stack([position, speed]), dtype=np.float64)
     rates = _motion(tau, stages)
@@ -114,16 +117,39 @@ def _motion(tau: float, stages: int) -> Array:
 @lru_cache(maxsize=64)
 def _gains(tau: float, stages: int, sigma_position: float, sigma_speed: float) -> tuple[Array, Array, Array]:
     """Transition (n, n) over a sample, filter gain (n, 2) and smoother gain (n, n)."""
-    step = expm(_motion(tau, stages) * PERIOD)
-    jump = CHANGE * step[:, 1]  # the speed changes at a sample
+    rates = _motion(tau, stages)
+    step = expm(rates * PERIOD)
+    jump = CHANGE * _ramp_response(rates)  # the speed changes evenly over a sample
     read = np.zeros((2, len(step)))
     read[0, 0], read[1] = 1.0, _read(stages)
     noise = np.diag([sigma_position**2, sigma_speed**2])
-    before = solve_discrete_are(step.T, read.T, np.outer(jump, jump), noise)
+    before = _settled_variance(step, np.outer(jump, jump), read.T @ np.linalg.inv(noise) @ read)
     gain = np.linalg.solve(read @ before @ read.T + noise, read @ before).T
     after = before - gain @ read @ before
     back = np.linalg.lstsq(before, step @ after, rcond=None)[0].T  # a lag shorter than a sample has states that are all but one
     return np.ascontiguousarray(step), np.ascontiguousarray(gain), np.ascontiguousarray(back)
+
+
+def _ramp_response(rates: Array) -> Array:
+    """States (n,) after a sample over which the speed has risen evenly by 1."""
+    n = len(rates)
+    ramp = np.zeros((n + 1, n + 1))
+    ramp[:n, :n], ramp[1, n] = rates, 1.0 / PERIOD
+    return np.asarray(expm(ramp * PERIOD)[:n, n])
+
+
+def _settled_variance(step: Array, added: Array, information: Array) -> Array:
+    """Variance (n, n) of the predicted states once it has settled: the filter's Riccati equation from no variance at all, by doubling.
+
+    Solvers that take it from its invariant subspace break down where a lag is far shorter than a sample.
+    """
+    transition, gathered, variance = step.T, information, added
+    for _ in range(DOUBLINGS):
+        mixed = np.linalg.solve(np.eye(len(step)) + gathered @ variance, np.column_stack([transition, gathered]))
+        moved, held = mixed[:, : len(step)], mixed[:, len(step) :]
+        further = variance + transition.T @ variance @ moved
+        transition, gathered, variance = transition @ moved, gathered + transition @ held @ transition.T, 0.5 * (further + further.T)
+    return np.asarray(variance)
 
 
 @njit(cache=True)

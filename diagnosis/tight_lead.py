@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from diagnosis.bench import Bench, Choice, Outcome
-from diagnosis.candidates import Candidate
+from diagnosis.candidates import Candidate, clash
 from diagnosis.catalogue import Form
 from diagnosis.evidence import Trial
 from diagnosis.parallel import each
@@ -30,22 +30,26 @@ def tightly_led(bench: Bench, candidates: Sequence[Candidate], views: Sequence[s
         mine = [replace(c, tight=view, known=c.known | values) for c in candidates if is_of(bench, c.choice.effects[-1][1], view)]
         mine = [c for c in mine if not c.starts or c.choice.effects[-1][1].settings]  # nothing but another law needs several starts there
         mine += [other for c in mine if c.choice.effects[-1][1].settings for other in _other_laws(c)]
-        best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
-        for c, outcome in zip(mine, each(lambda c: first_fit(bench, c), mine, bench.workers), strict=True):
-            if c.choice.keys not in best or outcome.objective < best[c.choice.keys][0]:
-                best[c.choice.keys] = (
-                    outcome.objective,
-                    replace(c, tight="", led=True, eased=None, starts={}, known=c.known | outcome.values),
-                )
-        result += [c for _, c in sorted(best.values(), key=lambda entry: entry[0])]
+        outcomes = each(lambda c: first_fit(bench, c), mine, bench.workers)
+        lengths = min(outcomes, key=lambda o: o.objective).lengths if outcomes else {}
+        best: dict[tuple[str, ...], tuple[Outcome, Candidate]] = {}
+        for c, outcome in zip(mine, outcomes, strict=True):
+            known = best.get(c.choice.keys)
+            if known is None or outcome.evidence(lengths) < known[0].evidence(
+                lengths
+            ):  # a law that contains another one leaves less anyway
+                best[c.choice.keys] = (outcome, c)
+        ranked = sorted(best.values(), key=lambda entry: entry[0].objective)
+        result += [replace(c, tight="", led=True, eased=None, starts={}, known=c.known | o.values) for o, c in ranked]
     return result
 
 
 def _other_laws(c: Candidate) -> list[Candidate]:
     """The candidate with the other laws that its last effect may have: in the plain one nothing may tell of it."""
     effect, held = c.choice.effects[-1]
-    laws = [form for form in effect.forms if form.settings and form.name != held.name]
-    return [replace(c, choice=Choice((*c.choice.effects[:-1], (effect, form))), starts={}) for form in laws]
+    rest = Choice(c.choice.effects[:-1])
+    laws = [form for form in effect.forms if form.settings and form.name != held.name and not clash(rest, form)]
+    return [replace(c, choice=rest.plus(effect, form), starts={}) for form in laws]
 
 
 def large_misfits(left: Mapping[str, Outcome]) -> list[str]:

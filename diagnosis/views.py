@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.signals import Signals, Table, acceleration, corrected
+from diagnosis.signals import Signals, Table, acceleration, corrected, innovation
 from diagnosis.tachometer import lag_of, sensed_speed
 from pyfmi_runner.block_fmu import BlockFmu, Guide
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
@@ -52,6 +52,7 @@ class SignalStore:
     def __init__(self, table: Table) -> None:
         self.table = table
         self._kept: dict[tuple[tuple[str, float], ...], Signals] = {}
+        self._innovations: dict[tuple[str, float, int], Array] = {}
 
     def signals(self, values: Values) -> Signals:
         key = tuple(sorted((name, value) for name, value in values.items() if name.startswith("sensors.") and name != "sensors.quantum"))
@@ -60,6 +61,15 @@ class SignalStore:
                 self._kept.clear()
             self._kept[key] = corrected(self.table, dict(key))
         return self._kept[key]
+
+    def innovation(self, axis: str, values: Values) -> Array:
+        """Position against the integral of the speed."""
+        key = (axis, *lag_of(axis, values))
+        if key not in self._innovations:
+            if len(self._innovations) > 24:
+                self._innovations.clear()
+            self._innovations[key] = innovation(self.table, axis, values)
+        return self._innovations[key]
 
 
 def _own(prefix: str, nominal: Values, values: Values, known: Mapping[str, object]) -> dict[str, float]:
@@ -291,11 +301,11 @@ class SensorView:
         return parameter.startswith(("sensors.tau_v", "sensors.stages_v", "sensors.bias", "sensors.drift"))
 
     def residual(self, values: Values) -> Array:
-        table, signals = self._store.table, self._store.signals({k: v for k, v in values.items() if self.depends_on(k)})
+        table = self._store.table
         result = np.full((table.rows, 4), np.nan)
         for column, axis in enumerate("xz"):
             moving = ~table.clamped[axis]
-            result[moving, column] = signals.innovation[axis][moving]
+            result[moving, column] = self._store.innovation(axis, values)[moving]
             bias = values.get(f"sensors.bias_f_{axis}", 0.0) + values.get(f"sensors.drift_f_{axis}", 0.0) * table.columns["time"]
             result[self.untouched, 2 + column] = (table.columns[f"f_{axis}"] - bias)[self.untouched] / table.sigma[f"f_{axis}"]
         return result

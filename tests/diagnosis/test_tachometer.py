@@ -50,10 +50,22 @@ def test_position_and_speed_are_seen_behind_the_lag(stages: float) -> None:
 @pytest.mark.parametrize("stages", STAGES)
 def test_lags_far_below_a_sample_and_of_hundreds_of_samples_are_undone_too(stages: float) -> None:
     position, speed = swinging()
-    for tau in (1e-6, 1e-4, 0.2 if stages else 0.05):  # a mean over several swings hardly tells of them
+    noisy = [RNG.standard_normal(len(TIME)) * SIGMA[name] for name in ("z", "v_z")]
+    short = [1e-300, 1e-9, *np.geomspace(1e-6, 3e-4, 40), 4.0158e-6, 4.1338e-6]
+    for tau in (*short, 0.2 if stages else 0.05):  # a mean over several swings hardly tells of them
         read = sensed_speed(speed, "z", {"sensors.tau_v_z": tau, "sensors.stages_v_z": stages})
-        seen = undone(position, read, SIGMA["z"], SIGMA["v_z"], tau, round(stages))
-        assert np.sqrt(np.mean((seen[0] - position) ** 2)) < 0.5 * SIGMA["z"]
+        seen = undone(position + noisy[0], read + noisy[1], SIGMA["z"], SIGMA["v_z"], tau, round(stages))
+        assert np.sqrt(np.mean((seen[0] - position) ** 2)) < (0.1 if tau < 1e-3 else 0.5) * SIGMA["z"]
+
+
+@pytest.mark.parametrize("stages", STAGES)
+def test_a_speed_is_seen_at_the_sample_not_half_of_one_later(stages: float) -> None:
+    speed = 1.5 * TIME[:600]
+    position = 0.75 * TIME[:600] ** 2
+    for tau in (1e-3, 0.02):
+        read = sensed_speed(speed, "z", {"sensors.tau_v_z": tau, "sensors.stages_v_z": stages})
+        _, seen = undone(position, read, SIGMA["z"], SIGMA["v_z"], tau, round(stages))
+        assert np.abs(np.mean((seen - speed)[300:500])) < 0.1e-3  # half a sample would be 0.75e-3
 
 
 def test_without_a_lag_a_speed_is_read_as_it_is() -> None:
