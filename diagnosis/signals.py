@@ -26,6 +26,7 @@ SENSOR_NEUTRAL = {
 CURVED_AT = 50.0  # N at which a force channel reads by the share `curve` too much
 
 
+LAGGING = 2e-3  # s of lag from which on a speed is smoothed: no lag at all must look as a lag of some microseconds does
 DWELL = 5  # samples over which a coarse converter's error stays the same, at least
 
 
@@ -156,14 +157,14 @@ def innovation(table: Table, axis: str, sensors: Mapping[str, float]) -> Array:
 
 
 def _motion(table: Table, axis: str, tau: float, stages: int) -> tuple[Array, Array]:
-    """Smoothed position, and speed, log by log; behind a lagging tachometer both smoothed."""
+    """Smoothed position, and speed, log by log; well behind a lagging tachometer both smoothed."""
     position, speed = np.empty(table.rows), table.columns[f"v_{axis}"].copy()
     sigma, sigma_v = table.sigma[axis], table.sigma[f"v_{axis}"]
     for first, last in table.spans:
         rows = slice(first, last)
         s, v = table.columns[axis][rows], table.columns[f"v_{axis}"][rows]
-        if tau > 0:
+        if tau > LAGGING:
             position[rows], speed[rows] = undone(s, v, sigma, sigma_v, tau, stages)
         else:
-            position[rows] = smooth_axis(s, v, sigma, sigma_v, PERIOD).position
+            position[rows] = smooth_axis(s - tau * v, v, sigma, sigma_v, PERIOD).position + tau * v
     return position, speed
