@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.signals import Signals, Table, acceleration, corrected, innovation
+from diagnosis.signals import Signals, Table, acceleration, corrected, innovation, sensed_forces
 from diagnosis.tachometer import lag_of, sensed_speed
 from pyfmi_runner.block_fmu import BlockFmu, Guide
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
@@ -237,9 +237,10 @@ class ContactView:
         result = np.full((table.rows, 2), np.nan)
         for i in self.logs:
             rows = slice(*table.spans[i])
-            simulated = self.simulate(i, signals, values)
+            # as the channels read it: of forces that a channel's gain is taken out of the noise would be another for each gain
+            read = sensed_forces(self.simulate(i, signals, values), table.columns["time"][rows], values)
             for column, axis in enumerate("xz"):
-                result[rows, column] = (signals.force[axis][rows] - simulated[:, column]) / table.sigma[f"f_{axis}"]
+                result[rows, column] = (table.columns[f"f_{axis}"][rows] - read[:, column]) / table.sigma[f"f_{axis}"]
         result[self._onsets] = 0.0
         return result
 
