@@ -14,7 +14,7 @@ from pyfmi_runner.campaign import Campaign, LogSetup
 from pyfmi_runner.log import PERIOD, SIGMA
 from pyfmi_runner.smoothing import smooth_axis
 
-__all__ = ["SENSOR_NEUTRAL", "Signals", "Table", "acceleration", "corrected", "innovation", "sensed_forces", "table_of"]
+__all__ = ["LAGGING", "SENSOR_NEUTRAL", "Signals", "Table", "acceleration", "corrected", "innovation", "sensed_forces", "table_of"]
 
 Array = NDArray[np.float64]
 SENSOR_NEUTRAL = {

@@ -33,11 +33,9 @@ def tightly_led(bench: Bench, candidates: Sequence[Candidate], views: Sequence[s
         outcomes = each(lambda c: first_fit(bench, c), mine, bench.workers)
         lengths = min(outcomes, key=lambda o: o.objective).lengths if outcomes else {}
         best: dict[tuple[str, ...], tuple[Outcome, Candidate]] = {}
-        for c, outcome in zip(mine, outcomes, strict=True):
-            known = best.get(c.choice.keys)
-            if known is None or outcome.evidence(lengths) < known[0].evidence(
-                lengths
-            ):  # a law that contains another one leaves less anyway
+        for c, outcome in zip(mine, outcomes, strict=True):  # by evidence: a law that contains another one leaves less anyway
+            held_so_far = best.get(c.choice.keys)
+            if held_so_far is None or outcome.evidence(lengths) < held_so_far[0].evidence(lengths):
                 best[c.choice.keys] = (outcome, c)
         ranked = sorted(best.values(), key=lambda entry: entry[0].objective)
         result += [replace(c, tight="", led=True, eased=None, starts={}, known=c.known | o.values) for o, c in ranked]

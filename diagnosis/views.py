@@ -6,14 +6,14 @@ FMU, `sensors.*`, `timing.*`) it depends on, so that a hypothesis is judged on t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.signals import Signals, Table, acceleration, corrected, innovation, sensed_forces
+from diagnosis.signals import LAGGING, Signals, Table, acceleration, corrected, innovation, sensed_forces
 from diagnosis.tachometer import lag_of, sensed_speed
 from pyfmi_runner.block_fmu import BlockFmu, Guide
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
@@ -25,6 +25,8 @@ __all__ = ["ContactView", "FrictionView", "SensorView", "SignalStore", "TimingVi
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
+Key = TypeVar("Key", bound=Hashable)
+Made = TypeVar("Made")
 GUIDED = 0.35  # time in which a simulated carriage is led back to the measured one, as a share of its own time constant m/C
 SOLVER = {"solver.tolerance": 0.1}  # a millisecond a step but for stiff friction: exact to 0.01 of the noise
 TOUCHING = 0.5  # N, measured contact force that tells contact from none
@@ -56,20 +58,21 @@ class SignalStore:
 
     def signals(self, values: Values) -> Signals:
         key = tuple(sorted((name, value) for name, value in values.items() if name.startswith("sensors.") and name != "sensors.quantum"))
-        if key not in self._kept:
-            if len(self._kept) > 24:
-                self._kept.clear()
-            self._kept[key] = corrected(self.table, dict(key))
-        return self._kept[key]
+        return _kept(self._kept, key, lambda: corrected(self.table, dict(key)))
 
     def innovation(self, axis: str, values: Values) -> Array:
         """Position against the integral of the speed."""
         key = (axis, *lag_of(axis, values))
-        if key not in self._innovations:
-            if len(self._innovations) > 24:
-                self._innovations.clear()
-            self._innovations[key] = innovation(self.table, axis, values)
-        return self._innovations[key]
+        return _kept(self._innovations, key, lambda: innovation(self.table, axis, values))
+
+
+def _kept(kept: dict[Key, Made], key: Key, make: Callable[[], Made]) -> Made:
+    """What was made for a key; the last few are kept."""
+    if key not in kept:
+        if len(kept) > 24:
+            kept.clear()
+        kept[key] = make()
+    return kept[key]
 
 
 def _own(prefix: str, nominal: Values, values: Values, known: Mapping[str, object]) -> dict[str, float]:
@@ -216,6 +219,11 @@ def _at_rest(speed: Array, sigma: float, half: int = 40) -> Array:
     return np.where(np.abs(slow) < 5 * sigma / np.sqrt(2 * half + 1), 0.0, _mean(speed))
 
 
+def _slow(table: Table, axis: str, speed: Array) -> Array:
+    """An axis' speed smoothed, log by log."""
+    return np.concatenate([_at_rest(speed[slice(*span)], table.sigma[f"v_{axis}"]) for span in table.spans])
+
+
 class ContactView:
     """(s, v) → contact force, on the logs that have a workpiece."""
 
@@ -269,16 +277,14 @@ class ContactView:
 
     def _slow_speed(self, axis: str, signals: Signals, values: Values) -> Array:
         """Smoothed true speed."""
-        if lag_of(axis, values)[0] <= 0:
+        if lag_of(axis, values)[0] <= LAGGING:  # the speed as measured
             return self._smooth[axis]
-        table = self._store.table
-        return np.concatenate([_at_rest(signals.speed[axis][slice(*span)], table.sigma[f"v_{axis}"]) for span in table.spans])
+        return _slow(self._store.table, axis, signals.speed[axis])
 
     @cached_property
     def _smooth(self) -> dict[str, Array]:
         table = self._store.table
-        logs = [slice(*span) for span in table.spans]
-        return {a: np.concatenate([_at_rest(table.columns[f"v_{a}"][rows], table.sigma[f"v_{a}"]) for rows in logs]) for a in "xz"}
+        return {axis: _slow(table, axis, table.columns[f"v_{axis}"]) for axis in "xz"}
 
 
 class SensorView:
