@@ -56,7 +56,7 @@ FLOOR = {
 # Folded samples that say the same, at least: what smoothing and leading leave is not noise, and a fit that follows it is no evidence.
 LEAST_LENGTH = {"friction_x": 2.0, "friction_z": 4.0, "contact": 6.0}
 # The same of the floor itself, where it is the same on every rig: a misfit is held against that scatter, not against its own.
-FLOOR_LENGTH = {"contact": LEAST_LENGTH["contact"]}
+FLOOR_LENGTH = {"valve_x": 1.0, "valve_z": 1.0, "sensors": 1.0} | {view: LEAST_LENGTH[view] for view in ("friction_x", "contact")}
 SMOOTHING = (1.0, 200.0)  # contact view: error of the smoothed position, in units of the force noise, and its length in samples
 
 
@@ -360,7 +360,7 @@ class Bench:
             return np.concatenate(parts) if parts else np.zeros(0)
         if isinstance(view, TimingView):
             return np.asarray(np.nan_to_num(raw[view.judged]) / 0.7)  # the log's own rounding makes 0.7 of its unit
-        return np.asarray(raw[np.isfinite(raw)])
+        return np.asarray(raw.T[np.isfinite(raw.T)])  # channel by channel: samples of two must not be folded into one
 
     def _innovations(self, residual: Array) -> Array:
         return innovations(residual, *SMOOTHING) if self._whitened else residual

@@ -14,7 +14,9 @@ from diagnosis.fit import Fit
 from diagnosis.parallel import each
 from diagnosis.waviness import estimate_waviness
 
-__all__ = ["Candidate", "additions", "chosen_seconds", "clash", "joining", "most_promising", "other_forms", "strained_in", "weigh"]
+__all__ = [
+    "Candidate", "additions", "chosen_seconds", "clash", "joining", "most_promising", "other_forms", "relieves", "strained_in", "weigh",
+]  # fmt: skip
 
 STRAINED = 4.0  # standard deviations of tolerance beyond which it stands in for an effect
 FIT_SINGLES = 8  # effects per troubled view that are fitted, by what one step promises
@@ -146,10 +148,10 @@ def chosen_seconds(candidates: Sequence[Candidate], most: int, leaders: Containe
     of each."""
     ranked = sorted((c for c in candidates if c.promise < math.inf), key=lambda c: -c.promise)
     keys = list(dict.fromkeys(c.choice.keys for c in ranked if c.promise > QUIET))[:most]
-    return [c for c in candidates if c.choice.keys in keys or c.choice.keys[-1] in leaders or _relieves(c)]
+    return [c for c in candidates if c.choice.keys in keys or c.choice.keys[-1] in leaders or relieves(c)]
 
 
-def _relieves(c: Candidate) -> bool:
+def relieves(c: Candidate) -> bool:
     """Whether the last effect frees tolerance that stands in for an effect in its base."""
     _, form = c.choice.effects[-1]
     return c.base is not None and bool(strained_in(c.base.fit) & {p.name for p in form.parameters})
@@ -169,7 +171,7 @@ def other_forms(bench: Bench, trial: Trial, i: int) -> Iterator[Candidate]:
     effect, held = trial.choice.effects[i]
     last = i == len(trial.choice.effects) - 1  # a pair's first effect has been through this alone
     astray = last and any(rough(trial.outcome, view) for view in trial.outcome.views)
-    for form in effect.forms if trial.led and held.settings else effect.forms[1:]:  # another law was not tried in its plain form alone
+    for form in effect.forms if trial.led else effect.forms[1:]:  # led tightly not only the plain form was tried
         rest = Choice(tuple(pair for j, pair in enumerate(trial.choice.effects) if j != i))
         if form.name == held.name or form.estimator or clash(rest, form):
             continue

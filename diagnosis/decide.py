@@ -10,7 +10,7 @@ import numpy as np
 
 from diagnosis.bench import Choice, Outcome
 from diagnosis.catalogue import Effect
-from diagnosis.evidence import QUIET, Search, Trial, advantage, excess, misfit, strength
+from diagnosis.evidence import QUIET, Search, Trial, advantage, excess, misfit, steady_strength, strength
 
 __all__ = ["Decision", "Hypothesis", "Weights", "decide"]
 
@@ -146,7 +146,7 @@ def _held_out(better: Outcome | None, worse: Outcome | None) -> float:
     total = 0.0
     for view in better.views:
         length = min(better, worse, key=lambda outcome: outcome.squares[view]).lengths[view]
-        total += strength(worse.surprise(view, length) - better.surprise(view, length))
+        total += steady_strength(worse.surprise(view, length) - better.surprise(view, length))
     return total
 
 

@@ -12,7 +12,7 @@ from diagnosis.bench import BLOCK, FLOOR_LENGTH, Bench, Choice, Outcome
 
 __all__ = [
     "QUIET", "Search", "Trial", "advantage", "borne_out", "excess", "least_left", "leftover", "misfit", "rough",
-    "score", "strength", "trouble",
+    "score", "steady_strength", "strength", "trouble",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -53,8 +53,11 @@ class Search:
 
 
 def trouble(outcome: Outcome, view: str) -> float:
-    """What is left in a view under tolerance alone: misfit, and tolerance strained beyond its size."""
-    return misfit(outcome, view) + outcome.fit.penalty - len(outcome.fit.coordinates)
+    """What is left in a view under tolerance alone: misfit, and tolerance strained beyond its size.
+
+    An offset or a drift is no less of a misfit for being one and the same all along: it counts in samples of the floor.
+    """
+    return _beyond(outcome, view) / FLOOR_LENGTH.get(view, outcome.lengths[view]) + outcome.fit.penalty - len(outcome.fit.coordinates)
 
 
 def leftover(bench: Bench, outcome: Outcome, view: str, null: Outcome) -> float:
@@ -70,11 +73,16 @@ def leftover(bench: Bench, outcome: Outcome, view: str, null: Outcome) -> float:
 
 def misfit(outcome: Outcome, view: str) -> float:
     """Sum of squares beyond the floor and its own scatter, in independent samples."""
-    n, length = outcome.counts[view], outcome.lengths[view]
+    return _beyond(outcome, view) / outcome.lengths[view]
+
+
+def _beyond(outcome: Outcome, view: str) -> float:
+    """Sum of squares beyond the floor and its own scatter."""
+    n = outcome.counts[view]
     if n == 0:
         return 0.0
     beyond = outcome.squares[view] / outcome.floor.get(view, 1.0) ** 2 - n
-    return max(0.0, beyond - SCATTER * math.sqrt(2 * n * FLOOR_LENGTH.get(view, length))) / length
+    return max(0.0, beyond - SCATTER * math.sqrt(2 * n * FLOOR_LENGTH.get(view, outcome.lengths[view])))
 
 
 def rough(outcome: Outcome, view: str) -> bool:
@@ -131,6 +139,14 @@ def advantage(found: Search, better: Outcome, worse: Outcome | None) -> float:
 def strength(differences: Array) -> float:
     """Sum of the differences, cut down to what their spread over the stretches lets it be worth; keeps its sign."""
     return float(differences.sum()) * borne_out(differences)
+
+
+def steady_strength(differences: Array) -> float:
+    """The same where what stands out of the stretches may be cut to the size of the others first, at the level that leaves most: one
+    stretch that is far ahead does not make the others say less."""
+    sizes = np.sort(np.abs(differences))[::-1]
+    levels = sizes[: max(3, len(sizes) // 4)]
+    return max((strength(np.clip(differences, -level, level)) for level in levels), key=abs, default=0.0)
 
 
 def borne_out(differences: Array) -> float:

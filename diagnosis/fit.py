@@ -55,8 +55,9 @@ class Coordinate:
         return self.theta(self.low), self.theta(self.high)
 
     def interval(self, theta: float, sigma: float) -> tuple[float, float]:
-        """95 % interval of the value."""
-        ends = (self.value(theta - 1.96 * sigma), self.value(theta + 1.96 * sigma))
+        """95 % interval of the value, within its bounds."""
+        low, high = self.bounds
+        ends = (self.value(max(theta - 1.96 * sigma, low)), self.value(min(theta + 1.96 * sigma, high)))
         return min(ends), max(ends)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from diagnosis.bench import Bench, Choice, Outcome, joined
-from diagnosis.candidates import Candidate, additions, chosen_seconds, joining, most_promising, other_forms, strained_in, weigh
+from diagnosis.candidates import Candidate, additions, chosen_seconds, joining, most_promising, other_forms, relieves, strained_in, weigh
 from diagnosis.catalogue import Effect
 from diagnosis.evidence import QUIET, Search, Trial, advantage, least_left, leftover, misfit, rough, score, trouble
 from diagnosis.parallel import each
@@ -89,6 +89,13 @@ def _relay(bench: Bench, found: Search) -> None:
 def _resingle(bench: Bench, found: Search) -> None:
     """The members of the leading pairs once more, alone, from where the pair has left the tolerance, for the same reason."""
     _again(bench, found, [(t, pair) for pair in found.pairs[:2] for t in found.singles if t.choice.keys[0] in pair.choice.keys])
+    alone = {t.choice.keys: t for t in found.singles}
+    for pair in (p for p in found.pairs if p.apart):  # its members' fits are its fit, as they stand now
+        first, second = (alone[(key,)].outcome for key in pair.choice.keys)
+        if not set(first.views) & set(second.views):
+            pair.outcome = joined(first, second)
+            pair.choice = pair.outcome.choice
+    score(found)
 
 
 def _again(bench: Bench, found: Search, entries: Sequence[tuple[Trial, Trial]]) -> None:
@@ -159,7 +166,7 @@ def _seconds(bench: Bench, catalogue: Mapping[str, Effect], found: Search, base:
     chosen = chosen_seconds(candidates, FIT_PAIRS, leaders)
     for view in far_off:
         ranked = [c for c in led if is_of(bench, c.choice.effects[-1][1], view)]
-        chosen += [c for i, c in enumerate(ranked) if i < FIT_PAIRS or c.choice.keys[-1] in leaders]
+        chosen += [c for i, c in enumerate(ranked) if i < FIT_PAIRS or c.choice.keys[-1] in leaders or relieves(c)]
     chosen += [c for key, t in leaders.items() if key not in beside for c in joining(bench, base, t)]
     return apart + _fitted(bench, chosen)
 

@@ -14,6 +14,7 @@ from diagnosis.parallel import each
 __all__ = ["first_fit", "is_of", "large_misfits", "tightly_led"]
 
 LARGE = 1.3  # RMS over the floor from which on it is: led loosely, so bad a carriage misses break-aways, and slopes lead astray
+FEW = 3  # parameters of a form that is tried besides the plain one
 LEADS = (0.1, 0.3)  # shares of the usual time in which carriages are led for such a first fit, one after the other
 
 
@@ -29,7 +30,7 @@ def tightly_led(bench: Bench, candidates: Sequence[Candidate], views: Sequence[s
         values = _tight(bench, held, view, {}, {}).values  # its Jacobian of tolerance serves all
         mine = [replace(c, tight=view, known=c.known | values) for c in candidates if is_of(bench, c.choice.effects[-1][1], view)]
         mine = [c for c in mine if not c.starts or c.choice.effects[-1][1].settings]  # nothing but another law needs several starts there
-        mine += [other for c in mine if c.choice.effects[-1][1].settings for other in _other_laws(c)]
+        mine += [other for c in mine for other in _other_forms(bench, c)]
         outcomes = each(lambda c: first_fit(bench, c), mine, bench.workers)
         lengths = min(outcomes, key=lambda o: o.objective).lengths if outcomes else {}
         best: dict[tuple[str, ...], tuple[Outcome, Candidate]] = {}
@@ -42,12 +43,13 @@ def tightly_led(bench: Bench, candidates: Sequence[Candidate], views: Sequence[s
     return result
 
 
-def _other_laws(c: Candidate) -> list[Candidate]:
-    """The candidate with the other laws that its last effect may have: in the plain one nothing may tell of it."""
+def _other_forms(bench: Bench, c: Candidate) -> list[Candidate]:
+    """The candidate with the other laws that its last effect may have, in the plain one nothing may tell of it, and with its other forms
+    of a few parameters: the plain one may stick far from the right one, whose start it would be."""
     effect, held = c.choice.effects[-1]
     rest = Choice(c.choice.effects[:-1])
-    laws = [form for form in effect.forms if form.settings and form.name != held.name and not clash(rest, form)]
-    return [replace(c, choice=rest.plus(effect, form), starts={}) for form in laws]
+    others = [form for form in effect.forms if form.name != held.name and not clash(rest, form) and is_of(bench, form, c.tight)]
+    return [replace(c, choice=rest.plus(effect, form), starts={}) for form in others if form.settings or len(form.parameters) <= FEW]
 
 
 def large_misfits(left: Mapping[str, Outcome]) -> list[str]:

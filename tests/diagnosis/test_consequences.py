@@ -121,6 +121,19 @@ def test_readings_that_were_cut_off_are_taken_in_the_middle_of_their_step(late: 
     assert abs(np.mean(table.columns["v_x"] - true)) < 0.25 * step
 
 
+def test_opposite_offsets_of_two_force_channels_do_not_cancel(gantry: FmuFile, late: Campaign) -> None:
+    run = late.logs["contour_curved"]
+    noise = 0.05 * np.random.default_rng(3).standard_normal((2, len(run.log)))
+    free = replace(run.log, table=run.log.table.assign(f_x=noise[0] + 0.1, f_z=noise[1] - 0.1))
+    biased = Campaign("biased", Path("biased"), {"free_motion": LoggedRun(replace(run.setup, workpiece="none"), free)})
+    with Bench(biased, gantry) as bench:
+        sensors, offsets = bench.all["sensors"], {"sensors.bias_f_x": 0.1, "sensors.bias_f_z": -0.1}
+        left, gone = (bench.white(sensors, values) for values in ({}, offsets))
+    assert np.mean(gone**2) == pytest.approx(1.0, abs=0.1)
+    # two standard deviations on two channels, and five samples folded to one
+    assert np.sum(left**2) - np.sum(gone**2) == pytest.approx(2.0**2 * 2 * len(run.log), rel=0.05)
+
+
 def test_a_force_channels_errors_are_undone(late: Campaign) -> None:
     """Bias, drift, gain, crosstalk and curve of both channels: the inverse of what they do."""
     sensors = {f"sensors.{what}_f_{a}": size for a in "xz" for what, size in SENSOR_ERRORS.items()}

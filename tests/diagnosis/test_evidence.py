@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from diagnosis.bench import BLOCK, Choice, Outcome
 from diagnosis.catalogue import Effect, read_catalogue
 from diagnosis.decide import Weights, _left_views, contest, decide
-from diagnosis.evidence import Search, Trial, advantage, borne_out, strength
+from diagnosis.evidence import QUIET, Search, Trial, advantage, borne_out, misfit, steady_strength, strength, trouble
 from diagnosis.fit import Fit, tolerance_coordinate
 
 Array = NDArray[np.float64]
@@ -47,6 +47,26 @@ def test_evidence_of_one_stretch_is_worth_four() -> None:
     one = np.zeros(50)
     one[7] = 4000.0
     assert strength(one) == pytest.approx(4.0)
+
+
+def test_one_stretch_that_is_far_ahead_does_not_make_the_others_say_less() -> None:
+    differences = np.full(50, 2.0)
+    differences[7] = 4000.0
+    assert strength(differences) < 5.0
+    assert steady_strength(differences) == pytest.approx(100.0)
+    assert steady_strength(-differences) == pytest.approx(-100.0)
+    alone = np.where(differences > 2, differences, 0.0)
+    assert steady_strength(alone) == pytest.approx(4.0)
+    assert steady_strength(np.zeros(0)) == 0.0
+
+
+def test_an_offset_of_one_standard_deviation_is_trouble_for_all_that_it_is_one_and_the_same() -> None:
+    """Its residual is one long correlated stretch: in its own independent samples it would count as a few."""
+    offset = np.random.default_rng(2).standard_normal((STRETCHES, BLOCK)) + 1.0
+    null = outcome((offset**2).sum(axis=1))
+    null.lengths[VIEW] = 5000.0
+    assert misfit(null, VIEW) < QUIET < trouble(null, VIEW)
+    assert trouble(outcome(noise(2)), VIEW) <= QUIET
 
 
 def test_evidence_of_noise_keeps_its_size() -> None:

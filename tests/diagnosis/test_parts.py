@@ -104,6 +104,11 @@ def test_a_promise_is_kept_where_the_model_is_linear() -> None:
     assert promised == pytest.approx(fitted.misfit + fitted.penalty, rel=1e-6)
 
 
+def test_an_interval_of_what_the_data_leave_open_ends_at_the_bounds() -> None:
+    growth = effect_coordinate(Parameter("exponent", 1.0, 1.0, 0.1, 10.0, "1", positive=True), None)
+    assert growth.interval(0.0, 1e6) == pytest.approx((0.1, 10.0))
+
+
 def test_a_factor_takes_over_what_strains_the_tolerance_that_it_multiplies() -> None:
     level = Parameter("level", 1.0, 0.25, 0.05, 10.0, relative=True, multiplies=("static", "dynamic"))
     coordinates = [
