@@ -25,7 +25,7 @@ from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["FLOOR", "FLOOR_LENGTH", "TOLERANCE", "Bench", "Choice", "Outcome", "joined", "nominal_values"]
+__all__ = ["FLOOR", "FLOOR_LENGTH", "FLOOR_MOST", "TOLERANCE", "Bench", "Choice", "Outcome", "joined", "nominal_values"]
 
 Array = NDArray[np.float64]
 TOLERANCE = 0.02  # RMS share by which a rig's parameters are off (gap.md, "Logs")
@@ -57,6 +57,7 @@ FLOOR = {
 LEAST_LENGTH = {"friction_x": 2.0, "friction_z": 4.0, "contact": 6.0}
 # The same of the floor itself, where it is the same on every rig: a misfit is held against that scatter, not against its own.
 FLOOR_LENGTH = {"valve_x": 1.0, "valve_z": 1.0, "sensors": 1.0} | {view: LEAST_LENGTH[view] for view in ("friction_x", "contact")}
+FLOOR_MOST = ("friction_x", "contact")  # views whose floor is the most that is left on any sound rig, scatter and all
 SMOOTHING = (1.0, 200.0)  # contact view: error of the smoothed position, in units of the force noise, and its length in samples
 
 

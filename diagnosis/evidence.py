@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.bench import BLOCK, FLOOR_LENGTH, Bench, Choice, Outcome
+from diagnosis.bench import BLOCK, FLOOR_LENGTH, FLOOR_MOST, Bench, Choice, Outcome
 
 __all__ = [
     "QUIET", "Search", "Trial", "advantage", "borne_out", "excess", "least_left", "leftover", "misfit", "rough",
@@ -57,7 +57,8 @@ def trouble(outcome: Outcome, view: str) -> float:
 
     An offset or a drift is no less of a misfit for being one and the same all along: it counts in samples of the floor.
     """
-    return _beyond(outcome, view) / FLOOR_LENGTH.get(view, outcome.lengths[view]) + outcome.fit.penalty - len(outcome.fit.coordinates)
+    beyond = _beyond(outcome, view, 0.0 if view in FLOOR_MOST else SCATTER)
+    return beyond / FLOOR_LENGTH.get(view, outcome.lengths[view]) + outcome.fit.penalty - len(outcome.fit.coordinates)
 
 
 def leftover(bench: Bench, outcome: Outcome, view: str, null: Outcome) -> float:
@@ -76,13 +77,13 @@ def misfit(outcome: Outcome, view: str) -> float:
     return _beyond(outcome, view) / outcome.lengths[view]
 
 
-def _beyond(outcome: Outcome, view: str) -> float:
-    """Sum of squares beyond the floor and its own scatter."""
+def _beyond(outcome: Outcome, view: str, scatter: float = SCATTER) -> float:
+    """Sum of squares beyond the floor and its own scatter, in standard deviations."""
     n = outcome.counts[view]
     if n == 0:
         return 0.0
     beyond = outcome.squares[view] / outcome.floor.get(view, 1.0) ** 2 - n
-    return max(0.0, beyond - SCATTER * math.sqrt(2 * n * FLOOR_LENGTH.get(view, outcome.lengths[view])))
+    return max(0.0, beyond - scatter * math.sqrt(2 * n * FLOOR_LENGTH.get(view, outcome.lengths[view])))
 
 
 def rough(outcome: Outcome, view: str) -> bool:
