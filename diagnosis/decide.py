@@ -94,12 +94,6 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
         left, share, view = max(left, weights.cap), 0.0, ""
     unknown = left + (1 - left) * rough
     ranked = [Hypothesis((*h.keys, *seen), h.probability * (1 - left) * weights.cap, h.trial) for h in ranked]
-    answers, held = [], 0.0
-    for item in [*ranked, Hypothesis(("unknown",), unknown, None)] if unknown < 0.5 else [Hypothesis(("unknown",), unknown, None), *ranked]:
-        if held >= 0.95 or item.probability < 0.005:
-            break
-        answers.append(list(item.keys))
-        held += item.probability
     verdict = (
         "unknown"
         if unknown > 0.5
@@ -110,7 +104,19 @@ def decide(found: Search, weights: Weights | None = None, seen: tuple[str, ...] 
         else "ambiguous"
     )
     resembles = odd or (outside[0].trial.choice.outside[0] if rough > 0.5 and outside[0].trial is not None else None)
-    return Decision(verdict, ranked, best, share, unknown, view, answers, resembles, _left_views(found, best, weights))
+    return Decision(verdict, ranked, best, share, unknown, view, _answers(ranked, unknown), resembles, _left_views(found, best, weights))
+
+
+def _answers(ranked: list[Hypothesis], unknown: float) -> list[list[str]]:
+    """The likeliest hypotheses, "unknown" among them, until they hold 95 %."""
+    answers: list[list[str]] = []
+    held = 0.0
+    for item in sorted([*ranked, Hypothesis(("unknown",), unknown, None)], key=lambda h: -h.probability):
+        if held >= 0.95 or item.probability < 0.005:
+            break
+        answers.append(list(item.keys))
+        held += item.probability
+    return answers
 
 
 def contest(found: Search, weights: Weights | None = None) -> list[tuple[Trial | None, float]]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from diagnosis.bench import BLOCK, Choice, Outcome
 from diagnosis.catalogue import Effect, read_catalogue
-from diagnosis.decide import Weights, _left_views, contest, decide
+from diagnosis.decide import Hypothesis, Weights, _answers, _left_views, contest, decide
 from diagnosis.evidence import QUIET, Search, Trial, advantage, borne_out, misfit, steady_strength, strength, trouble
 from diagnosis.fit import Fit, tolerance_coordinate
 
@@ -140,6 +140,13 @@ def test_the_log_that_no_fit_has_seen_tells_two_like_effects_apart() -> None:
     decision = decide(found)
     assert decision.verdict == "identified"
     assert decision.hypotheses[0].keys == found.singles[0].choice.keys
+
+
+def test_unknown_stands_in_the_answer_set_by_its_probability() -> None:
+    ranked = [Hypothesis((key,), p, None) for key, p in (("valve_lag/z", 0.8), ("valve_gain/z", 0.01), ("valve_offset/z", 0.01))]
+    assert _answers(ranked, 0.18) == [["valve_lag/z"], ["unknown"]]
+    assert _answers(ranked, 0.001) == [["valve_lag/z"], ["valve_gain/z"], ["valve_offset/z"]]
+    assert _answers(ranked[:1], 0.9) == [["unknown"], ["valve_lag/z"]]
 
 
 def test_what_only_the_unseen_log_shows_is_unknown() -> None:
