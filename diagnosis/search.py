@@ -53,6 +53,7 @@ def search(bench: Bench, catalogue: Mapping[str, Effect]) -> Search:
     prospects = _prospects(found)
     _refine(bench, found, [*prospects, *(t for t in _valve_pairs(found) if t not in prospects)])
     _resingle(bench, found)
+    _rejoin(found)
     return found
 
 
@@ -89,8 +90,12 @@ def _relay(bench: Bench, found: Search) -> None:
 def _resingle(bench: Bench, found: Search) -> None:
     """The members of the leading pairs once more, alone, from where the pair has left the tolerance, for the same reason."""
     _again(bench, found, [(t, pair) for pair in found.pairs[:2] for t in found.singles if t.choice.keys[0] in pair.choice.keys])
+
+
+def _rejoin(found: Search) -> None:
+    """Pairs in views of their own each as their members stand now."""
     alone = {t.choice.keys: t for t in found.singles}
-    for pair in (p for p in found.pairs if p.apart):  # its members' fits are its fit, as they stand now
+    for pair in (p for p in found.pairs if p.apart):
         first, second = (alone[(key,)].outcome for key in pair.choice.keys)
         if not set(first.views) & set(second.views):
             pair.outcome = joined(first, second)
