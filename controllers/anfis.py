@@ -1,12 +1,14 @@
-"""Adaptive neuro-fuzzy inference system (Jang 1993; §4.2.4, Fig. 4.19): Gaussian memberships on a grid, first-order Sugeno rules.
+"""Adaptive neuro-fuzzy inference system (Jang 1993; §4.2.4, Fig. 4.19): Gaussian memberships on a
+grid, first-order Sugeno rules.
 
-w_r = prod_i exp(-((x_i - c_i,m(r,i)) / s_i,m(r,i))^2 / 2), y = sum_r w_r (a_r . x + b_r) / sum_r w_r, with every combination of one
-membership per input a rule (3 memberships of 5 inputs: 243 rules). Inputs are scaled to -1..1 over the training data and clipped to
--1.5..1.5: a Sugeno rule extrapolates without bound.
+w_r = prod_i exp(-((x_i - c_i,m(r,i)) / s_i,m(r,i))^2 / 2), y = sum_r w_r (a_r . x + b_r) / sum_r
+w_r, with every combination of one membership per input a rule (3 memberships of 5 inputs: 243
+rules). Inputs are scaled to -1..1 over the training data and clipped to -1.5..1.5: a Sugeno rule
+extrapolates without bound.
 
-The output is written here, in plain loops, because it must compile into the control loop and give Python's bits; training is
-`anfis_training`. No library fits: those on PyPI (anfis, scikit-anfis, anfis-pytorch) are unmaintained or bring PyTorch, and none yields
-a function that numba can compile.
+The output is written here, in plain loops, because it must compile into the control loop and give
+Python's bits; training is `anfis_training`. No library fits: those on PyPI (anfis, scikit-anfis,
+anfis-pytorch) are unmaintained or bring PyTorch, and none yields a function that numba can compile.
 """
 
 import math
@@ -20,7 +22,9 @@ TINY = 1e-300
 
 
 class AnfisModel(NamedTuple):
-    """Premises and consequents; m memberships of n inputs make m^n rules, the last input turning fastest."""
+    """Premises and consequents; m memberships of n inputs make m^n rules, the last input turning
+    fastest.
+    """
 
     centre: np.ndarray  # (n, m), scaled
     width: np.ndarray  # (n, m), scaled, > 0
@@ -38,7 +42,9 @@ def anfis_scale(model: AnfisModel, inputs: np.ndarray, scaled: np.ndarray) -> No
 
 
 @register_jitable
-def anfis_output(model: AnfisModel, inputs: np.ndarray, scaled: np.ndarray, grade: np.ndarray) -> float:
+def anfis_output(
+    model: AnfisModel, inputs: np.ndarray, scaled: np.ndarray, grade: np.ndarray
+) -> float:
     """y for inputs (n,); scaled (n,) and grade (n, m) are work space."""
     n, m = model.centre.shape
     anfis_scale(model, inputs, scaled)

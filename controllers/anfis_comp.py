@@ -1,7 +1,8 @@
 """PI FV with VDFM on x and the ANFIS friction model on z (§4.2.4, Fig. 3.10, 4.19).
 
-Inputs of the ANFIS: f_az, its change, f_n, z, its change, over ``PERIOD`` as in the training data; z is the travel since the contact
-phase began, from the speed (the position's own noise of 0.1 mm exceeds the presliding way). a_z = (F_z + C_z v_z) / K_z.
+Inputs of the ANFIS: f_az, its change, f_n, z, its change, over ``PERIOD`` as in the training data;
+z is the travel since the contact phase began, from the speed (the position's own noise of 0.1 mm
+exceeds the presliding way). a_z = (F_z + C_z v_z) / K_z.
 """
 
 from typing import NamedTuple, Unpack
@@ -39,7 +40,9 @@ class AnfisCompState(NamedTuple):
 
 
 @register_jitable
-def anfis_comp_kernel(params: AnfisCompParams, state: AnfisCompState, reference: Reference, sense: Sense) -> tuple[AnfisCompState, Command]:
+def anfis_comp_kernel(
+    params: AnfisCompParams, state: AnfisCompState, reference: Reference, sense: Sense
+) -> tuple[AnfisCompState, Command]:
     frame = task_frame(sense)
     past, inputs, at = state.past, state.inputs, state.at
     travel = state.travel + params.fv.dt * sense.v_z
@@ -55,7 +58,9 @@ def anfis_comp_kernel(params: AnfisCompParams, state: AnfisCompState, reference:
     a_z = (force + params.c_z * sense.v_z) / K_Z
     a_x = (vdfm_coulomb(params.x, sense.v_x, sense.f_ax) + params.x.c * sense.v_x) / K_X
     fv, command = pi_fv_law(params.fv, state.fv, fv_errors(reference, frame), a_x, a_z)
-    return AnfisCompState(fv, travel, past, (at + 1) % PERIOD, inputs, state.scaled, state.grade), command
+    return AnfisCompState(
+        fv, travel, past, (at + 1) % PERIOD, inputs, state.scaled, state.grade
+    ), command
 
 
 class AnfisComp(Controller[AnfisCompParams, AnfisCompState]):
@@ -63,11 +68,19 @@ class AnfisComp(Controller[AnfisCompParams, AnfisCompState]):
 
     kernel = staticmethod(anfis_comp_kernel)
 
-    def __init__(self, model: AnfisModel | None = None, f_max: float = 25.0, **fv: Unpack[PiFvOptions]) -> None:
+    def __init__(
+        self, model: AnfisModel | None = None, f_max: float = 25.0, **fv: Unpack[PiFvOptions]
+    ) -> None:
         if not f_max > 0.0:
             raise ValueError(f"f_max must be > 0 N, got {f_max}")
-        super().__init__(AnfisCompParams(pi_fv_params(**fv), model or trained_model(), VDFM_X, VDFM_Z.c, float(f_max)))
+        super().__init__(
+            AnfisCompParams(
+                pi_fv_params(**fv), model or trained_model(), VDFM_X, VDFM_Z.c, float(f_max)
+            )
+        )
 
     def initial_state(self) -> AnfisCompState:
         n, m = self.params.model.centre.shape
-        return AnfisCompState(PiFvState(), 0.0, np.zeros((PERIOD, 2)), -1, np.zeros(n), np.zeros(n), np.zeros((n, m)))
+        return AnfisCompState(
+            PiFvState(), 0.0, np.zeros((PERIOD, 2)), -1, np.zeros(n), np.zeros(n), np.zeros((n, m))
+        )

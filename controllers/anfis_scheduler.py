@@ -1,8 +1,9 @@
 """PI FV with an ANFIS gain scheduler (Fig. 3.10): Table 5.1 made smooth over the edge angle.
 
-One input, theta, with four Gaussian memberships at the middles of the table's rows, and for each of the eight gains a constant
-consequent per rule, by least squares to the lookup table over 0..60 degrees. The integral parts keep their value when gains change: a
-smooth schedule has no jump to carry through (``gain_scheduler`` has the printed one).
+One input, theta, with four Gaussian memberships at the middles of the table's rows, and for each of
+the eight gains a constant consequent per rule, by least squares to the lookup table over 0..60
+degrees. The integral parts keep their value when gains change: a smooth schedule has no jump to
+carry through (``gain_scheduler`` has the printed one).
 """
 
 import math
@@ -56,9 +57,16 @@ def mixed(c: np.ndarray, gain: int, w_0: float, w_1: float, w_2: float, w_3: flo
 
 
 @register_jitable
-def anfis_scheduler_kernel(params: AnfisSchedulerParams, state: PiFvState, reference: Reference, sense: Sense) -> tuple[PiFvState, Command]:
+def anfis_scheduler_kernel(
+    params: AnfisSchedulerParams, state: PiFvState, reference: Reference, sense: Sense
+) -> tuple[PiFvState, Command]:
     frame = task_frame(sense)
-    now = PiFvParams(scheduled_gains(params.consequent, frame.theta), params.fv.u_0x, params.fv.u_0z, params.fv.dt)
+    now = PiFvParams(
+        scheduled_gains(params.consequent, frame.theta),
+        params.fv.u_0x,
+        params.fv.u_0z,
+        params.fv.dt,
+    )
     return pi_fv_law(now, state, fv_errors(reference, frame), 0.0, 0.0)
 
 
@@ -67,7 +75,9 @@ def fitted_consequents() -> np.ndarray:
     theta = np.linspace(0.0, HIGHEST, 241)[:-1]
     weights = np.array([[grade(float(t), centre) for centre in CENTRES] for t in theta])
     weights /= weights.sum(axis=1, keepdims=True)
-    table = np.array([[k for pid in TABLE_5_1[scheduled_set(float(t))] for k in pid[:2]] for t in theta])
+    table = np.array(
+        [[k for pid in TABLE_5_1[scheduled_set(float(t))] for k in pid[:2]] for t in theta]
+    )
     return np.asarray(np.linalg.lstsq(weights, table, rcond=None)[0])
 
 
@@ -78,7 +88,9 @@ class AnfisScheduler(Controller[AnfisSchedulerParams, PiFvState]):
 
     def __init__(self, **fv: Unpack[PiFvOptions]) -> None:
         if "gains" in fv:
-            raise ValueError("gains must not be given to anfis_scheduler: it takes the sets of Table 5.1")
+            raise ValueError(
+                "gains must not be given to anfis_scheduler: it takes the sets of Table 5.1"
+            )
         super().__init__(AnfisSchedulerParams(pi_fv_params(**fv), fitted_consequents()))
 
     def initial_state(self) -> PiFvState:

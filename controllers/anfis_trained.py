@@ -1,4 +1,6 @@
-"""The ANFIS friction model of the z axis as trained by `studies.thesis.anfis_study`: three memberships of five inputs, 243 rules."""
+"""The ANFIS friction model of the z axis as trained by `pneugantry.thesis.anfis_study`: three
+memberships of five inputs, 243 rules.
+"""
 
 import base64
 import zlib
@@ -16,7 +18,13 @@ def trained_model() -> AnfisModel:
     n, m = INPUTS, MEMBERSHIPS
     sizes = np.cumsum([n * m, n * m, m**n * (n + 1), n])
     centre, width, consequent, middle, half = np.split(flat, sizes)
-    return AnfisModel(centre.reshape(n, m), width.reshape(n, m), consequent.reshape(-1, n + 1), middle.copy(), half.copy())
+    return AnfisModel(
+        centre.reshape(n, m),
+        width.reshape(n, m),
+        consequent.reshape(-1, n + 1),
+        middle.copy(),
+        half.copy(),
+    )
 
 
 PACKED = (

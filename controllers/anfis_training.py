@@ -1,4 +1,6 @@
-"""Hybrid learning of an ANFIS (Jang 1993, §4.2.4): least squares for the consequents forward, gradient for the premises backward."""
+"""Hybrid learning of an ANFIS (Jang 1993, §4.2.4): least squares for the consequents forward,
+gradient for the premises backward.
+"""
 
 from typing import NamedTuple
 
@@ -15,10 +17,20 @@ class Training(NamedTuple):
     rmse: list[float]  # after each epoch, in the target's unit
 
 
-def anfis_train(inputs: np.ndarray, target: np.ndarray, memberships: int = 3, epochs: int = 10, step: float = 0.02) -> Training:
-    """Fits y (N,) to inputs (N, n). Raises ValueError for other shapes, epochs < 1 and an input that never changes."""
+def anfis_train(
+    inputs: np.ndarray,
+    target: np.ndarray,
+    memberships: int = 3,
+    epochs: int = 10,
+    step: float = 0.02,
+) -> Training:
+    """Fits y (N,) to inputs (N, n). Raises ValueError for other shapes, epochs < 1 and an input
+    that never changes.
+    """
     if inputs.ndim != 2 or target.shape != inputs.shape[:1]:
-        raise ValueError(f"inputs must be (N, n) and target (N,), got {inputs.shape} and {target.shape}")
+        raise ValueError(
+            f"inputs must be (N, n) and target (N,), got {inputs.shape} and {target.shape}"
+        )
     if epochs < 1:
         raise ValueError(f"epochs must be >= 1, got {epochs}")
     low, high = inputs.min(axis=0), inputs.max(axis=0)
@@ -72,11 +84,18 @@ def _least_squares(x: np.ndarray, weights: np.ndarray, target: np.ndarray) -> np
 
 
 def _gradient(
-    x: np.ndarray, centre: np.ndarray, width: np.ndarray, weights: np.ndarray, rules: np.ndarray, error: np.ndarray
+    x: np.ndarray,
+    centre: np.ndarray,
+    width: np.ndarray,
+    weights: np.ndarray,
+    rules: np.ndarray,
+    error: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of half the mean squared error by the centres and widths."""
     n, m = centre.shape
-    pull = weights * (rules - (weights * rules).sum(axis=1, keepdims=True)) * error[:, None] / len(x)  # d/d ln w_r
+    pull = (
+        weights * (rules - (weights * rules).sum(axis=1, keepdims=True)) * error[:, None] / len(x)
+    )  # d/d ln w_r
     belongs = _rule_memberships(n, m)
     to_centre, to_width = np.zeros_like(centre), np.zeros_like(width)
     for i in range(n):

@@ -21,7 +21,8 @@ from controllers.pressure_feedback import PressureFeedback
 from controllers.smith import Smith
 from controllers.vdfm_comp import VdfmComp
 
-# Silent in the thesis: the activation functions' start. Chosen by Table 5.5 (docs/thesis.md): bounds at the valve's 5 V.
+# Silent in the thesis: the activation functions' start. Chosen by Table 5.5 (docs/thesis.md):
+# bounds at the valve's 5 V.
 EBPA_START: dict[str, Any] = {"upper": 5.0, "lower": -5.0, "slope": 3.0}
 CATALOGUE: dict[str, Callable[..., Controller]] = {
     "pi_fv": PiFv,
@@ -50,14 +51,18 @@ def controller_names() -> list[str]:
 
 
 def make_controller(name: str, **options: Any) -> Controller:
-    """Controller by catalogue name; options are those of its class (``gains="table_3_7"`` and so on).
+    """Controller by catalogue name; options are those of its class (``gains="table_3_7"`` and so
+    on).
 
-    Raises ValueError for an unknown name (naming the nearest), an unknown option and an option out of range.
+    Raises ValueError for an unknown name (naming the nearest), an unknown option and an option out
+    of range.
     """
     name = ALIASES.get(name, name)
     if name not in CATALOGUE:
         near = get_close_matches(name, [*CATALOGUE, *ALIASES], n=1, cutoff=0.0)[0]
-        raise ValueError(f"unknown controller {name!r}; nearest is {near!r}, known are {', '.join(CATALOGUE)}")
+        raise ValueError(
+            f"unknown controller {name!r}; nearest is {near!r}, known are {', '.join(CATALOGUE)}"
+        )
     try:
         return CATALOGUE[name](**options)
     except TypeError as error:

@@ -3,8 +3,9 @@
 dF/ds = (gamma/delta) (F - beta sgn v)^2; with sigma = gamma beta^2 / delta the stiffness at F = 0,
 F' = sigma v (1 - F/beta sgn v)^2, |F| <= beta. F > 0 acts towards -axis.
 
-Over a travel s of one direction the equation has a closed form, used here instead of the printed rectangle rule, which
-leaves |F| <= beta at speed: with y = 1 - F/beta sgn s, y <- y / (1 + y sigma |s| / beta).
+Over a travel s of one direction the equation has a closed form, used here instead of the printed
+rectangle rule, which leaves |F| <= beta at speed: with y = 1 - F/beta sgn s, y <- y / (1 + y sigma
+|s| / beta).
 """
 
 from typing import NamedTuple
@@ -18,7 +19,9 @@ class DdfmParams(NamedTuple):
 
 
 DDFM_Z = DdfmParams(beta=12.0, sigma=1.0e5)  # read off Fig. 4.14 and 4.17
-DDFM_X = DdfmParams(beta=11.0, sigma=9.2e4)  # the thesis has none: F_dx as limit, reached over the same 0.12 mm
+DDFM_X = DdfmParams(
+    beta=11.0, sigma=9.2e4
+)  # the thesis has none: F_dx as limit, reached over the same 0.12 mm
 
 
 @register_jitable

@@ -1,4 +1,5 @@
-"""PI FV with VDFM based compensator on x and DDFM based compensator on z (§5.2, Fig. 5.4; Eq. 3-18, 3-20, 4-8).
+"""PI FV with VDFM based compensator on x and DDFM based compensator on z (§5.2, Fig. 5.4; Eq. 3-18,
+3-20, 4-8).
 
 a_z = (F_z + C_z v_z) / K_z with F_z of Eq. 4-8 along the travel v_z dt; F_z starts at 0.
 """
@@ -33,7 +34,9 @@ class DdfmCompState(NamedTuple):
 
 
 @register_jitable
-def ddfm_comp_kernel(params: DdfmCompParams, state: DdfmCompState, reference: Reference, sense: Sense) -> tuple[DdfmCompState, Command]:
+def ddfm_comp_kernel(
+    params: DdfmCompParams, state: DdfmCompState, reference: Reference, sense: Sense
+) -> tuple[DdfmCompState, Command]:
     drive_x = sense.f_ax
     if params.net:
         drive_x -= sense.f_x + params.f_w
@@ -59,7 +62,9 @@ class DdfmComp(Controller[DdfmCompParams, DdfmCompState]):
         **fv: Unpack[PiFvOptions],
     ) -> None:
         x, z = vdfm_checked(x, "x"), ddfm_checked(z, "z")
-        super().__init__(DdfmCompParams(pi_fv_params(**fv), x, z, float(c_z), bool(net), float(f_w), K_X, K_Z))
+        super().__init__(
+            DdfmCompParams(pi_fv_params(**fv), x, z, float(c_z), bool(net), float(f_w), K_X, K_Z)
+        )
 
     def initial_state(self) -> DdfmCompState:
         return DdfmCompState(PiFvState(), 0.0)

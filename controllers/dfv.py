@@ -1,12 +1,13 @@
 """Dual force/velocity controller of Jatta et al. (§3.3, Fig. 3.6): two PID loops in the task frame.
 
-c_n = PID(e_fn), c_t = PID(e_vt) with the errors of Eq. 3-10, 3-11; turned into the axes c_x = c_t cos - c_n sin,
-c_z = c_t sin + c_n cos of theta; an estimate of the friction is added per axis, here that of the VDFM (Eq. 3-18 to
-3-21) in the share ``friction`` (0 leaves it out); u_x = u_0x - c_x, u_z = u_0z + c_z, each clipped to 0..5 V.
+c_n = PID(e_fn), c_t = PID(e_vt) with the errors of Eq. 3-10, 3-11; turned into the axes c_x = c_t
+cos - c_n sin, c_z = c_t sin + c_n cos of theta; an estimate of the friction is added per axis, here
+that of the VDFM (Eq. 3-18 to 3-21) in the share ``friction`` (0 leaves it out); u_x = u_0x - c_x,
+u_z = u_0z + c_z, each clipped to 0..5 V.
 
-Silent in the thesis: the gains (taken from the f_z and v_x loops of Table 3.11, so that both controllers agree on a
-flat edge), Jatta's recursive update of the friction parameters (constant here), and windup (both integrators stop
-taking errors that drive a clipped axis further out).
+Silent in the thesis: the gains (taken from the f_z and v_x loops of Table 3.11, so that both
+controllers agree on a flat edge), Jatta's recursive update of the friction parameters (constant
+here), and windup (both integrators stop taking errors that drive a clipped axis further out).
 """
 
 from typing import NamedTuple
@@ -43,7 +44,9 @@ class DfvState(NamedTuple):
 
 @register_jitable
 def barred_error(error: float, along_x: float, along_z: float, x_bar: int, z_bar: int) -> int:
-    """Sign of error where it drives a clipped axis further out, else 0; along_x, along_z: dc_x/dc, dc_z/dc."""
+    """Sign of error where it drives a clipped axis further out, else 0; along_x, along_z: dc_x/dc,
+    dc_z/dc.
+    """
     if x_bar * along_x * error > 0.0 or z_bar * along_z * error > 0.0:
         return 1 if error > 0.0 else -1
     return 0
@@ -58,7 +61,9 @@ def friction_volts(params: DfvParams, sense: Sense) -> tuple[float, float]:
 
 
 @register_jitable
-def dfv_kernel(params: DfvParams, state: DfvState, reference: Reference, sense: Sense) -> tuple[DfvState, Command]:
+def dfv_kernel(
+    params: DfvParams, state: DfvState, reference: Reference, sense: Sense
+) -> tuple[DfvState, Command]:
     frame: TaskFrame = task_frame(sense)
     e_fn = reference.f_nd - frame.f_n
     e_vt = reference.v_td - frame.v_t
@@ -94,7 +99,20 @@ class Dfv(Controller[DfvParams, DfvState]):
             raise ValueError(f"friction must be within 0..1, got {friction}")
         base = pi_fv_params(u_0x=u_0x, u_0z=u_0z, dt=dt)
         force, velocity = PidGains(*map(float, force)), PidGains(*map(float, velocity))
-        super().__init__(DfvParams(force, velocity, float(friction), VDFM_X, VDFM_Z, K_X, K_Z, base.u_0x, base.u_0z, base.dt))
+        super().__init__(
+            DfvParams(
+                force,
+                velocity,
+                float(friction),
+                VDFM_X,
+                VDFM_Z,
+                K_X,
+                K_Z,
+                base.u_0x,
+                base.u_0z,
+                base.dt,
+            )
+        )
 
     def initial_state(self) -> DfvState:
         return DfvState()

@@ -1,6 +1,7 @@
 """Displacement since the last reversal, from a speed signal.
 
-A reversal counts once the axis has come back by ``dead`` from its farthest point, so that noise of the speed is none.
+A reversal counts once the axis has come back by ``dead`` from its farthest point, so that noise of
+the speed is none.
 """
 
 from typing import NamedTuple

@@ -1,16 +1,16 @@
 """Neural network with the extended back propagation algorithm (Eq. 5-2 to 5-17, Table 5.3).
 
-sigma = (U - Q) y + Q with y = logistic(net / s) (5-4); net_i = sum_j V_ij p_j + b, u = sigma_3(sum_i W_i sigma_i + b)
-(5-5). Each quantity moves by its update plus alpha times its last one, once a sample:
-V_ij: H_1 p_j W_i sigma_i' sigma_3' e (5-6); W_i: H_2 sigma_i sigma_3' e (5-10);
-U_i, Q_i, s_i of the hidden layer: H_3 W_i (d sigma_i/d.) (d sigma_3/d.) e (5-7 to 5-9, with the derivative of the
-output node by its own U, Q or s as printed, not by net_3 as the chain rule has it); U, Q, s of the output:
-H_3 (d sigma_3/d.) e (5-11 to 5-13).
-d sigma/d net = (U - Q) y (1 - y) / s, which is Eq. 5-14 without its division by U - Q;
-d/dU = y, d/dQ = 1 - y, d/ds = -net/s d sigma/d net (5-15 to 5-17).
+sigma = (U - Q) y + Q with y = logistic(net / s) (5-4); net_i = sum_j V_ij p_j + b, u =
+sigma_3(sum_i W_i sigma_i + b) (5-5). Each quantity moves by its update plus alpha times its last
+one, once a sample: V_ij: H_1 p_j W_i sigma_i' sigma_3' e (5-6); W_i: H_2 sigma_i sigma_3' e (5-10);
+U_i, Q_i, s_i of the hidden layer: H_3 W_i (d sigma_i/d.) (d sigma_3/d.) e (5-7 to 5-9, with the
+derivative of the output node by its own U, Q or s as printed, not by net_3 as the chain rule has
+it); U, Q, s of the output: H_3 (d sigma_3/d.) e (5-11 to 5-13). d sigma/d net = (U - Q) y (1 - y) /
+s, which is Eq. 5-14 without its division by U - Q; d/dU = y, d/dQ = 1 - y, d/ds = -net/s d sigma/d
+net (5-15 to 5-17).
 
-Silent in the thesis: the initial U, Q, s (1, 0, 1: Eq. 5-1) and the biases (0 and constant; no equation moves them).
-A slope is kept >= 0.05, so that no update divides by 0.
+Silent in the thesis: the initial U, Q, s (1, 0, 1: Eq. 5-1) and the biases (0 and constant; no
+equation moves them). A slope is kept >= 0.05, so that no update divides by 0.
 """
 
 from typing import NamedTuple
@@ -101,7 +101,9 @@ def ebpa_learn(params: EbpaParams, state: EbpaState, p: np.ndarray, e: float) ->
                 v[i, j] = limited(v[i, j] + last_v[i, j], limit)
             by = by * w[i]
             by_u, by_q, by_s = by * y_3, by * (1.0 - y_3), by * d_s3  # Eq. 5-7 to 5-9
-            last_w[i] = params.h_2 * (spread * y + lower[i]) * slope_3 * e + alpha * last_w[i]  # Eq. 5-10
+            last_w[i] = (
+                params.h_2 * (spread * y + lower[i]) * slope_3 * e + alpha * last_w[i]
+            )  # Eq. 5-10
             w[i] = limited(w[i] + last_w[i], limit)
         last_upper[i] = by_u * y + alpha * last_upper[i]
         last_lower[i] = by_q * (1.0 - y) + alpha * last_lower[i]

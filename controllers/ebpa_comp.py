@@ -1,6 +1,7 @@
 """PI FV with EBPA neural compensator on z (Fig. 5.11, 5.12; Table 5.3).
 
-u_NN [V] is added to c_z. While the z command is at a limit the network learns only from errors that bring it back.
+u_NN [V] is added to c_z. While the z command is at a limit the network learns only from errors that
+bring it back.
 """
 
 from typing import Any, NamedTuple
@@ -31,7 +32,9 @@ class EbpaCompState(NamedTuple):
 
 
 @register_jitable
-def ebpa_comp_kernel(params: EbpaCompParams, state: EbpaCompState, reference: Reference, sense: Sense) -> tuple[EbpaCompState, Command]:
+def ebpa_comp_kernel(
+    params: EbpaCompParams, state: EbpaCompState, reference: Reference, sense: Sense
+) -> tuple[EbpaCompState, Command]:
     frame = task_frame(sense)
     e = reference.f_nd - frame.f_n
     force_inputs(state.p, reference.f_nd, frame.f_n)
@@ -44,7 +47,9 @@ def ebpa_comp_kernel(params: EbpaCompParams, state: EbpaCompState, reference: Re
 
 
 def ebpa_params(**options: Any) -> EbpaParams:
-    """Raises ValueError for n_h < 1, a negative rate, alpha outside 0..1, U <= Q and a slope or limit <= 0."""
+    """Raises ValueError for n_h < 1, a negative rate, alpha outside 0..1, U <= Q and a slope or
+    limit <= 0.
+    """
     params = EbpaParams(**options)
     if params.n_h < 1:
         raise ValueError(f"n_h must be >= 1, got {params.n_h}")
@@ -70,7 +75,12 @@ def ebpa_state(params: EbpaParams, n_i: int) -> EbpaState:
         np.full(n_h + 1, params.lower),
         np.full(n_h + 1, params.slope),
     )
-    return EbpaState(at, EbpaWeights(*(np.zeros_like(array) for array in at)), np.zeros(n_h + 1), np.zeros(n_h + 1))
+    return EbpaState(
+        at,
+        EbpaWeights(*(np.zeros_like(array) for array in at)),
+        np.zeros(n_h + 1),
+        np.zeros(n_h + 1),
+    )
 
 
 class EbpaComp(Controller[EbpaCompParams, EbpaCompState]):

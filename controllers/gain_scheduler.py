@@ -1,8 +1,9 @@
 """PI FV with gains looked up by the edge angle (§5.1, Table 5.1).
 
-Set 1 for theta < 15 deg (also for theta < 0, of which the table says nothing), 2 for 15..30, 3 for 30..45, 4 from
-45 deg. Eq. 3-3 to 3-6 put K_i before the integral of the error: when the set changes, the integral part jumps with K_i
-(``bumpless=False``, as printed); with ``bumpless=True`` the integral part is kept.
+Set 1 for theta < 15 deg (also for theta < 0, of which the table says nothing), 2 for 15..30, 3 for
+30..45, 4 from 45 deg. Eq. 3-3 to 3-6 put K_i before the integral of the error: when the set
+changes, the integral part jumps with K_i (``bumpless=False``, as printed); with ``bumpless=True``
+the integral part is kept.
 """
 
 import math
@@ -73,7 +74,9 @@ class GainScheduler(Controller[GainSchedulerParams, GainSchedulerState]):
 
     def __init__(self, bumpless: bool = False, **fv: Unpack[PiFvOptions]) -> None:
         if "gains" in fv:
-            raise ValueError("gains must not be given to gain_scheduler: it takes the sets of Table 5.1")
+            raise ValueError(
+                "gains must not be given to gain_scheduler: it takes the sets of Table 5.1"
+            )
         super().__init__(GainSchedulerParams(pi_fv_params(**fv), TABLE_5_1, bool(bumpless)))
 
     def initial_state(self) -> GainSchedulerState:

@@ -1,7 +1,7 @@
 """Gain tables of the thesis, by name.
 
-A gain acts on an error of one axis and gives a part of c_x or c_z [V]; velocity gains V/(m/s), V/m, V s/(m/s), force
-gains V/N, V/(N s), V s/N for k_p, k_i, k_d.
+A gain acts on an error of one axis and gives a part of c_x or c_z [V]; velocity gains V/(m/s), V/m,
+V s/(m/s), force gains V/N, V/(N s), V s/N for k_p, k_i, k_d.
 """
 
 import math
@@ -26,13 +26,21 @@ class FvGains(NamedTuple):
 
 
 # Step 1, each controller alone; the only table with a derivative gain.
-TABLE_3_5 = FvGains(PidGains(0.2, 4.0), PidGains(0.08, 0.1), PidGains(0.02, 0.03), PidGains(0.25, 6.0, 0.05))
+TABLE_3_5 = FvGains(
+    PidGains(0.2, 4.0), PidGains(0.08, 0.1), PidGains(0.02, 0.03), PidGains(0.25, 6.0, 0.05)
+)
 # Step 2, in pairs (f_z with v_x, f_x with v_z).
-TABLE_3_6 = FvGains(PidGains(0.05, 1.0), PidGains(0.02, 0.04), PidGains(0.01, 0.06), PidGains(0.5, 3.0))
+TABLE_3_6 = FvGains(
+    PidGains(0.05, 1.0), PidGains(0.02, 0.04), PidGains(0.01, 0.06), PidGains(0.5, 3.0)
+)
 # Step 3, all four, wooden straight edge.
-TABLE_3_7 = FvGains(PidGains(1.0, 4.0), PidGains(0.02, 0.04), PidGains(0.01, 0.03), PidGains(0.5, 5.0))
+TABLE_3_7 = FvGains(
+    PidGains(1.0, 4.0), PidGains(0.02, 0.04), PidGains(0.01, 0.03), PidGains(0.5, 5.0)
+)
 # Retuned on the aluminum edge at 30 deg; Table 4.6 is the same.
-TABLE_3_11 = FvGains(PidGains(1.0, 4.0), PidGains(0.02, 0.08), PidGains(0.01, 0.03), PidGains(0.5, 2.0))
+TABLE_3_11 = FvGains(
+    PidGains(1.0, 4.0), PidGains(0.02, 0.08), PidGains(0.01, 0.03), PidGains(0.5, 2.0)
+)
 # Lookup over theta: 0..15, 15..30, 30..45, from 45 deg.
 TABLE_5_1 = (
     FvGains(PidGains(0.5, 2.0), PidGains(0.02, 0.08), PidGains(0.025, 0.12), PidGains(0.1, 2.0)),
@@ -55,9 +63,11 @@ Gains = str | FvGains | Mapping[str, float]  # what a controller takes as its ga
 
 
 def gains_named(gains: Gains) -> FvGains:
-    """Gains from a table's name, from names as ``Kp_vx`` and ``Ki_fz`` (``Kd_...`` default to 0), or as they are.
+    """Gains from a table's name, from names as ``Kp_vx`` and ``Ki_fz`` (``Kd_...`` default to 0),
+    or as they are.
 
-    Raises ValueError for an unknown table or gain name, a missing gain, and a gain that is not finite and >= 0.
+    Raises ValueError for an unknown table or gain name, a missing gain, and a gain that is not
+    finite and >= 0.
     """
     if isinstance(gains, str):
         if gains not in TABLES:
@@ -83,4 +93,9 @@ def _from_mapping(named: Mapping[str, float]) -> FvGains:
     missing = [name for name in known if name not in named and not name.startswith("Kd")]
     if missing:
         raise ValueError(f"gains must hold all of Kp and Ki, missing {', '.join(missing)}")
-    return FvGains(*(PidGains(named[f"Kp_{at}"], named[f"Ki_{at}"], named.get(f"Kd_{at}", 0.0)) for at in loops))
+    return FvGains(
+        *(
+            PidGains(named[f"Kp_{at}"], named[f"Ki_{at}"], named.get(f"Kd_{at}", 0.0))
+            for at in loops
+        )
+    )

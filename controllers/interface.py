@@ -43,13 +43,14 @@ class Command(NamedTuple):
 class Controller(Generic[Params, State]):
     """Holds params and state around a kernel; has no clock, file, print or random draw.
 
-    ``kernel(params, state, reference, sense) -> (state, command)`` is a plain function made compilable by numba's
-    ``register_jitable``: called from Python it runs as Python, called in an ``@njit`` loop it compiles, and both give
-    the same bits (arithmetic, ``math.*`` and plain loops only). A kernel may write into the arrays of the state it was
-    given and returns them; ``initial_state`` allocates them anew.
+    ``kernel(params, state, reference, sense) -> (state, command)`` is a plain function made
+    compilable by numba's ``register_jitable``: called from Python it runs as Python, called in an
+    ``@njit`` loop it compiles, and both give the same bits (arithmetic, ``math.*`` and plain loops
+    only). A kernel may write into the arrays of the state it was given and returns them;
+    ``initial_state`` allocates them anew.
 
-    For a compiled loop pass ``controller.kernel`` as a constant of the loop, ``controller.params`` and
-    ``controller.state`` as arguments, and store the last state back.
+    For a compiled loop pass ``controller.kernel`` as a constant of the loop, ``controller.params``
+    and ``controller.state`` as arguments, and store the last state back.
     """
 
     def __init__(self, params: Params) -> None:
@@ -58,7 +59,9 @@ class Controller(Generic[Params, State]):
 
     @staticmethod
     def kernel(params: Any, state: Any, reference: Any, sense: Any) -> tuple[Any, "Command"]:
-        """State and command after the sample; a subclass sets ``kernel = staticmethod(its_kernel)``."""
+        """State and command after the sample; a subclass sets ``kernel =
+        staticmethod(its_kernel)``.
+        """
         raise NotImplementedError
 
     def initial_state(self) -> State:

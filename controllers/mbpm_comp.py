@@ -1,8 +1,8 @@
 """PI FV with MBPM neural compensator (Fig. 5.11; inputs Fig. 5.12 or 5.21; §6.2 for both axes).
 
-u_NN [V] is added to c_z; with ``axes="both"`` it acts along the normal instead: a_z = u_NN cos theta,
-a_x = -u_NN sin theta K_z / K_x, the thesis naming the idea only. While the z command is at a limit the network learns
-only from errors that bring it back.
+u_NN [V] is added to c_z; with ``axes="both"`` it acts along the normal instead: a_z = u_NN cos
+theta, a_x = -u_NN sin theta K_z / K_x, the thesis naming the idea only. While the z command is at a
+limit the network learns only from errors that bring it back.
 """
 
 from typing import Any, NamedTuple
@@ -36,7 +36,9 @@ class MbpmCompState(NamedTuple):
 
 
 @register_jitable
-def mbpm_comp_kernel(params: MbpmCompParams, state: MbpmCompState, reference: Reference, sense: Sense) -> tuple[MbpmCompState, Command]:
+def mbpm_comp_kernel(
+    params: MbpmCompParams, state: MbpmCompState, reference: Reference, sense: Sense
+) -> tuple[MbpmCompState, Command]:
     frame = task_frame(sense)
     e = reference.f_nd - frame.f_n
     force_inputs(state.p, reference.f_nd, frame.f_n)

@@ -1,7 +1,9 @@
-"""Input vectors p of the neural compensators, shifted by one sample a step; samples before the start are 0.
+"""Input vectors p of the neural compensators, shifted by one sample a step; samples before the
+start are 0.
 
-14 inputs (Fig. 5.12): e_fn(t), e_fn(t-1), e_fn(t-2), e_fn(t) - e_fn(t-1), f_nd(t..t-4), f_n(t..t-4), all in N.
-5 inputs (Fig. 5.21): e_fn(t), e_fn(t-1), e_fn(t-2) in N, u_z(t-1), u_z(t-2) in V, u_z the total clipped command.
+14 inputs (Fig. 5.12): e_fn(t), e_fn(t-1), e_fn(t-2), e_fn(t) - e_fn(t-1), f_nd(t..t-4),
+f_n(t..t-4), all in N. 5 inputs (Fig. 5.21): e_fn(t), e_fn(t-1), e_fn(t-2) in N, u_z(t-1), u_z(t-2)
+in V, u_z the total clipped command.
 """
 
 import numpy as np

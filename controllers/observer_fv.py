@@ -1,14 +1,18 @@
-"""Force/velocity controller with lag inversion and friction observer: built on the plant model, beyond the thesis.
+"""Force/velocity controller with lag inversion and friction observer: built on the plant model,
+beyond the thesis.
 
-In the task frame: f_dn = f_nd + k_p e_fn + I_n - d v_n asks for a normal force, f_dt = k_v e_vt + I_t for a tangential one; turned into
-the axes f_dx = f_dt cos - f_dn sin + phi_x, f_dz = f_dt sin + f_dn cos + phi_z. v_n = -v_x sin + v_z cos is 0 while the edge is followed,
-so that d damps the contact's resonance and nothing else.
+In the task frame: f_dn = f_nd + k_p e_fn + I_n - d v_n asks for a normal force, f_dt = k_v e_vt +
+I_t for a tangential one; turned into the axes f_dx = f_dt cos - f_dn sin + phi_x, f_dz = f_dt sin +
+f_dn cos + phi_z. v_n = -v_x sin + v_z cos is 0 while the edge is followed, so that d damps the
+contact's resonance and nothing else.
 
-Lag inversion: tau f' + f = K (u - u_0) (Eq. 4-5) is driven by u = u_0 + (f_d + k_f (f_d - f_a)) / K with the measured f_a; the closed valve
-lags by tau / (1 + k_f) with steady gain 1, whatever K and tau are precisely.
+Lag inversion: tau f' + f = K (u - u_0) (Eq. 4-5) is driven by u = u_0 + (f_d + k_f (f_d - f_a)) / K
+with the measured f_a; the closed valve lags by tau / (1 + k_f) with steady gain 1, whatever K and
+tau are precisely.
 
-Friction observer, per axis: what the balance f_a - f_c = phi + m a (Eq. 4-1) leaves, phi = Coulomb + viscous friction and cable force, as
-phi' = (f_a - f_c - m a - phi) / T. With s = phi + m v / T it needs no derivative of v.
+Friction observer, per axis: what the balance f_a - f_c = phi + m a (Eq. 4-1) leaves, phi = Coulomb
++ viscous friction and cable force, as phi' = (f_a - f_c - m a - phi) / T. With s = phi + m v / T it
+needs no derivative of v.
 """
 
 import math
@@ -61,8 +65,12 @@ def observer_next(s: float, m: float, v: float, net: float, t: float, dt: float)
 
 
 @register_jitable
-def integral_next(integral: float, error: float, rate: float, along: tuple[float, float], bars: tuple[int, int]) -> float:
-    """Integral [N] with rate times the error added, unless that drives a clipped axis further out; along: its share on x and z."""
+def integral_next(
+    integral: float, error: float, rate: float, along: tuple[float, float], bars: tuple[int, int]
+) -> float:
+    """Integral [N] with rate times the error added, unless that drives a clipped axis further out;
+    along: its share on x and z.
+    """
     if barred_error(error, along[0], along[1], bars[0], bars[1]) != 0:
         return integral
     return integral + rate * error
@@ -77,8 +85,16 @@ def observer_fv_kernel(
     v_n = -sense.v_x * frame.sin + sense.v_z * frame.cos
     f_n = reference.f_nd + params.k_p * e_fn + state.i_n - params.damping * v_n
     f_t = params.k_v * e_vt + state.i_t
-    f_x = f_t * frame.cos - f_n * frame.sin + observed(state.s_x, M_X, sense.v_x, params.t_x, params.phi_max)
-    f_z = f_t * frame.sin + f_n * frame.cos + observed(state.s_z, M_Z, sense.v_z, params.t_z, params.phi_max)
+    f_x = (
+        f_t * frame.cos
+        - f_n * frame.sin
+        + observed(state.s_x, M_X, sense.v_x, params.t_x, params.phi_max)
+    )
+    f_z = (
+        f_t * frame.sin
+        + f_n * frame.cos
+        + observed(state.s_z, M_Z, sense.v_z, params.t_z, params.phi_max)
+    )
     u_x = U_0X - (f_x + params.k_f * (f_x - sense.f_ax)) / K_X
     u_z = U_0Z + (f_z + params.k_f * (f_z - sense.f_az)) / K_Z
     bars = (barred_side(u_x, -1), barred_side(u_z, 1))

@@ -1,7 +1,8 @@
 """PI FV with a perfect friction compensator (§5.2, Fig. 5.5): the hook of a study, not for a rig.
 
-The loop tells the true friction of the plant at t_k in ``SenseWithFriction``; a_x = (F_x + C_x v_x) / K_x and
-a_z = (F_z + C_z v_z) / K_z are added to c_x, c_z. Every other kernel takes a ``SenseWithFriction`` too.
+The loop tells the true friction of the plant at t_k in ``SenseWithFriction``; a_x = (F_x + C_x v_x)
+/ K_x and a_z = (F_z + C_z v_z) / K_z are added to c_x, c_z. Every other kernel takes a
+``SenseWithFriction`` too.
 """
 
 from typing import NamedTuple, Unpack
@@ -53,8 +54,12 @@ class PerfectFriction(Controller[PerfectFrictionParams, PiFvState]):
 
     kernel = staticmethod(perfect_friction_kernel)
 
-    def __init__(self, c_x: float = VDFM_X.c, c_z: float = VDFM_Z.c, **fv: Unpack[PiFvOptions]) -> None:
-        super().__init__(PerfectFrictionParams(pi_fv_params(**fv), float(c_x), float(c_z), K_X, K_Z))
+    def __init__(
+        self, c_x: float = VDFM_X.c, c_z: float = VDFM_Z.c, **fv: Unpack[PiFvOptions]
+    ) -> None:
+        super().__init__(
+            PerfectFrictionParams(pi_fv_params(**fv), float(c_x), float(c_z), K_X, K_Z)
+        )
 
     def initial_state(self) -> PiFvState:
         return PiFvState()

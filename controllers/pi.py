@@ -1,6 +1,7 @@
 """PI law in the forward rectangle rule with conditional integration.
 
-output: c = k_p e + I, with the integral before this sample's error is added; then I <- I + k_i dt e.
+output: c = k_p e + I, with the integral before this sample's error is added; then I <- I + k_i dt
+e.
 """
 
 from numba.extending import register_jitable

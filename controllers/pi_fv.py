@@ -1,8 +1,9 @@
 """PI force/velocity controller (Eq. 3-3 to 3-17, gains Table 3.11 = 4.6).
 
-e_fn = f_nd - f_n, e_vt = v_td - v_t (3-10, 3-11); e_fz = e_fn cos, e_vz = e_vt sin, e_fx = -e_fn sin, e_vx = e_vt cos
-of theta (3-12 to 3-15); c_z = PI(e_fz) + PI(e_vz), c_x = PI(e_vx) + PI(e_fx) (3-16, 3-17); u_x = u_0x - c_x (the x
-valve pushes towards -x), u_z = u_0z + c_z, each clipped to 0..5 V.
+e_fn = f_nd - f_n, e_vt = v_td - v_t (3-10, 3-11); e_fz = e_fn cos, e_vz = e_vt sin, e_fx = -e_fn
+sin, e_vx = e_vt cos of theta (3-12 to 3-15); c_z = PI(e_fz) + PI(e_vz), c_x = PI(e_vx) + PI(e_fx)
+(3-16, 3-17); u_x = u_0x - c_x (the x valve pushes towards -x), u_z = u_0z + c_z, each clipped to
+0..5 V.
 """
 
 from typing import NamedTuple, TypedDict, Unpack
@@ -61,11 +62,23 @@ def fv_errors(reference: Reference, frame: TaskFrame) -> FvErrors:
 
 
 @register_jitable
-def pi_fv_law(params: PiFvParams, state: PiFvState, errors: FvErrors, a_x: float, a_z: float) -> tuple[PiFvState, Command]:
-    """Eq. 3-16, 3-17 with a_x, a_z [V] of a compensator added to c_x, c_z; > 0 pushes towards +x, +z."""
+def pi_fv_law(
+    params: PiFvParams, state: PiFvState, errors: FvErrors, a_x: float, a_z: float
+) -> tuple[PiFvState, Command]:
+    """Eq. 3-16, 3-17 with a_x, a_z [V] of a compensator added to c_x, c_z; > 0 pushes towards +x,
+    +z.
+    """
     gains, dt = params.gains, params.dt
-    c_x = pi_output(gains.v_x, state.i_vx, errors.v_x) + pi_output(gains.f_x, state.i_fx, errors.f_x) + a_x
-    c_z = pi_output(gains.f_z, state.i_fz, errors.f_z) + pi_output(gains.v_z, state.i_vz, errors.v_z) + a_z
+    c_x = (
+        pi_output(gains.v_x, state.i_vx, errors.v_x)
+        + pi_output(gains.f_x, state.i_fx, errors.f_x)
+        + a_x
+    )
+    c_z = (
+        pi_output(gains.f_z, state.i_fz, errors.f_z)
+        + pi_output(gains.v_z, state.i_vz, errors.v_z)
+        + a_z
+    )
     u_x = params.u_0x - c_x
     u_z = params.u_0z + c_z
     x_bar, z_bar = barred_side(u_x, -1), barred_side(u_z, 1)
@@ -79,12 +92,18 @@ def pi_fv_law(params: PiFvParams, state: PiFvState, errors: FvErrors, a_x: float
 
 
 @register_jitable
-def pi_fv_kernel(params: PiFvParams, state: PiFvState, reference: Reference, sense: Sense) -> tuple[PiFvState, Command]:
+def pi_fv_kernel(
+    params: PiFvParams, state: PiFvState, reference: Reference, sense: Sense
+) -> tuple[PiFvState, Command]:
     return pi_fv_law(params, state, fv_errors(reference, task_frame(sense)), 0.0, 0.0)
 
 
-def pi_fv_params(gains: Gains = "table_3_11", u_0x: float = U_0X, u_0z: float = U_0Z, dt: float = DT) -> PiFvParams:
-    """Raises ValueError for gains with a derivative part (Table 3.5), an offset outside 0..5 V and dt <= 0."""
+def pi_fv_params(
+    gains: Gains = "table_3_11", u_0x: float = U_0X, u_0z: float = U_0Z, dt: float = DT
+) -> PiFvParams:
+    """Raises ValueError for gains with a derivative part (Table 3.5), an offset outside 0..5 V and
+    dt <= 0.
+    """
     named = gains_named(gains)
     for loop, pid in zip(FvGains._fields, named, strict=True):
         if pid.k_d != 0.0:

@@ -1,4 +1,6 @@
-"""PID law: the PI law of ``pi`` with the derivative of the error as its backward difference, 0 at the first sample."""
+"""PID law: the PI law of ``pi`` with the derivative of the error as its backward difference, 0 at
+the first sample.
+"""
 
 from typing import NamedTuple
 

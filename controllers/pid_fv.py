@@ -24,7 +24,9 @@ class PidFvState(NamedTuple):
 
 
 @register_jitable
-def pid_fv_kernel(params: PiFvParams, state: PidFvState, reference: Reference, sense: Sense) -> tuple[PidFvState, Command]:
+def pid_fv_kernel(
+    params: PiFvParams, state: PidFvState, reference: Reference, sense: Sense
+) -> tuple[PidFvState, Command]:
     gains, dt = params.gains, params.dt
     e = fv_errors(reference, task_frame(sense))
     c_x = pid_output(gains.v_x, state.v_x, e.v_x, dt) + pid_output(gains.f_x, state.f_x, e.f_x, dt)
@@ -46,7 +48,9 @@ class PidFv(Controller[PiFvParams, PidFvState]):
 
     kernel = staticmethod(pid_fv_kernel)
 
-    def __init__(self, gains: Gains = "table_3_5", u_0x: float = U_0X, u_0z: float = U_0Z, dt: float = DT) -> None:
+    def __init__(
+        self, gains: Gains = "table_3_5", u_0x: float = U_0X, u_0z: float = U_0Z, dt: float = DT
+    ) -> None:
         named: FvGains = gains_named(gains)
         super().__init__(pi_fv_params(u_0x=u_0x, u_0z=u_0z, dt=dt)._replace(gains=named))
 

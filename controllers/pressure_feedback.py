@@ -1,11 +1,12 @@
 """PI FV over an inner force loop on the measured actuator force: the flow valve variant (§6.2).
 
-c_x, c_z of PI FV ask for the actuator forces f_axd = K_x c_x, f_azd = K_z c_z [N]; the inner loop commands
-u_z = u_0z + k_ff c_z + k_f (f_azd - f_az) / K_z and u_x = u_0x - (k_ff c_x + k_f (f_axd - f_ax) / K_x).
+c_x, c_z of PI FV ask for the actuator forces f_axd = K_x c_x, f_azd = K_z c_z [N]; the inner loop
+commands u_z = u_0z + k_ff c_z + k_f (f_azd - f_az) / K_z and u_x = u_0x - (k_ff c_x + k_f (f_axd -
+f_ax) / K_x).
 
-The thesis recommends flow control valves with the air pressure fed back and gives no law. On a pressure valve
-(tau f' + f = K (u - u_0)) with k_ff = 1 the loop closes at tau / (1 + k_f) with steady gain 1; a flow valve, whose
-force integrates the command, needs no feedforward: k_ff = 0.
+The thesis recommends flow control valves with the air pressure fed back and gives no law. On a
+pressure valve (tau f' + f = K (u - u_0)) with k_ff = 1 the loop closes at tau / (1 + k_f) with
+steady gain 1; a flow valve, whose force integrates the command, needs no feedforward: k_ff = 0.
 """
 
 from typing import NamedTuple, Unpack
@@ -48,7 +49,9 @@ class PressureFeedback(Controller[PressureFeedbackParams, PiFvState]):
         for name, value in (("k_f", k_f), ("k_ff", k_ff)):
             if not value >= 0.0:
                 raise ValueError(f"{name} must be >= 0, got {value}")
-        super().__init__(PressureFeedbackParams(pi_fv_params(**fv), float(k_f), float(k_ff), K_X, K_Z))
+        super().__init__(
+            PressureFeedbackParams(pi_fv_params(**fv), float(k_f), float(k_ff), K_X, K_Z)
+        )
 
     def initial_state(self) -> PiFvState:
         return PiFvState()

@@ -4,7 +4,8 @@ import math
 
 from numba.extending import register_jitable
 
-A_MAX = 100.0  # exp(-100) = 4e-44: small enough to be 0, large enough that products of it do not underflow
+# exp(-100) = 4e-44: small enough to be 0, large enough that products of it do not underflow
+A_MAX = 100.0
 
 
 @register_jitable

@@ -1,9 +1,10 @@
 """Smith predictor on the z force loop (§5.3, Fig. 5.8).
 
-Model of the loop (Fig. 5.7 with the lag of Eq. 4-5): tau f' + f = K_z (u_z - u_0z); m d" + (C_c + C_z) d' + K_c d = f;
-f_z = C_c d' + K_c d. The PI law acts on the lag free part: e_fz <- e_fz - (f_z without lag - f_z with lag). As the
-model is linear this difference is its response to the force difference K_z (u_z - u_0z) - f: three states, advanced
-with the exact solution for a command held over dt. The lagged force starts at the measured f_az.
+Model of the loop (Fig. 5.7 with the lag of Eq. 4-5): tau f' + f = K_z (u_z - u_0z); m d" + (C_c +
+C_z) d' + K_c d = f; f_z = C_c d' + K_c d. The PI law acts on the lag free part: e_fz <- e_fz - (f_z
+without lag - f_z with lag). As the model is linear this difference is its response to the force
+difference K_z (u_z - u_0z) - f: three states, advanced with the exact solution for a command held
+over dt. The lagged force starts at the measured f_az.
 """
 
 import math
@@ -13,7 +14,15 @@ import numpy as np
 from numba.extending import register_jitable
 
 from controllers.interface import Command, Controller, Reference, Sense
-from controllers.pi_fv import FvErrors, PiFvOptions, PiFvParams, PiFvState, fv_errors, pi_fv_law, pi_fv_params
+from controllers.pi_fv import (
+    FvErrors,
+    PiFvOptions,
+    PiFvParams,
+    PiFvState,
+    fv_errors,
+    pi_fv_law,
+    pi_fv_params,
+)
 from controllers.task_frame import task_frame
 from controllers.valve import K_Z, TAU_Z
 
@@ -59,7 +68,9 @@ def held_rows(loop: ForceLoop, dt: float) -> tuple[Row, Row, Row]:
     halvings = max(0, math.ceil(math.log2(float(np.abs(a).sum(axis=1).max()) * dt)) + 1)
     a *= dt / 2**halvings
     transition, term = np.eye(4), np.eye(4)
-    for order in range(1, 20):  # Taylor series of a matrix of norm <= 1/2: the remainder is below 1e-23
+    for order in range(
+        1, 20
+    ):  # Taylor series of a matrix of norm <= 1/2: the remainder is below 1e-23
         term = term @ a / order
         transition += term
     for _ in range(halvings):
@@ -74,10 +85,16 @@ def row_times(row: Row, f: float, d: float, s: float, held: float) -> float:
 
 
 @register_jitable
-def smith_kernel(params: SmithParams, state: SmithState, reference: Reference, sense: Sense) -> tuple[SmithState, Command]:
+def smith_kernel(
+    params: SmithParams, state: SmithState, reference: Reference, sense: Sense
+) -> tuple[SmithState, Command]:
     e = fv_errors(reference, task_frame(sense))
-    ahead = params.loop.c_c * state.speed + params.loop.k_c * state.position  # N, f_z without lag - f_z with lag
-    fv, command = pi_fv_law(params.fv, state.fv, FvErrors(e.v_x, e.f_z - ahead, e.f_x, e.v_z), 0.0, 0.0)
+    ahead = (
+        params.loop.c_c * state.speed + params.loop.k_c * state.position
+    )  # N, f_z without lag - f_z with lag
+    fv, command = pi_fv_law(
+        params.fv, state.fv, FvErrors(e.v_x, e.f_z - ahead, e.f_x, e.v_z), 0.0, 0.0
+    )
     held = params.loop.k * (command.u_z - params.fv.u_0z)
     f, d, s = state.force, state.position, state.speed
     if not state.started:

@@ -1,7 +1,8 @@
 """Task frame at the contact point, estimated from the contact force (Eq. 3-7 to 3-9).
 
-Tangent (cos theta, sin theta), normal (-sin theta, cos theta). Eq. 3-7 as printed, theta = atan2(f_x, f_z), contradicts
-Eq. 3-8 in sign: the contact force is f_n (-sin theta, cos theta), hence theta = atan2(-f_x, f_z).
+Tangent (cos theta, sin theta), normal (-sin theta, cos theta). Eq. 3-7 as printed, theta =
+atan2(f_x, f_z), contradicts Eq. 3-8 in sign: the contact force is f_n (-sin theta, cos theta),
+hence theta = atan2(-f_x, f_z).
 """
 
 import math

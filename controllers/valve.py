@@ -1,4 +1,5 @@
-"""Static line of the two valves as the controllers know it: f_ax = -K_x (u_x - u_0x), f_az = K_z (u_z - u_0z).
+"""Static line of the two valves as the controllers know it: f_ax = -K_x (u_x - u_0x), f_az = K_z
+(u_z - u_0z).
 
 Least-squares lines through the steady forces of Tables 4.1 to 4.5.
 """

@@ -1,9 +1,9 @@
 """Velocity dependent friction model of a cylinder, as a compensator sees it (Eq. 3-18, 3-19).
 
-Sliding, |v| > v_th: F = F_d sgn v. Within the band: F = sgn(f) min(|f|, F_s), f the driving force. F > 0 acts towards
--axis, as in f_a - f_c - C v - F = m a. As printed the two equations carry the opposite sign (the force on the piston),
-yet Eq. 3-20 adds the viscous part with this one; and their max(f_a, F_s) would exceed the break-away force: min is
-meant.
+Sliding, |v| > v_th: F = F_d sgn v. Within the band: F = sgn(f) min(|f|, F_s), f the driving force.
+F > 0 acts towards -axis, as in f_a - f_c - C v - F = m a. As printed the two equations carry the
+opposite sign (the force on the piston), yet Eq. 3-20 adds the viscous part with this one; and their
+max(f_a, F_s) would exceed the break-away force: min is meant.
 """
 
 from typing import NamedTuple
@@ -19,7 +19,9 @@ class VdfmParams(NamedTuple):
 
 
 VDFM_X = VdfmParams(f_s=25.0, f_d=11.0, c=74.0)  # Table 3.13
-VDFM_Z = VdfmParams(f_s=20.0, f_d=15.0, c=40.0)  # Table 3.13; F_dz = 15 is the mean of its tests, printed 10
+VDFM_Z = VdfmParams(
+    f_s=20.0, f_d=15.0, c=40.0
+)  # Table 3.13; F_dz = 15 is the mean of its tests, printed 10
 
 
 @register_jitable

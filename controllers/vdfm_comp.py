@@ -1,7 +1,8 @@
 """PI FV with VDFM based friction compensator (Fig. 3.11, Eq. 3-18 to 3-21).
 
-a_x = (F_x + C_x v_x) / K_x and a_z = (F_z + C_z v_z) / K_z [V] are added to c_x, c_z of PI FV. Within the stick band
-the driving force is f_a, as printed, or the net force f_a - f_c - F_w that the friction really holds (``net=True``).
+a_x = (F_x + C_x v_x) / K_x and a_z = (F_z + C_z v_z) / K_z [V] are added to c_x, c_z of PI FV.
+Within the stick band the driving force is f_a, as printed, or the net force f_a - f_c - F_w that
+the friction really holds (``net=True``).
 """
 
 from typing import NamedTuple, Unpack
@@ -40,7 +41,9 @@ def vdfm_volts(params: VdfmCompParams, sense: Sense) -> tuple[float, float]:
 
 
 @register_jitable
-def vdfm_comp_kernel(params: VdfmCompParams, state: PiFvState, reference: Reference, sense: Sense) -> tuple[PiFvState, Command]:
+def vdfm_comp_kernel(
+    params: VdfmCompParams, state: PiFvState, reference: Reference, sense: Sense
+) -> tuple[PiFvState, Command]:
     a_x, a_z = vdfm_volts(params, sense)
     return pi_fv_law(params.fv, state, fv_errors(reference, task_frame(sense)), a_x, a_z)
 

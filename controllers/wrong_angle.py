@@ -1,6 +1,7 @@
 """PI FV that is told a wrong edge angle (§4.3.3, Fig. 4.31): the hook of a study, not for a rig.
 
-theta of Eq. 3-7 is off by ``error``; Eq. 3-8 to 3-15 follow with the wrong angle, so that f_n is read as f_n cos(error).
+theta of Eq. 3-7 is off by ``error``; Eq. 3-8 to 3-15 follow with the wrong angle, so that f_n is
+read as f_n cos(error).
 """
 
 import math
@@ -19,7 +20,9 @@ class WrongAngleParams(NamedTuple):
 
 
 @register_jitable
-def wrong_angle_kernel(params: WrongAngleParams, state: PiFvState, reference: Reference, sense: Sense) -> tuple[PiFvState, Command]:
+def wrong_angle_kernel(
+    params: WrongAngleParams, state: PiFvState, reference: Reference, sense: Sense
+) -> tuple[PiFvState, Command]:
     theta = edge_angle(sense.f_x, sense.f_z) + params.error
     s, c = math.sin(theta), math.cos(theta)
     frame = TaskFrame(theta, s, c, -sense.f_x * s + sense.f_z * c, sense.v_x * c + sense.v_z * s)

@@ -1,4 +1,6 @@
-"""Writes the file map of README.md: one line a module, its docstring's first sentence. `python docs/file_map.py`, or `make map`."""
+"""Writes the file map of README.md: one line a module, its docstring's first sentence. `python
+docs/file_map.py`, or `make map`.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +9,13 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("controllers", "pyfmi_runner", "analysis", "diagnosis", "studies", "pneugantry")
+PACKAGES = ("modelica_fmu", "controllers", "pyfmi_runner", "pneugantry", "benchmarks", "examples")
 BEGIN, END = "<!-- file map: written by docs/file_map.py -->", "<!-- end of file map -->"
 OTHERS = {  # what holds no docstring
-    "models/PneuGantry.mo": "The plant, one block per component; `Validation`: a model with a known answer per component",
-    "models/EMPS.mo": "A measured axis in its position loop; every effect of `studies/emps/effects` a parameter with a neutral value",
+    "models/PneuGantry.mo": "The plant, one block per component; `Validation`: a model with a "
+    "known answer per component",
+    "models/EMPS.mo": "A measured axis in its position loop; every effect of "
+    "`examples/emps/effects` a parameter with a neutral value",
     "notebooks/*.ipynb": "Root locus and lag, step by step; run by the tests",
     "docs/*.md": "Design decisions; how the thesis' runs were set up",
 }
@@ -26,14 +30,18 @@ def first_sentence(text: str) -> str:
 def summary(path: Path) -> str:
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
-        helped = re.search(r'^HELP = """(.*)$', text, re.MULTILINE)  # a command says there what it does
+        helped = re.search(
+            r'^HELP = """(.*)$', text, re.MULTILINE
+        )  # a command says there what it does
         return first_sentence(helped[1] if helped else ast.get_docstring(ast.parse(text)) or "")
     comment = re.match(r"\s*/\*(.*?)\*/", text, re.DOTALL)
     return first_sentence(re.sub(r"\n\s*\*", "\n", comment[1])) if comment else ""
 
 
 def file_map() -> str:
-    """The map as Markdown: a list per folder; files without a summary (empty `__init__.py`) are left out."""
+    """The map as Markdown: a list per folder; files without a summary (empty `__init__.py`) are
+    left out.
+    """
     lines = [BEGIN]
     lines += [f"- `{name}`: {text}" for name, text in OTHERS.items()]
     for package in PACKAGES:
@@ -43,7 +51,11 @@ def file_map() -> str:
             entries = ((p.name, summary(p)) for p in files if p.parent == folder)
             lines += [f"- `{name}`: {text}" for name, text in entries if text]
             effects = sorted(folder.glob("effects/*.toml"))
-            lines += [f"- `effects/*.toml`: {len(effects)} effects of the catalogue, one file each"] if effects else []
+            lines += (
+                [f"- `effects/*.toml`: {len(effects)} effects of the catalogue, one file each"]
+                if effects
+                else []
+            )
     return "\n".join([*lines, END])
 
 

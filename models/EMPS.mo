@@ -1,6 +1,6 @@
 package EMPS "Electro-mechanical positioning system: one measured prismatic axis, driven by a screw, in its position loop"
   // Known of the rig: drive gain, both loop gains, sample time. The nominal axis is a mass on a frictionless guide: every parameter named
-  // "neutral" is an effect that the catalogue (studies/emps/effects) may switch on.
+  // "neutral" is an effect that the catalogue (examples/emps/effects) may switch on.
 
   package Types "Physical quantities, SI"
     type Position = Real(final quantity = "Length", final unit = "m", nominal = 0.1);

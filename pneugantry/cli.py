@@ -1,4 +1,6 @@
-"""The command line: `pneugantry COMMAND`. One file per command under `commands/`; here parsing, exit codes and JSON."""
+"""The command line: `pneugantry COMMAND`. One file per command under `commands/`; here parsing,
+exit codes and JSON.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ import os
 import sys
 from typing import Any, NoReturn
 
-from pyfmi_runner.errors import InputError, RunError
+from modelica_fmu.errors import InputError, RunError
 from pyfmi_runner.log import write_atomically
 
 # each a module of `commands` with HELP, add_arguments, execute
@@ -31,7 +33,9 @@ COMMANDS = (
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """A wrong option is one line on standard error, as all unusable input is; the options are in --help."""
+    """A wrong option is one line on standard error, as all unusable input is; the options are in
+    --help.
+    """
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {' '.join(message.split())}; see {self.prog} --help\n")
@@ -40,16 +44,25 @@ class OneLineParser(argparse.ArgumentParser):
 def parser() -> argparse.ArgumentParser:
     top = OneLineParser(
         prog="pneugantry",
-        description="Pneumatic gantry robot: Modelica model, FMU, closed-loop co-simulation, diagnosis of the sim-to-real gap.",
-        epilog="Exit codes: 0 done, 1 a failed check or a run that could not finish, 2 unusable input.",
+        description="Pneumatic gantry robot: Modelica model, FMU, closed-loop co-simulation, "
+        "diagnosis of the sim-to-real gap.",
+        epilog="Exit codes: 0 done, 1 a failed check or a run that could not finish, 2 unusable "
+        "input.",
     )
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
         module = importlib.import_module(f"pneugantry.commands.{name}")
         text = module.HELP.replace("%", "%%")  # argparse formats it
         summary = text.strip().splitlines()[0]
-        command = commands.add_parser(name, help=summary, description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
-        command.add_argument("--json", metavar="FILE", help="write the result as JSON, - for standard output")
+        command = commands.add_parser(
+            name,
+            help=summary,
+            description=text,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.add_argument(
+            "--json", metavar="FILE", help="write the result as JSON, - for standard output"
+        )
         module.add_arguments(command)
         command.set_defaults(execute=module.execute)
     return top
@@ -84,7 +97,11 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"pneugantry: {where}{error.strerror or error}; check the path, its permissions and the space left", file=sys.stderr)
+        print(
+            f"pneugantry: {where}{error.strerror or error}; check the path, its "
+            f"permissions and the space left",
+            file=sys.stderr,
+        )
         return 2
     finally:
         sys.stdout = stdout

@@ -1,4 +1,6 @@
-"""Completion scripts for bash, zsh and fish, from the command line's own parser: commands, options, their choices, else file names."""
+"""Completion scripts for bash, zsh and fish, from the command line's own parser: commands, options,
+their choices, else file names.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,15 @@ class Option(NamedTuple):
 
 def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
     """The script for one of SHELLS. Raises KeyError for another."""
-    return SHELLS[shell](parser.prog, {name: (about, list(_options(command))) for name, about, command in _commands(parser)})
+    return SHELLS[shell](
+        parser.prog,
+        {name: (about, list(_options(command))) for name, about, command in _commands(parser)},
+    )
 
 
-def _commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str, argparse.ArgumentParser]]:
+def _commands(
+    parser: argparse.ArgumentParser,
+) -> Iterator[tuple[str, str, argparse.ArgumentParser]]:
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             about = {choice.dest: choice.help or "" for choice in action._choices_actions}
@@ -33,12 +40,16 @@ def _options(command: argparse.ArgumentParser) -> Iterator[Option]:
     for action in command._actions:
         choices = tuple(str(c) for c in action.choices or ())
         if action.option_strings or choices:
-            yield Option(tuple(action.option_strings), _plain(action.help or ""), choices, action.nargs != 0)
+            yield Option(
+                tuple(action.option_strings), _plain(action.help or ""), choices, action.nargs != 0
+            )
 
 
 def _plain(text: str) -> str:
     """One line without what a shell's quotes would trip over."""
-    words = " ".join(text.replace("%%", "%").replace("%(default)s", "...").replace(": ", ", ").split())
+    words = " ".join(
+        text.replace("%%", "%").replace("%(default)s", "...").replace(": ", ", ").split()
+    )
     return "".join(c for c in words if c not in "'\"`$\\[]:")
 
 
@@ -48,9 +59,16 @@ Commands = dict[str, tuple[str, list[Option]]]
 def _bash(prog: str, commands: Commands) -> str:
     cases, values = [], []
     for name, (_, options) in commands.items():
-        words = [n for o in options for n in o.names] + [c for o in options if not o.names for c in o.choices]
+        words = [n for o in options for n in o.names] + [
+            c for o in options if not o.names for c in o.choices
+        ]
         cases.append(f"        {name}) words='{' '.join(words)}' ;;")
-        values += [f"        {name}:{n}) words='{' '.join(o.choices)}' ;;" for o in options if o.choices for n in o.names]
+        values += [
+            f"        {name}:{n}) words='{' '.join(o.choices)}' ;;"
+            for o in options
+            if o.choices
+            for n in o.names
+        ]
     return f"""# bash completion of {prog}: put it where your completions are, or `source <({prog} completion bash)`
 _{prog}() {{
     local word=${{COMP_WORDS[COMP_CWORD]}} before=${{COMP_WORDS[COMP_CWORD-1]}} command=${{COMP_WORDS[1]}} words=
@@ -81,7 +99,9 @@ def _zsh(prog: str, commands: Commands) -> str:
     cases = []
     for name, (_, options) in commands.items():
         arguments = [f"'{n}[{o.help}]{_zsh_value(o)}'" for o in options for n in o.names]
-        arguments += [f"'1: :({' '.join(o.choices)})'" for o in options if not o.names] or ["'*: :_files'"]
+        arguments += [f"'1: :({' '.join(o.choices)})'" for o in options if not o.names] or [
+            "'*: :_files'"
+        ]
         cases.append(f"    {name}) _arguments {' '.join(arguments)} ;;")
     return f"""#compdef {prog}
 # zsh completion of {prog}: save it as _{prog} in a folder of $fpath
@@ -116,9 +136,17 @@ def _fish(prog: str, commands: Commands) -> str:
         lines.append(f"complete -c {prog} -n __fish_use_subcommand -f -a {name} -d '{about}'")
         when = f"complete -c {prog} -n '__fish_seen_subcommand_from {name}'"
         for o in options:
-            names = " ".join(f"-l {n[2:]}" if n.startswith("--") else f"-s {n[1:]}" for n in o.names)
-            chosen = f" -x -a '{' '.join(o.choices)}'" if o.choices else " -r" if o.takes_value else ""
-            lines.append(f"{when} {names}{chosen} -d '{o.help}'" if names else f"{when} -f -a '{' '.join(o.choices)}'")
+            names = " ".join(
+                f"-l {n[2:]}" if n.startswith("--") else f"-s {n[1:]}" for n in o.names
+            )
+            chosen = (
+                f" -x -a '{' '.join(o.choices)}'" if o.choices else " -r" if o.takes_value else ""
+            )
+            lines.append(
+                f"{when} {names}{chosen} -d '{o.help}'"
+                if names
+                else f"{when} -f -a '{' '.join(o.choices)}'"
+            )
     return "\n".join(lines) + "\n"
 
 

@@ -15,12 +15,16 @@ T = TypeVar("T")
 
 def bar(items: Iterable[T], total: int | None = None, what: str = "") -> Iterator[T]:
     """Iterates with a bar on standard error if that is a terminal."""
-    return iter(tqdm(items, total=total, desc=what, delay=1.0, leave=False, disable=not sys.stderr.isatty()))
+    return iter(
+        tqdm(items, total=total, desc=what, delay=1.0, leave=False, disable=not sys.stderr.isatty())
+    )
 
 
 def loop_progress(what: str) -> Progress:
     """A callback for the sampled loops."""
-    shown = tqdm(total=None, desc=what, delay=1.0, leave=False, disable=not sys.stderr.isatty(), unit="step")
+    shown = tqdm(
+        total=None, desc=what, delay=1.0, leave=False, disable=not sys.stderr.isatty(), unit="step"
+    )
 
     def report(done: int, total: int) -> bool:
         shown.total = total

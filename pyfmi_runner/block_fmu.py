@@ -1,4 +1,6 @@
-"""A block's FMU driven by recorded inputs, whole or in windows that each start from measured values; no Python per sample."""
+"""A block's FMU driven by recorded inputs, whole or in windows that each start from measured
+values; no Python per sample.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from modelica_fmu.errors import RunError
 from pyfmi_runner.compiled_loop import FMI_WARNING, native_values
-from pyfmi_runner.errors import RunError
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import PERIOD
 from pyfmi_runner.native import call_plain, call_setup, call_step
@@ -20,14 +22,23 @@ __all__ = ["BlockFmu", "Guide"]
 
 Array = NDArray[np.float64]
 _WORDS = (
-    "SetReal", "SetInteger", "SetBoolean", "GetReal", "DoStep", "Reset", "SetupExperiment", "EnterInitializationMode",
+    "SetReal",
+    "SetInteger",
+    "SetBoolean",
+    "GetReal",
+    "DoStep",
+    "Reset",
+    "SetupExperiment",
+    "EnterInitializationMode",
     "ExitInitializationMode",
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True)
 class Guide:
-    """Positions and speeds (N, n) that the first 2 n outputs, positions then speeds, are led to through the first n inputs."""
+    """Positions and speeds (N, n) that the first 2 n outputs, positions then speeds, are led to
+    through the first n inputs.
+    """
 
     position: Array
     speed: Array
@@ -60,52 +71,102 @@ class BlockFmu:
         windows: NDArray[np.int64] | None = None,
         starts: Mapping[str, Array] | None = None,
     ) -> Array:
-        """Outputs (N, len(outputs)) at each sample for inputs (N, len(inputs)) held over the millisecond behind it.
+        """Outputs (N, len(outputs)) at each sample for inputs (N, len(inputs)) held over the
+        millisecond behind it.
 
-        windows: (W, 2) first row and row after the last of each; the block is started again at each, with the start values
-        `starts[name][w]`. None: one window over all rows. Rows outside every window are NaN. Raises InputError for a value that the
-        FMU refuses, RunError where it fails.
+        windows: (W, 2) first row and row after the last of each; the block is started again at
+        each, with the start values `starts[name][w]`. None: one window over all rows. Rows outside
+        every window are NaN. Raises InputError for a value that the FMU refuses, RunError where it
+        fails.
         """
         self.session.reset(dict(parameters))  # checks names and bounds
-        windows = np.array([[0, len(values)]], dtype=np.int64) if windows is None else np.ascontiguousarray(windows, dtype=np.int64)
+        windows = (
+            np.array([[0, len(values)]], dtype=np.int64)
+            if windows is None
+            else np.ascontiguousarray(windows, dtype=np.int64)
+        )
         starts = starts or {}
-        start_values = np.column_stack([starts[name] for name in starts]) if starts else np.empty((len(windows), 0))
+        start_values = (
+            np.column_stack([starts[name] for name in starts])
+            if starts
+            else np.empty((len(windows), 0))
+        )
         result = np.full((len(values), len(outputs)), np.nan)
-        start_refs, input_refs, output_refs = (self.session.references(tuple(names)) for names in (starts, inputs, outputs))
+        start_refs, input_refs, output_refs = (
+            self.session.references(tuple(names)) for names in (starts, inputs, outputs)
+        )
         status, row = _run_windows(
-            self._component, self._addresses, self._settings(parameters), start_refs, np.ascontiguousarray(start_values, dtype=np.float64),
-            windows, input_refs, np.ascontiguousarray(values, dtype=np.float64), output_refs, PERIOD, result,
-        )  # fmt: skip
+            self._component,
+            self._addresses,
+            self._settings(parameters),
+            start_refs,
+            np.ascontiguousarray(start_values, dtype=np.float64),
+            windows,
+            input_refs,
+            np.ascontiguousarray(values, dtype=np.float64),
+            output_refs,
+            PERIOD,
+            result,
+        )
         return self._whole(result, status, row)
 
     def run_clamped(
-        self, parameters: Mapping[str, float], inputs: Sequence[str], values: Array,
-        flags: Sequence[str], flag_values: Array, outputs: Sequence[str],
-    ) -> Array:  # fmt: skip
+        self,
+        parameters: Mapping[str, float],
+        inputs: Sequence[str],
+        values: Array,
+        flags: Sequence[str],
+        flag_values: Array,
+        outputs: Sequence[str],
+    ) -> Array:
         """As `run` over all rows, with Boolean inputs `flags` (N, len(flags)) besides."""
         self.session.reset(dict(parameters))
         result = np.full((len(values), len(outputs)), np.nan)
         references = self.session.references
         status, row = _run_flagged(
-            self._component, self._addresses, references(inputs), np.ascontiguousarray(values, dtype=np.float64),
-            references(flags), np.ascontiguousarray(flag_values).astype(np.int32), references(outputs), PERIOD, result,
-        )  # fmt: skip
+            self._component,
+            self._addresses,
+            references(inputs),
+            np.ascontiguousarray(values, dtype=np.float64),
+            references(flags),
+            np.ascontiguousarray(flag_values).astype(np.int32),
+            references(outputs),
+            PERIOD,
+            result,
+        )
         return self._whole(result, status, row)
 
     def run_guided(
-        self, parameters: Mapping[str, float], inputs: Sequence[str], values: Array,
-        flags: Sequence[str], flag_values: Array, outputs: Sequence[str], guide: Guide,
-    ) -> Array:  # fmt: skip
-        """As `run_clamped`, with each input led by what `guide` says of the outputs so far: an observer around the FMU."""
+        self,
+        parameters: Mapping[str, float],
+        inputs: Sequence[str],
+        values: Array,
+        flags: Sequence[str],
+        flag_values: Array,
+        outputs: Sequence[str],
+        guide: Guide,
+    ) -> Array:
+        """As `run_clamped`, with each input led by what `guide` says of the outputs so far: an
+        observer around the FMU.
+        """
         self.session.reset(dict(parameters))
         result = np.full((len(values), len(outputs)), np.nan)
         references = self.session.references
         status, row = _run_guided(
-            self._component, self._addresses, references(inputs), np.ascontiguousarray(values, dtype=np.float64),
-            references(flags), np.ascontiguousarray(flag_values).astype(np.int32), references(outputs), PERIOD, result,
-            np.ascontiguousarray(guide.position), np.ascontiguousarray(guide.speed),
-            np.ascontiguousarray(guide.per_position, dtype=np.float64), np.asarray(guide.per_speed, dtype=np.float64),
-        )  # fmt: skip
+            self._component,
+            self._addresses,
+            references(inputs),
+            np.ascontiguousarray(values, dtype=np.float64),
+            references(flags),
+            np.ascontiguousarray(flag_values).astype(np.int32),
+            references(outputs),
+            PERIOD,
+            result,
+            np.ascontiguousarray(guide.position),
+            np.ascontiguousarray(guide.speed),
+            np.ascontiguousarray(guide.per_position, dtype=np.float64),
+            np.asarray(guide.per_speed, dtype=np.float64),
+        )
         return self._whole(result, status, row)
 
     def _whole(self, result: Array, status: int, row: int) -> Array:
@@ -116,7 +177,9 @@ class BlockFmu:
         return result
 
     def _settings(self, parameters: Mapping[str, float]) -> tuple[Any, ...]:
-        """References and values of the parameters by FMI type: Real, Integer (and enumerations), Boolean."""
+        """References and values of the parameters by FMI type: Real, Integer (and enumerations),
+        Boolean.
+        """
         variables = self.file.variables
         by_type: dict[str, list[str]] = {"Real": [], "Integer": [], "Boolean": []}
         for name in parameters:
@@ -124,16 +187,29 @@ class BlockFmu:
             by_type["Integer" if kind == "Enumeration" else kind].append(name)
         real, integer, boolean = by_type.values()
         return (
-            self.session.references(real), np.array([parameters[n] for n in real], dtype=np.float64),
-            self.session.references(integer), np.array([parameters[n] for n in integer], dtype=np.int32),
-            self.session.references(boolean), np.array([parameters[n] for n in boolean], dtype=np.int32),
-        )  # fmt: skip
+            self.session.references(real),
+            np.array([parameters[n] for n in real], dtype=np.float64),
+            self.session.references(integer),
+            np.array([parameters[n] for n in integer], dtype=np.int32),
+            self.session.references(boolean),
+            np.array([parameters[n] for n in boolean], dtype=np.int32),
+        )
 
 
 @njit(nogil=True)
 def _run_windows(  # type: ignore[no-untyped-def]
-    component, addresses, settings, start_refs, starts, windows, input_refs, values, output_refs, period, result
-):  # fmt: skip
+    component,
+    addresses,
+    settings,
+    start_refs,
+    starts,
+    windows,
+    input_refs,
+    values,
+    output_refs,
+    period,
+    result,
+):
     reals, real_values, integers, integer_values, booleans, boolean_values = settings
     set_real, set_integer, set_boolean, get_real, do_step, reset, setup, enter, leave = addresses
     for w in range(len(windows)):
@@ -145,7 +221,9 @@ def _run_windows(  # type: ignore[no-untyped-def]
         status = max(status, native_values(set_real, component, start_refs, starts[w]))
         status = max(status, call_setup(setup, component, 0.0))
         status = max(status, call_plain(enter, component))
-        status = max(status, call_plain(leave, component))  # inputs come with the first sample: a delay line starts empty
+        status = max(
+            status, call_plain(leave, component)
+        )  # inputs come with the first sample: a delay line starts empty
         if status > FMI_WARNING:
             return status, first
         for k in range(first, last):
@@ -158,7 +236,9 @@ def _run_windows(  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True)
-def _run_flagged(component, addresses, input_refs, values, flag_refs, flags, output_refs, period, result):  # type: ignore[no-untyped-def]
+def _run_flagged(  # type: ignore[no-untyped-def]
+    component, addresses, input_refs, values, flag_refs, flags, output_refs, period, result
+):
     set_real, _, set_boolean, get_real, do_step = addresses[:5]
     for k in range(len(values)):
         status = native_values(set_real, component, input_refs, values[k])
@@ -173,9 +253,20 @@ def _run_flagged(component, addresses, input_refs, values, flag_refs, flags, out
 
 @njit(nogil=True)
 def _run_guided(  # type: ignore[no-untyped-def]
-    component, addresses, input_refs, values, flag_refs, flags, output_refs, period, result,
-    position, speed, per_position, per_speed,
-):  # fmt: skip
+    component,
+    addresses,
+    input_refs,
+    values,
+    flag_refs,
+    flags,
+    output_refs,
+    period,
+    result,
+    position,
+    speed,
+    per_position,
+    per_speed,
+):
     set_real, _, set_boolean, get_real, do_step = addresses[:5]
     count = len(per_speed)
     now = np.empty(values.shape[1])
@@ -187,7 +278,9 @@ def _run_guided(  # type: ignore[no-untyped-def]
             status = native_values(get_real, component, output_refs, result[k])
         now[:] = values[k]
         for i in range(count):
-            now[i] += per_position[k, i] * (position[k, i] - result[k, i]) + per_speed[i] * (speed[k, i] - result[k, count + i])
+            now[i] += per_position[k, i] * (position[k, i] - result[k, i]) + per_speed[i] * (
+                speed[k, i] - result[k, count + i]
+            )
         status = max(status, native_values(set_real, component, input_refs, now))
         if k == 0 or (flags[k] != flags[k - 1]).any():
             status = max(status, native_values(set_boolean, component, flag_refs, flags[k]))

@@ -1,7 +1,9 @@
-"""Block replay (teacher forcing): each block of the plant as an FMU of its own, fed with measured signals.
+"""Block replay (teacher forcing): each block of the plant as an FMU of its own, fed with measured
+signals.
 
-A block that is right reproduces its own output to the sensors' noise, whatever the other blocks do. Measured inputs are noisy, so a
-block's floor is not 1: it is found by the same replay of the nominal plant's own log with the sensors' noise added.
+A block that is right reproduces its own output to the sensors' noise, whatever the other blocks do.
+Measured inputs are noisy, so a block's floor is not 1: it is found by the same replay of the
+nominal plant's own log with the sensors' noise added.
 """
 
 from __future__ import annotations
@@ -33,10 +35,16 @@ __all__ = ["BLOCKS", "BlockReplayer", "noisy_copy"]
 
 Array = NDArray[np.float64]
 BLOCKS = ("valve_x", "valve_z", "friction_x", "friction_z", "contact", "sensors", "timing")
-WINDOW = 100  # samples after which the friction block is started again from measured position and speed
+WINDOW = (
+    100  # samples after which the friction block is started again from measured position and speed
+)
 LEAD = 5  # samples either side over which its starting speed is averaged
 COMMAND_QUANTUM = 1e-4  # V, rounding of the recorded commands: the unit of the timing block
-CLASSES = {"valve": "PneuGantry.Valve", "friction": "PneuGantry.Cylinder", "contact": "PneuGantry.Edge"}
+CLASSES = {
+    "valve": "PneuGantry.Valve",
+    "friction": "PneuGantry.Cylinder",
+    "contact": "PneuGantry.Edge",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +71,9 @@ class BlockReplayer:
 
     def __init__(self, gantry: FmuFile, model: Path | None = None, out: Path | None = None) -> None:
         self.gantry = gantry
-        self._files = {name: FmuFile.read(build_fmu(cls, model, out=out).path) for name, cls in CLASSES.items()}
+        self._files = {
+            name: FmuFile.read(build_fmu(cls, model, out=out).path) for name, cls in CLASSES.items()
+        }
         self._stack = ExitStack()
         self._sessions: dict[str, FmuSession] = {}
 
@@ -75,8 +85,11 @@ class BlockReplayer:
     def __exit__(self, *error: Any) -> None:
         self._stack.close()
 
-    def residuals(self, run: LoggedRun, parameters: Mapping[str, float] | None = None) -> dict[str, Array]:
-        """Residuals by block, (rows, channels) with NaN where a block cannot be judged; blocks that the log does not show are left out.
+    def residuals(
+        self, run: LoggedRun, parameters: Mapping[str, float] | None = None
+    ) -> dict[str, Array]:
+        """Residuals by block, (rows, channels) with NaN where a block cannot be judged; blocks that
+        the log does not show are left out.
 
         `parameters`: of the gantry, where they differ from the FMU's own.
         """
@@ -90,18 +103,31 @@ class BlockReplayer:
         found["timing"] = _timing(run)
         return {name: found[name] for name in BLOCKS if found[name] is not None}  # type: ignore[misc]
 
-    def gaps(self, run: LoggedRun, floor_run: LoggedRun, parameters: Mapping[str, float] | None = None) -> dict[str, dict[str, float]]:
-        """{"block": {"gap": RMS, "floor": RMS of the nominal plant's own noisy log}}; `floor_run` from `noisy_copy`."""
+    def gaps(
+        self, run: LoggedRun, floor_run: LoggedRun, parameters: Mapping[str, float] | None = None
+    ) -> dict[str, dict[str, float]]:
+        """{"block": {"gap": RMS, "floor": RMS of the nominal plant's own noisy log}}; `floor_run`
+        from `noisy_copy`.
+        """
         floors = self.residuals(floor_run, parameters)
         floors["timing"] = _rounding_floor(run)
-        return {name: {"gap": _rms(values), "floor": _rms(floors[name])} for name, values in self.residuals(run, parameters).items()}
+        return {
+            name: {"gap": _rms(values), "floor": _rms(floors[name])}
+            for name, values in self.residuals(run, parameters).items()
+        }
 
     def _parameters(self, prefix: str, given: Mapping[str, float]) -> dict[str, float]:
         """Values of the gantry's component under the names of its block."""
-        merged = {name: v.start for name, v in self.gantry.variables.items() if v.causality == "parameter" and v.start is not None} | dict(
-            given
-        )
-        return {name.removeprefix(prefix): float(value) for name, value in merged.items() if name.startswith(prefix)}
+        merged = {
+            name: v.start
+            for name, v in self.gantry.variables.items()
+            if v.causality == "parameter" and v.start is not None
+        } | dict(given)
+        return {
+            name.removeprefix(prefix): float(value)
+            for name, value in merged.items()
+            if name.startswith(prefix)
+        }
 
     def _valve(self, signals: _Signals, axis: str, given: Mapping[str, float]) -> Array:
         log = signals.run.log
@@ -117,17 +143,33 @@ class BlockReplayer:
         run = signals.run
         if run.setup.workpiece == "none":
             return None
-        setup = {k: v for k, v in plant_parameters(run.setup).items() if k.startswith(("workpiece.", "contact."))}
+        setup = {
+            k: v
+            for k, v in plant_parameters(run.setup).items()
+            if k.startswith(("workpiece.", "contact."))
+        }
         parameters = self._parameters("", given)
-        parameters = {k: v for k, v in parameters.items() if k.startswith(("workpiece.", "contact."))} | setup
+        parameters = {
+            k: v for k, v in parameters.items() if k.startswith(("workpiece.", "contact."))
+        } | setup
         v_x, v_z = run.log["v_x"], run.log["v_z"]
         names, columns = ["x", "z", "v_x", "v_z"], [signals.x, signals.z, v_x, v_z]
         profile = own_profile(run.setup)
         if profile is not None:
             names += list(PROFILE)
-            columns += [signals.x, profile.height(signals.x), profile.slope(signals.x), profile.curvature(signals.x)]
-        simulated = self._force("contact", parameters, tuple(names), np.column_stack(columns), ("f_x", "f_z"))
-        return np.column_stack([run.log[c] - simulated[:, i] for i, c in enumerate(("f_x", "f_z"))]) / SIGMA["f_x"]
+            columns += [
+                signals.x,
+                profile.height(signals.x),
+                profile.slope(signals.x),
+                profile.curvature(signals.x),
+            ]
+        simulated = self._force(
+            "contact", parameters, tuple(names), np.column_stack(columns), ("f_x", "f_z")
+        )
+        return (
+            np.column_stack([run.log[c] - simulated[:, i] for i, c in enumerate(("f_x", "f_z"))])
+            / SIGMA["f_x"]
+        )
 
     def _friction(self, signals: _Signals, axis: str, given: Mapping[str, float]) -> Array | None:
         log = signals.run.log
@@ -135,7 +177,9 @@ class BlockReplayer:
         if free.sum() < WINDOW:
             return None
         load = np.hypot(log["f_x"], log["f_z"])
-        inputs = np.column_stack([_midway(log[f"f_a{axis}"]), _midway(log[f"f_{axis}"]), _midway(load)])
+        inputs = np.column_stack(
+            [_midway(log[f"f_a{axis}"]), _midway(log[f"f_{axis}"]), _midway(load)]
+        )
         parameters = self._parameters(f"axis_{axis}.", given)
         parameters.pop("s_start", None)
         position, speed = signals.position(axis), log[f"v_{axis}"]
@@ -145,20 +189,43 @@ class BlockReplayer:
             rows = slice(start, start + WINDOW)
             if not free[start - LEAD : start + WINDOW].all():
                 continue
-            initial = {"s_start": float(np.clip(position[start], -10, 10)), "v": float(speed[start - LEAD : start + LEAD + 1].mean())}
-            simulated = self._force("friction", parameters | initial, ("f_a", "f_c", "f_load"), inputs[rows], ("v", "s"))
+            initial = {
+                "s_start": float(np.clip(position[start], -10, 10)),
+                "v": float(speed[start - LEAD : start + LEAD + 1].mean()),
+            }
+            simulated = self._force(
+                "friction", parameters | initial, ("f_a", "f_c", "f_load"), inputs[rows], ("v", "s")
+            )
             residual[rows] = measured[rows] - simulated / (SIGMA[f"v_{axis}"], SIGMA[axis])
         return residual
 
-    def _force(self, name: str, parameters: Mapping[str, float], inputs: tuple[str, ...], values: Array, outputs: tuple[str, ...]) -> Array:
-        """Outputs (N, len(outputs)) of a block for inputs (N, len(inputs)) held over each millisecond."""
+    def _force(
+        self,
+        name: str,
+        parameters: Mapping[str, float],
+        inputs: tuple[str, ...],
+        values: Array,
+        outputs: tuple[str, ...],
+    ) -> Array:
+        """Outputs (N, len(outputs)) of a block for inputs (N, len(inputs)) held over each
+        millisecond.
+        """
         session = self._sessions[name]
         known = session.file.variables
-        session.reset({k: v for k, v in parameters.items() if k in known and known[k].settable_before_start})
+        session.reset(
+            {k: v for k, v in parameters.items() if k in known and known[k].settable_before_start}
+        )
         raw = session.raw()
         result = np.empty((len(values), len(outputs)))
         wiring = (raw.component, raw.set_real, raw.get_real, raw.do_step)
-        status = _drive(wiring, session.references(inputs), session.references(outputs), np.ascontiguousarray(values), PERIOD, result)
+        status = _drive(
+            wiring,
+            session.references(inputs),
+            session.references(outputs),
+            np.ascontiguousarray(values),
+            PERIOD,
+            result,
+        )
         session.stepped_natively(len(values) * PERIOD, status)
         return result
 
@@ -181,7 +248,9 @@ def _midway(values: Array) -> Array:
 
 
 def noisy_copy(run: LoggedRun, simulated: Array, seed: int = 0) -> LoggedRun:
-    """The log that the simulated plant would have given: its outputs (N, 8) with the sensors' noise."""
+    """The log that the simulated plant would have given: its outputs (N, 8) with the sensors'
+    noise.
+    """
     table = pd.DataFrame({name: run.log[name] for name in ("time", "u_x", "u_z")})
     noise = noise_rows(len(run.log), seed)
     for column, name in enumerate(MEASURED):
@@ -190,25 +259,51 @@ def noisy_copy(run: LoggedRun, simulated: Array, seed: int = 0) -> LoggedRun:
 
 
 def _timing(run: LoggedRun) -> Array | None:
-    """Recorded command less what the controller makes of the recorded signals, in units of the command's rounding."""
+    """Recorded command less what the controller makes of the recorded signals, in units of the
+    command's rounding.
+    """
     measured = np.round(run.log.measured(), 12)
     commands = recomputed_commands(run, measured)
-    return None if commands is None else np.column_stack([run.log["u_x"], run.log["u_z"]]) / COMMAND_QUANTUM - commands / COMMAND_QUANTUM
+    return (
+        None
+        if commands is None
+        else np.column_stack([run.log["u_x"], run.log["u_z"]]) / COMMAND_QUANTUM
+        - commands / COMMAND_QUANTUM
+    )
 
 
 def recomputed_commands(run: LoggedRun, measured: Array) -> Array | None:
-    """Commands (N, 2) of the log's controller for measured signals (N, 8); NaN before its contact phase; None without a controller."""
+    """Commands (N, 2) of the log's controller for measured signals (N, 8); NaN before its contact
+    phase; None without a controller.
+    """
     setup = run.setup
-    if setup.loop != "closed" or setup.controller is None or "contact" not in setup.phases or "contour" not in setup.phases:
+    if (
+        setup.loop != "closed"
+        or setup.controller is None
+        or "contact" not in setup.phases
+        or "contour" not in setup.phases
+    ):
         return None
     options = {} if setup.gains is None else {"gains": setup.gains}
     controller = make_controller(setup.controller, **options)
-    contact, contour = (round((setup.phases[name][0] - run.log.time[0]) / PERIOD) for name in ("contact", "contour"))
+    contact, contour = (
+        round((setup.phases[name][0] - run.log.time[0]) / PERIOD) for name in ("contact", "contour")
+    )
     end = round((setup.phases["contour"][1] - run.log.time[0]) / PERIOD)
     commands = np.full((len(measured), 2), np.nan)
     loop = _controller_loop(type(controller).kernel)
     f_nd, v_td = float(setup.f_nd or 0.0), float(setup.v_td or 0.0)
-    loop(controller.params, controller.state, measured, contact, contour, min(end, len(measured)), f_nd, v_td, commands)
+    loop(
+        controller.params,
+        controller.state,
+        measured,
+        contact,
+        contour,
+        min(end, len(measured)),
+        f_nd,
+        v_td,
+        commands,
+    )
     return commands
 
 
@@ -223,7 +318,9 @@ def _controller_loop(kernel: Callable[..., Any]) -> Callable[..., None]:
             for k in range(contact, end):
                 m = measured[k]
                 reference = Reference(f_nd, v_td if k >= contour else 0.0)
-                state, command = kernel(params, state, reference, Sense(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7]))
+                state, command = kernel(
+                    params, state, reference, Sense(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7])
+                )
                 commands[k, 0], commands[k, 1] = command.u_x, command.u_z
 
         _LOOPS[kernel] = loop
@@ -231,11 +328,15 @@ def _controller_loop(kernel: Callable[..., Any]) -> Callable[..., None]:
 
 
 def _rounding_floor(run: LoggedRun) -> Array:
-    """Timing residual that the log's own rounding causes: signals moved at random within their rounding steps."""
+    """Timing residual that the log's own rounding causes: signals moved at random within their
+    rounding steps.
+    """
     measured = run.log.measured()
     generator = np.random.default_rng(0)
     steps = np.array([_quantum(column) for column in measured.T])
-    moved = recomputed_commands(run, measured + steps * generator.uniform(-0.5, 0.5, measured.shape))
+    moved = recomputed_commands(
+        run, measured + steps * generator.uniform(-0.5, 0.5, measured.shape)
+    )
     plain = recomputed_commands(run, measured)
     if moved is None or plain is None:
         return np.zeros((1, 1))

@@ -1,4 +1,6 @@
-"""Measuring campaigns: a folder of logs with one campaign.toml that says how each was taken, or a single log."""
+"""Measuring campaigns: a folder of logs with one campaign.toml that says how each was taken, or a
+single log.
+"""
 
 from __future__ import annotations
 
@@ -15,27 +17,54 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pyfmi_runner.errors import InputError
+from modelica_fmu.errors import InputError
 from pyfmi_runner.log import PERIOD, STROKE_X, STROKE_Z, Log, read_log, write_atomically, write_log
-from pyfmi_runner.scenario import Fields, Phases, Scenario, clamp_windows, parse_toml, to_toml, toml_key
+from pyfmi_runner.scenario import (
+    Fields,
+    Phases,
+    Scenario,
+    clamp_windows,
+    parse_toml,
+    to_toml,
+    toml_key,
+)
 from pyfmi_runner.workpiece import default_standoff
 
 __all__ = [
-    "Campaign", "LogSetup", "LoggedRun", "read_campaign", "scenario_setup", "setup_from", "setup_table",
+    "Campaign",
+    "LogSetup",
+    "LoggedRun",
+    "read_campaign",
+    "scenario_setup",
+    "setup_from",
+    "setup_table",
     "write_campaign",
-]  # fmt: skip
+]
 
 INDEX = "campaign.toml"
 SUFFIXES = (".parquet", ".pq", ".csv")
 KEYS = (
-    "file", "loop", "clamped", "start", "workpiece", "standoff", "surface_finish", "phases", "approach_command", "f_nd",
-    "v_td", "controller", "gains",
-)  # fmt: skip
+    "file",
+    "loop",
+    "clamped",
+    "start",
+    "workpiece",
+    "standoff",
+    "surface_finish",
+    "phases",
+    "approach_command",
+    "f_nd",
+    "v_td",
+    "controller",
+    "gains",
+)
 
 
 @dataclass(frozen=True)
 class LogSetup:
-    """How a log was taken; None is what nobody said. Raises ValueError for a clamp that cannot be read."""
+    """How a log was taken; None is what nobody said. Raises ValueError for a clamp that cannot be
+    read.
+    """
 
     loop: str = "open"  # "open" or "closed"
     clamped: tuple[str, ...] = ()  # "x", "z", "x until contour"
@@ -45,7 +74,9 @@ class LogSetup:
     standoff: float | None = None  # m, z_0; None: the workpiece's own
     surface_finish: bool = False
     phases: Phases = field(default_factory=dict)
-    approach_command: tuple[float, float] | None = None  # V, u_x and u_z until the contact phase starts
+    approach_command: tuple[float, float] | None = (
+        None  # V, u_x and u_z until the contact phase starts
+    )
     f_nd: float | None = None  # N, > 0 presses into the workpiece
     v_td: float | None = None  # m/s, < 0 tracks towards -x
     controller: str | None = None
@@ -62,12 +93,16 @@ class LogSetup:
         return default_standoff(self.workpiece) if self.standoff is None else self.standoff
 
     def clamp_windows(self, axis: str) -> list[tuple[float, float]]:
-        """Stretches [t0, t1) in s over which an axis ("x" or "z") is clamped; infinite ends mean the log's ends."""
+        """Stretches [t0, t1) in s over which an axis ("x" or "z") is clamped; infinite ends mean
+        the log's ends.
+        """
         return clamp_windows(self.clamped, self.phases)[axis]
 
     def clamp_signal(self, axis: str, time: ArrayLike) -> NDArray[np.bool_]:
         """Whether an axis ("x" or "z") is clamped over [t_k, t_k + 1 ms); shape of time [s]."""
-        instant = np.asarray(time, dtype=np.float64) + 0.5 * PERIOD  # half a sample off the edges: safe from rounding
+        instant = (
+            np.asarray(time, dtype=np.float64) + 0.5 * PERIOD
+        )  # half a sample off the edges: safe from rounding
         held = np.zeros(instant.shape, dtype=np.bool_)
         for start, end in self.clamp_windows(axis):
             held |= (instant >= start) & (instant < end)
@@ -84,7 +119,9 @@ class LoggedRun:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """Logs of one rig, in the order of campaign.toml. notes: what was left out or does not fit, one sentence each."""
+    """Logs of one rig, in the order of campaign.toml. notes: what was left out or does not fit, one
+    sentence each.
+    """
 
     name: str
     path: Path
@@ -95,23 +132,28 @@ class Campaign:
         return iter(self.logs.values())
 
 
-def read_campaign(path: str | os.PathLike[str], *, strict: bool = True, setup: Mapping[str, Any] | None = None) -> Campaign:
+def read_campaign(
+    path: str | os.PathLike[str], *, strict: bool = True, setup: Mapping[str, Any] | None = None
+) -> Campaign:
     """Read a folder with campaign.toml, or a single log as a campaign of one.
 
-    The setup of a single log is taken from the first of: a TOML file of the same name beside it, its table in a
-    campaign.toml beside it, its own provenance; else: open loop, no workpiece, starting where its first rows are. Keys
-    in `setup` (as in campaign.toml) go before all of these. With strict=False logs that cannot be used are left out
-    and named in `notes`. Raises InputError naming file, key and mend.
+    The setup of a single log is taken from the first of: a TOML file of the same name beside it,
+    its table in a campaign.toml beside it, its own provenance; else: open loop, no workpiece,
+    starting where its first rows are. Keys in `setup` (as in campaign.toml) go before all of these.
+    With strict=False logs that cannot be used are left out and named in `notes`. Raises InputError
+    naming file, key and hint.
     """
     path = Path(path)
-    return _read_folder(path, strict) if os.path.isdir(path) else _read_single(path, dict(setup or {}))
+    return (
+        _read_folder(path, strict) if os.path.isdir(path) else _read_single(path, dict(setup or {}))
+    )
 
 
 def _read_folder(folder: Path, strict: bool) -> Campaign:
     index = folder / INDEX
     if not index.is_file():
-        mend = "write one [log.NAME] table per log, or name a single log file"
-        raise InputError("no such file", file=index, mend=mend)
+        hint = "write one [log.NAME] table per log, or name a single log file"
+        raise InputError("no such file", file=index, hint=hint)
     content = parse_toml(index)
     tables = _log_tables(content, index)
     name = Fields(content, ("log", "name"), index).of_type("name", str, "")
@@ -131,10 +173,10 @@ def _read_folder(folder: Path, strict: bool) -> Campaign:
     for stray in _strays(folder, tables, logs):
         message = f"{stray.name} has no table [log.{stray.stem}]"
         if strict:
-            raise InputError(message, file=index, mend="add the table, or move the file away")
+            raise InputError(message, file=index, hint="add the table, or move the file away")
         notes.append(f"{message}: left out")
     if not logs:
-        raise InputError(f"no usable log ({notes[0]})", file=index, mend="mend its logs")
+        raise InputError(f"no usable log ({notes[0]})", file=index, hint="correct its logs")
     return Campaign(name or folder.resolve().name, folder, logs, notes)
 
 
@@ -158,15 +200,24 @@ def _log_file(folder: Path, name: str, table: Mapping[str, Any], index: Path) ->
         return present[0]
     if present:
         found = " and ".join(p.name for p in present)
-        raise InputError(f"found {found}", file=index, field=f"log.{name}", mend='keep one, or say file = "..."')
-    message, mend = f"no {name}.parquet or {name}.csv in the folder", "add the log, or remove its table"
-    raise InputError(message, file=index, field=f"log.{name}", mend=mend)
+        raise InputError(
+            f"found {found}", file=index, field=f"log.{name}", hint='keep one, or say file = "..."'
+        )
+    message, hint = (
+        f"no {name}.parquet or {name}.csv in the folder",
+        "add the log, or remove its table",
+    )
+    raise InputError(message, file=index, field=f"log.{name}", hint=hint)
 
 
-def _strays(folder: Path, tables: Mapping[str, Mapping[str, Any]], logs: Mapping[str, LoggedRun]) -> list[Path]:
+def _strays(
+    folder: Path, tables: Mapping[str, Mapping[str, Any]], logs: Mapping[str, LoggedRun]
+) -> list[Path]:
     """Log files that no table speaks of; profiles of workpieces are none."""
     spoken = {str(table.get(key, "")) for table in tables.values() for key in ("file", "workpiece")}
-    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith("."))
+    files = sorted(
+        p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".")
+    )
     return [p for p in files if p.stem not in tables and p.name not in spoken]
 
 
@@ -184,7 +235,9 @@ def _misfits(name: str, run: LoggedRun) -> Iterator[str]:
 def _read_single(path: Path, given: dict[str, Any]) -> Campaign:
     log = read_log(path)
     if str(given.get("workpiece", "")).lower().endswith(".csv"):
-        given["workpiece"] = str(Path(given["workpiece"]).resolve())  # from the working folder, not from the log's
+        given["workpiece"] = str(
+            Path(given["workpiece"]).resolve()
+        )  # from the working folder, not from the log's
     beside, index = path.with_suffix(".toml"), path.parent / INDEX
     table: Mapping[str, Any] = {}
     source: Path | None = None
@@ -202,12 +255,18 @@ def _read_single(path: Path, given: dict[str, Any]) -> Campaign:
     run = LoggedRun(setup_from({"start": inside, **table, **given}, source), log)
     notes = list(_misfits(path.stem, run))
     if source is None and not given:
-        notes.append(f"nothing says how {path.name} was taken: open loop, no clamp and no workpiece assumed")
+        notes.append(
+            f"nothing says how {path.name} was taken: open loop, no clamp and no workpiece assumed"
+        )
     return Campaign(path.stem, path, {path.stem: run}, notes)
 
 
-def setup_from(table: Mapping[str, Any], file: str | os.PathLike[str] | None = None, prefix: str = "") -> LogSetup:
-    """A setup from its TOML table; workpiece files are taken from the folder of `file`. Raises InputError."""
+def setup_from(
+    table: Mapping[str, Any], file: str | os.PathLike[str] | None = None, prefix: str = ""
+) -> LogSetup:
+    """A setup from its TOML table; workpiece files are taken from the folder of `file`. Raises
+    InputError.
+    """
     fields = Fields(table, KEYS, file, prefix)
     workpiece, loop = fields.workpiece("none", none=True), fields.of_type("loop", str, "open")
     if loop not in ("open", "closed"):
@@ -224,7 +283,10 @@ def setup_from(table: Mapping[str, Any], file: str | os.PathLike[str] | None = N
         standoff=fields.number("standoff", None, -STROKE_Z, 2 * STROKE_Z),
         surface_finish=fields.of_type("surface_finish", bool, False),
         phases=phases,
-        approach_command=(command.number("u_x", 0.0, 0.0, 5.0), command.number("u_z", 0.0, 0.0, 5.0))
+        approach_command=(
+            command.number("u_x", 0.0, 0.0, 5.0),
+            command.number("u_z", 0.0, 0.0, 5.0),
+        )
         if "approach_command" in fields
         else None,
         f_nd=fields.number("f_nd", None, 0.0, 1e3),
@@ -235,7 +297,9 @@ def setup_from(table: Mapping[str, Any], file: str | os.PathLike[str] | None = N
 
 
 def setup_table(setup: LogSetup) -> dict[str, Any]:
-    """A setup as the table that `setup_from` reads back as it: for campaign.toml, or a log's provenance["setup"]."""
+    """A setup as the table that `setup_from` reads back as it: for campaign.toml, or a log's
+    provenance["setup"].
+    """
     command = setup.approach_command
     table = {key: getattr(setup, key) for key in KEYS if hasattr(setup, key)} | {
         "clamped": list(setup.clamped),
@@ -257,23 +321,38 @@ def scenario_setup(scenario: Scenario) -> LogSetup:
 
 
 _SHARED = (
-    "clamped", "start_x", "start_z", "workpiece", "surface_finish", "phases", "f_nd", "v_td", "controller", "gains",
-)  # fmt: skip
+    "clamped",
+    "start_x",
+    "start_z",
+    "workpiece",
+    "surface_finish",
+    "phases",
+    "f_nd",
+    "v_td",
+    "controller",
+    "gains",
+)
 
 
 def write_campaign(campaign: Campaign, folder: str | os.PathLike[str]) -> Path:
-    """Write a campaign as a folder of Parquet logs with campaign.toml, written last; profiles are copied into it.
+    """Write a campaign as a folder of Parquet logs with campaign.toml, written last; profiles are
+    copied into it.
 
     Raises InputError where the folder cannot be written.
     """
     folder = Path(folder)
-    parts = ["# One measuring campaign: every log is 1 kHz, SI units.\n", to_toml({"name": campaign.name})]
+    parts = [
+        "# One measuring campaign: every log is 1 kHz, SI units.\n",
+        to_toml({"name": campaign.name}),
+    ]
     for name, run in campaign.logs.items():
         write_log(run.log, folder / f"{name}.parquet")
         table = setup_table(run.setup)
         if run.setup.workpiece.lower().endswith(".csv"):
             table["workpiece"] = f"{name}_profile.csv"
-            write_atomically(folder / table["workpiece"], partial(shutil.copyfile, run.setup.workpiece))
+            write_atomically(
+                folder / table["workpiece"], partial(shutil.copyfile, run.setup.workpiece)
+            )
         parts.append(f"\n[log.{toml_key(name)}]\n{to_toml(table)}")
     text = "".join(parts)
     write_atomically(folder / INDEX, lambda temporary: temporary.write_text(text, encoding="utf-8"))

@@ -1,4 +1,6 @@
-"""The sampled loop in machine code: FMU by address, sensor and controller kernels compiled in. Same bits as `loop.python_loop`."""
+"""The sampled loop in machine code: FMU by address, sensor and controller kernels compiled in. Same
+bits as `loop.python_loop`.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from controllers.interface import Command, Controller, Reference, Sense
-from pyfmi_runner.errors import InputError
+from modelica_fmu.errors import InputError
 from pyfmi_runner.fmu import FmuSession
 from pyfmi_runner.loop import MICROSECOND, Progress, Rows
 from pyfmi_runner.native import call_step, call_values
@@ -62,29 +64,69 @@ class Course(NamedTuple):
     dx: float
 
 
-def compiled_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: SensorParams, progress: Progress | None = None) -> Rows:
-    """Runs `plan` on a session that is ready to step. A failing FMU ends the run; what was recorded stays."""
+def compiled_loop(
+    fmu: FmuSession,
+    plan: Plan,
+    controller: Controller,
+    sensors: SensorParams,
+    progress: Progress | None = None,
+) -> Rows:
+    """Runs `plan` on a session that is ready to step. A failing FMU ends the run; what was recorded
+    stays.
+    """
     rows = Rows.empty(plan.samples)
     controller.reset()
     given = np.empty((plan.samples, 2))
     loop = _loop_for(type(controller).kernel)
     wiring, course = _wiring(fmu), _course(plan)
-    state, sensor_state, acting, acted = controller.state, initial_state(), Command(*plan.approach), 0
+    state, sensor_state, acting, acted = (
+        controller.state,
+        initial_state(),
+        Command(*plan.approach),
+        0,
+    )
     started = 0.0
-    for start, stop in [(0, 0), *((k, min(k + CHUNK, plan.samples)) for k in range(0, plan.samples, CHUNK))]:
+    for start, stop in [
+        (0, 0),
+        *((k, min(k + CHUNK, plan.samples)) for k in range(0, plan.samples, CHUNK)),
+    ]:
         try:
             status, rows.done, state, sensor_state, acting, acted, now = loop(
-                wiring, course, sensors, controller.params, state, sensor_state, acting, acted, given, start, stop,
-                rows.commands, rows.measured, rows.theta,
-            )  # fmt: skip
+                wiring,
+                course,
+                sensors,
+                controller.params,
+                state,
+                sensor_state,
+                acting,
+                acted,
+                given,
+                start,
+                stop,
+                rows.commands,
+                rows.measured,
+                rows.theta,
+            )
         except NumbaError as error:  # only ever while it compiles
-            lines = [line for line in str(error).splitlines() if line.strip()]  # the second says what, the first where in numba
+            lines = [
+                line for line in str(error).splitlines() if line.strip()
+            ]  # the second says what, the first where in numba
             reason = lines[min(1, len(lines) - 1)] if lines else type(error).__name__
-            mend = "decorate it and what it calls with numba's register_jitable, or run with compiled=False"
-            raise InputError(f"its kernel cannot be compiled ({reason})", field=type(controller).__name__, mend=mend) from error
+            hint = (
+                "decorate it and what it calls with numba's register_jitable, or run with "
+                "compiled=False"
+            )
+            raise InputError(
+                f"its kernel cannot be compiled ({reason})",
+                field=type(controller).__name__,
+                hint=hint,
+            ) from error
         controller.state = state
         if status > FMI_WARNING:
-            rows.failure = f"at t = {now * MICROSECOND:.6g} s: {fmu.stepped_natively(now * MICROSECOND, status)}"
+            rows.failure = (
+                f"at t = {now * MICROSECOND:.6g} s: "
+                f"{fmu.stepped_natively(now * MICROSECOND, status)}"
+            )
             return rows
         if stop == 0:  # the empty first round compiles the loop
             started = time.perf_counter()
@@ -99,31 +141,72 @@ def compiled_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: 
 def _wiring(fmu: FmuSession) -> Wiring:
     raw = fmu.raw()
     return Wiring(
-        raw.component, raw.set_real, raw.set_boolean, raw.get_real, raw.do_step,
-        fmu.references(COMMANDS), fmu.references(CLAMPS), fmu.references(MANUAL), fmu.references(PROFILE),
+        raw.component,
+        raw.set_real,
+        raw.set_boolean,
+        raw.get_real,
+        raw.do_step,
+        fmu.references(COMMANDS),
+        fmu.references(CLAMPS),
+        fmu.references(MANUAL),
+        fmu.references(PROFILE),
         fmu.references((*OUTPUTS, "theta")),
-    )  # fmt: skip
+    )
 
 
 def _course(plan: Plan) -> Course:
-    coefficients, x0, dx = plan.profile if plan.profile is not None else (np.zeros((1, 6)), 0.0, 1.0)
+    coefficients, x0, dx = (
+        plan.profile if plan.profile is not None else (np.zeros((1, 6)), 0.0, 1.0)
+    )
     return Course(
-        plan.period, plan.phase, plan.f_nd, plan.v_td, plan.clamps, plan.manual, plan.approach, plan.acts, plan.noise,
-        plan.profile is not None, coefficients, x0, dx,
-    )  # fmt: skip
+        plan.period,
+        plan.phase,
+        plan.f_nd,
+        plan.v_td,
+        plan.clamps,
+        plan.manual,
+        plan.approach,
+        plan.acts,
+        plan.noise,
+        plan.profile is not None,
+        coefficients,
+        x0,
+        dx,
+    )
 
 
 @register_jitable
-def native_values(function: int, component: int, references: NDArray[np.uint32], values: NDArray[Any]) -> int:
-    return call_values(function, component, references.ctypes.data, references.size, values.ctypes.data)
+def native_values(
+    function: int, component: int, references: NDArray[np.uint32], values: NDArray[Any]
+) -> int:
+    return call_values(
+        function, component, references.ctypes.data, references.size, values.ctypes.data
+    )
 
 
 @lru_cache(maxsize=64)
 def _loop_for(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """The loop with a controller's kernel compiled in. Not cached on disk: a kernel's own file may change."""
+    """The loop with a controller's kernel compiled in. Not cached on disk: a kernel's own file may
+    change.
+    """
 
     @njit(nogil=True)
-    def loop(wiring, course, sensors, params, state, sensor_state, acting, acted, given, start, stop, commands, measured, theta):  # type: ignore[no-untyped-def]
+    def loop(  # type: ignore[no-untyped-def]
+        wiring,
+        course,
+        sensors,
+        params,
+        state,
+        sensor_state,
+        acting,
+        acted,
+        given,
+        start,
+        stop,
+        commands,
+        measured,
+        theta,
+    ):
         two, flags, four, outputs = np.empty(2), np.empty(2, np.int32), np.empty(4), np.empty(9)
         one = np.empty(1)
         status = 0
@@ -132,27 +215,62 @@ def _loop_for(kernel: Callable[..., Any]) -> Callable[..., Any]:
         for k in range(start, stop):
             now = np.int64(k * course.period)
             end = np.int64((k + 1) * course.period)
-            if k == 0 or course.clamps[k, 0] != course.clamps[k - 1, 0] or course.clamps[k, 1] != course.clamps[k - 1, 1]:
+            if (
+                k == 0
+                or course.clamps[k, 0] != course.clamps[k - 1, 0]
+                or course.clamps[k, 1] != course.clamps[k - 1, 1]
+            ):
                 flags[:] = course.clamps[k]
-                status = max(status, native_values(wiring.set_boolean, wiring.component, wiring.clamps, flags))
-            if k == 0 or course.manual[k, 0] != course.manual[k - 1, 0] or course.manual[k, 1] != course.manual[k - 1, 1]:
+                status = max(
+                    status,
+                    native_values(wiring.set_boolean, wiring.component, wiring.clamps, flags),
+                )
+            if (
+                k == 0
+                or course.manual[k, 0] != course.manual[k - 1, 0]
+                or course.manual[k, 1] != course.manual[k - 1, 1]
+            ):
                 two[:] = course.manual[k]
-                status = max(status, native_values(wiring.set_real, wiring.component, wiring.manual, two))
+                status = max(
+                    status, native_values(wiring.set_real, wiring.component, wiring.manual, two)
+                )
             if course.own_profile:
-                status = max(status, native_values(wiring.get_real, wiring.component, wiring.outputs[:1], one))
-                height, slope, curvature = local_profile(course.coefficients, course.x0, course.dx, one[0])
+                status = max(
+                    status,
+                    native_values(wiring.get_real, wiring.component, wiring.outputs[:1], one),
+                )
+                height, slope, curvature = local_profile(
+                    course.coefficients, course.x0, course.dx, one[0]
+                )
                 four[0], four[1], four[2], four[3] = one[0], height, slope, curvature
-                status = max(status, native_values(wiring.set_real, wiring.component, wiring.profile, four))
-            status = max(status, native_values(wiring.get_real, wiring.component, wiring.outputs, outputs))
-            true = (outputs[0], outputs[1], outputs[2], outputs[3], outputs[4], outputs[5], outputs[6], outputs[7])
+                status = max(
+                    status, native_values(wiring.set_real, wiring.component, wiring.profile, four)
+                )
+            status = max(
+                status, native_values(wiring.get_real, wiring.component, wiring.outputs, outputs)
+            )
+            true = (
+                outputs[0],
+                outputs[1],
+                outputs[2],
+                outputs[3],
+                outputs[4],
+                outputs[5],
+                outputs[6],
+                outputs[7],
+            )
             sensor_state, seen = sense(sensors, sensor_state, true, course.noise[k])
             if course.phase[k] == APPROACH:
                 command = Command(course.approach[0], course.approach[1])
             elif course.phase[k] == RETREAT:
                 command = Command(0.0, 0.0)
             else:
-                sample = Sense(seen[0], seen[1], seen[2], seen[3], seen[4], seen[5], seen[6], seen[7])
-                state, command = kernel(params, state, Reference(course.f_nd[k], course.v_td[k]), sample)
+                sample = Sense(
+                    seen[0], seen[1], seen[2], seen[3], seen[4], seen[5], seen[6], seen[7]
+                )
+                state, command = kernel(
+                    params, state, Reference(course.f_nd[k], course.v_td[k]), sample
+                )
             given[k, 0], given[k, 1] = command.u_x, command.u_z
             while acted <= k and course.acts[acted] <= now:
                 acting, acted = Command(given[acted, 0], given[acted, 1]), acted + 1
@@ -161,15 +279,32 @@ def _loop_for(kernel: Callable[..., Any]) -> Callable[..., Any]:
                 measured[k, j] = seen[j]
             done = k + 1
             two[0], two[1] = acting.u_x, acting.u_z
-            status = max(status, native_values(wiring.set_real, wiring.component, wiring.commands, two))
+            status = max(
+                status, native_values(wiring.set_real, wiring.component, wiring.commands, two)
+            )
             while acted <= k and course.acts[acted] < end:
                 until = course.acts[acted]
-                status = max(status, call_step(wiring.do_step, wiring.component, now * MICROSECOND, (until - now) * MICROSECOND))
+                status = max(
+                    status,
+                    call_step(
+                        wiring.do_step,
+                        wiring.component,
+                        now * MICROSECOND,
+                        (until - now) * MICROSECOND,
+                    ),
+                )
                 now = until
                 acting, acted = Command(given[acted, 0], given[acted, 1]), acted + 1
                 two[0], two[1] = acting.u_x, acting.u_z
-                status = max(status, native_values(wiring.set_real, wiring.component, wiring.commands, two))
-            status = max(status, call_step(wiring.do_step, wiring.component, now * MICROSECOND, (end - now) * MICROSECOND))
+                status = max(
+                    status, native_values(wiring.set_real, wiring.component, wiring.commands, two)
+                )
+            status = max(
+                status,
+                call_step(
+                    wiring.do_step, wiring.component, now * MICROSECOND, (end - now) * MICROSECOND
+                ),
+            )
             if status > FMI_WARNING:
                 break
         return status, done, state, sensor_state, acting, acted, now

@@ -1,7 +1,8 @@
-"""Running an FMU: `with FmuSession(FmuFile.read(path), parameters={...}) as fmu: fmu.set(...); fmu.step(1e-3)`.
+"""Running an FMU: `with FmuSession(FmuFile.read(path), parameters={...}) as fmu: fmu.set(...);
+fmu.step(1e-3)`.
 
-The legal call order is the table LEGAL; a call out of order is a RunError and does not reach the FMU. This is the one
-file that imports fmpy, which loads the shared library and types its functions.
+The legal call order is the table LEGAL; a call out of order is a RunError and does not reach the
+FMU. This is the one file that imports fmpy, which loads the shared library and types its functions.
 """
 
 from __future__ import annotations
@@ -20,12 +21,20 @@ import fmpy.fmi3
 import numpy as np
 from numpy.typing import NDArray
 
-from pyfmi_runner.errors import InputError, RunError
+from modelica_fmu.errors import InputError, RunError
 from pyfmi_runner.fmu_calls import EventInfo, Fmi2, Fmi3, FmuCallError, Library, Message
 from pyfmi_runner.fmu_file import FmuFile, FmuVariable, Kind
 from pyfmi_runner.fmu_values import Value, Values
 
-__all__ = ["EventInfo", "FmuFile", "FmuSession", "FmuVariable", "Message", "RawInstance", "SavedState"]
+__all__ = [
+    "EventInfo",
+    "FmuFile",
+    "FmuSession",
+    "FmuVariable",
+    "Message",
+    "RawInstance",
+    "SavedState",
+]
 
 _FAILED = frozenset({"get", "reset", "load_state", "deserialise"})
 _RUNNING = _FAILED | {"set", "save_state", "directional"}
@@ -43,7 +52,9 @@ _MAGIC = b"PGs1"
 
 
 class RawInstance(NamedTuple):
-    """Addresses for compiled loops (FMI 2.0): the component, fmi2SetReal, fmi2SetBoolean, fmi2DoStep, fmi2GetReal."""
+    """Addresses for compiled loops (FMI 2.0): the component, fmi2SetReal, fmi2SetBoolean,
+    fmi2DoStep, fmi2GetReal.
+    """
 
     component: int
     set_real: int
@@ -62,9 +73,10 @@ class SavedState:
 class FmuSession:
     """One instance of an FMU, initialised and ready between `with` and its end.
 
-    kind: "cs" co-simulation or "me" model exchange; parameters: parameters, inputs and start values by name, set
-    before the initialisation; start_time, stop_time: s. In the `with` statement: InputError for a file or parameter
-    that cannot be used. Any call: RunError with the FMU's message when the FMU fails; then the phase is "failed".
+    kind: "cs" co-simulation or "me" model exchange; parameters: parameters, inputs and start values
+    by name, set before the initialisation; start_time, stop_time: s. In the `with` statement:
+    InputError for a file or parameter that cannot be used. Any call: RunError with the FMU's
+    message when the FMU fails; then the phase is "failed".
     """
 
     def __init__(
@@ -96,7 +108,11 @@ class FmuSession:
         try:
             self._fmu = version(library, self.file, self.kind, self._log_events)
         except FmuCallError as failure:
-            raise InputError(f"cannot be instantiated: {failure.text}", file=self.file.path, mend="build it again") from None
+            raise InputError(
+                f"cannot be instantiated: {failure.text}",
+                file=self.file.path,
+                hint="build it again",
+            ) from None
         self._values = Values(self.file, self._fmu)
         try:
             self._initialise(self.parameters)
@@ -105,7 +121,12 @@ class FmuSession:
             raise
         return self
 
-    def __exit__(self, _: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        _: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()
 
     def close(self) -> None:
@@ -136,7 +157,9 @@ class FmuSession:
     @overload
     def set(self, names: Mapping[str, Value]) -> None: ...
     def set(self, names: Any, values: Any = None) -> None:
-        """One variable, several, or a mapping; InputError for a name, type or value that the FMU does not take."""
+        """One variable, several, or a mapping; InputError for a name, type or value that the FMU
+        does not take.
+        """
         self._require("set")
         if isinstance(names, Mapping):
             names, values = tuple(names), tuple(names.values())
@@ -152,7 +175,9 @@ class FmuSession:
     @overload
     def get(self, names: tuple[str, ...] | list[str]) -> NDArray[np.float64]: ...
     def get(self, names: Any) -> Any:
-        """The value of one variable (float, or int or bool as its type is), or an array of floats for several."""
+        """The value of one variable (float, or int or bool as its type is), or an array of floats
+        for several.
+        """
         self._require("get")
         if isinstance(names, str):
             return self._guard(self._values.read_one, names)
@@ -161,12 +186,18 @@ class FmuSession:
     # ---- co-simulation ----
 
     def step(self, step: float, *, time: float | None = None) -> None:
-        """Advances by `step` s from `time` (s; where it is if None; a loop gives k * dt to keep rounding out)."""
+        """Advances by `step` s from `time` (s; where it is if None; a loop gives k * dt to keep
+        rounding out).
+        """
         self._require("step")
         self.time = self._guard(self._fmu.do_step, self.time if time is None else time, step)
 
-    def reset(self, parameters: Mapping[str, Value] | None = None, start_time: float | None = None) -> None:
-        """The state after `with` again, with the same parameters if None; the library stays loaded."""
+    def reset(
+        self, parameters: Mapping[str, Value] | None = None, start_time: float | None = None
+    ) -> None:
+        """The state after `with` again, with the same parameters if None; the library stays
+        loaded.
+        """
         self._require("reset")
         chosen = self.parameters if parameters is None else dict(parameters)
         self._values.check_start(chosen)
@@ -176,13 +207,17 @@ class FmuSession:
         self.parameters = chosen
 
     def raw(self) -> RawInstance:
-        """Addresses for compiled loops; such a loop ends with `stepped_natively`. FMI 2.0 co-simulation only."""
+        """Addresses for compiled loops; such a loop ends with `stepped_natively`. FMI 2.0
+        co-simulation only.
+        """
         self._require("raw")
         if not isinstance(self._fmu, Fmi2):
-            mend = "build it with `pneugantry build --fmi 2.0`"
-            raise InputError("compiled loops need FMI 2.0", file=self.file.path, mend=mend)
+            hint = "build it with `pneugantry build --fmi 2.0`"
+            raise InputError("compiled loops need FMI 2.0", file=self.file.path, hint=hint)
         words = ("SetReal", "SetBoolean", "DoStep", "GetReal")
-        return RawInstance(int(self._fmu.component or 0), *(self._fmu.address(word) for word in words))
+        return RawInstance(
+            int(self._fmu.component or 0), *(self._fmu.address(word) for word in words)
+        )
 
     def address(self, word: str) -> int:
         """Address of an FMI function by the word behind its prefix, "Reset" for fmi2Reset."""
@@ -194,7 +229,9 @@ class FmuSession:
         return np.array([self._values.variable(name).reference for name in names], dtype=np.uint32)
 
     def stepped_natively(self, time: float, status: int = 0) -> str:
-        """Takes over from a compiled loop that came to `time` s; for a failed `status` returns what the FMU said."""
+        """Takes over from a compiled loop that came to `time` s; for a failed `status` returns what
+        the FMU said.
+        """
         self.time = time
         if status <= 1:
             return ""
@@ -236,29 +273,37 @@ class FmuSession:
             self.free_state(state)
 
     def deserialise(self, data: bytes) -> SavedState:
-        """A saved state from `serialise`, for `load_state`; InputError if damaged or not of this build of the FMU."""
+        """A saved state from `serialise`, for `load_state`; InputError if damaged or not of this
+        build of the FMU.
+        """
         self._require("deserialise")
-        mend = "save the state again with this build of the FMU"
+        hint = "save the state again with this build of the FMU"
         if len(data) <= _HEADER.size or data[:4] != _MAGIC or data[4] not in range(1, len(_PHASES)):
-            raise InputError("these bytes are no serialised FMU state", mend=mend)
+            raise InputError("these bytes are no serialised FMU state", hint=hint)
         _, phase, time = _HEADER.unpack_from(data)
         try:
             pointer = self._fmu.deserialise(data[_HEADER.size :])
         except FmuCallError as failure:
             self._phase = "failed"
-            raise InputError(failure.text, file=self.file.path, mend=mend) from None
+            raise InputError(failure.text, file=self.file.path, hint=hint) from None
         state = SavedState(pointer, _PHASES[phase], time)
         self._saved[id(state)] = state
         return state
 
     # ---- derivatives ----
 
-    def directional(self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]) -> NDArray[np.float64]:
-        """sum_j d unknown_i / d known_j * seed_j; unknowns: derivatives, outputs; knowns: states, inputs."""
+    def directional(
+        self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]
+    ) -> NDArray[np.float64]:
+        """sum_j d unknown_i / d known_j * seed_j; unknowns: derivatives, outputs; knowns: states,
+        inputs.
+        """
         self._require("directional")
         references = [self._values.variable(name).reference for name in (*unknowns, *knowns)]
         n = len(unknowns)
-        return np.array(self._guard(self._fmu.directional, references[:n], references[n:], list(seed)))
+        return np.array(
+            self._guard(self._fmu.directional, references[:n], references[n:], list(seed))
+        )
 
     def jacobian(self, unknowns: Sequence[str], knowns: Sequence[str]) -> NDArray[np.float64]:
         """d unknowns / d knowns, one directional derivative a column."""
@@ -271,11 +316,17 @@ class FmuSession:
         return self._vector("states", "GetContinuousStates", len(self.file.description.states))
 
     def derivatives(self) -> NDArray[np.float64]:
-        word = "GetDerivatives" if self.file.description.fmi == "2.0" else "GetContinuousStateDerivatives"
+        word = (
+            "GetDerivatives"
+            if self.file.description.fmi == "2.0"
+            else "GetContinuousStateDerivatives"
+        )
         return self._vector("derivatives", word, len(self.file.description.states))
 
     def nominals(self) -> NDArray[np.float64]:
-        return self._vector("nominals", "GetNominalsOfContinuousStates", len(self.file.description.states))
+        return self._vector(
+            "nominals", "GetNominalsOfContinuousStates", len(self.file.description.states)
+        )
 
     def indicators(self) -> NDArray[np.float64]:
         return self._vector("indicators", "GetEventIndicators", self.file.description.n_indicators)
@@ -315,7 +366,10 @@ class FmuSession:
     def _require(self, method: str) -> None:
         if method not in LEGAL[self._phase]:
             legal = ", ".join(sorted(LEGAL[self._phase])) or "nothing but `with`"
-            raise RunError(f"{method} is not possible while the FMU session is {self._phase}; possible: {legal}")
+            raise RunError(
+                f"{method} is not possible while the FMU session is {self._phase}; "
+                f"possible: {legal}"
+            )
 
     def _guard(self, function: Any, *arguments: Any) -> Any:
         try:
@@ -323,7 +377,9 @@ class FmuSession:
         except FmuCallError as failure:
             if failure.status > 2:  # after a discard the FMU is as before
                 self._phase = "failed"
-            raise RunError(f"{self.file.path.name} at t = {self.time:.9g} s: {failure.text}") from None
+            raise RunError(
+                f"{self.file.path.name} at t = {self.time:.9g} s: {failure.text}"
+            ) from None
 
     def _write(self, names: tuple[str, ...], values: Sequence[Value]) -> None:
         try:
@@ -334,7 +390,9 @@ class FmuSession:
             raise
 
     def _initialise(self, parameters: Mapping[str, Value]) -> None:
-        """Parameters, then Initialization Mode; then the session is ready (co-simulation) or in event mode."""
+        """Parameters, then Initialization Mode; then the session is ready (co-simulation) or in
+        event mode.
+        """
         self._phase, self.time = "failed", self.start_time
         self._values.check_start(parameters)
         self._write(tuple(parameters), tuple(parameters.values()))
@@ -357,15 +415,26 @@ def _library(path: Path, fmi: str, kind: Kind) -> Library:
         ("3.0", "me"): fmpy.fmi3.FMU3Model,
     }
     folder = path.parents[2]
-    arguments = {"guid": "", "modelIdentifier": path.stem, "unzipDirectory": str(folder), "instanceName": ""}
+    arguments = {
+        "guid": "",
+        "modelIdentifier": path.stem,
+        "unzipDirectory": str(folder),
+        "instanceName": "",
+    }
     try:
         loaded = classes[fmi, kind](libraryPath=str(path), **arguments)
-    except Exception as error:  # fmpy raises bare Exception; a library without the functions is an AttributeError
-        raise InputError(f"the shared library cannot be loaded: {error}", file=path, mend="build the FMU again") from None
+    except (
+        Exception
+    ) as error:  # fmpy raises bare Exception; a library without the functions is an AttributeError
+        raise InputError(
+            f"the shared library cannot be loaded: {error}", file=path, hint="build the FMU again"
+        ) from None
     resources = folder / "resources"
     if fmi == "2.0":
         return Library(loaded.dll, resources.as_uri(), fmpy.fmi2.fmi2CallbackLoggerTYPE, _callbacks)
-    return Library(loaded.dll, f"{resources}/", fmpy.fmi3.fmi3LogMessageCallback, lambda logger: None)
+    return Library(
+        loaded.dll, f"{resources}/", fmpy.fmi3.fmi3LogMessageCallback, lambda logger: None
+    )
 
 
 def _callbacks(logger: Any) -> Any:

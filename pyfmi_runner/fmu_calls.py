@@ -1,6 +1,8 @@
-"""The functions of FMI 2.0 and FMI 3.0 behind one interface. No call order here: `pyfmi_runner.fmu` keeps that.
+"""The functions of FMI 2.0 and FMI 3.0 behind one interface. No call order here: `pyfmi_runner.fmu`
+keeps that.
 
-An instance owns the FMU's component, its callbacks and the log messages since the last call of `drain`.
+An instance owns the FMU's component, its callbacks and the log messages since the last call of
+`drain`.
 """
 
 from __future__ import annotations
@@ -56,13 +58,19 @@ class Instance:
 
     prefix = ""
     state_word = ""
-    getters: Mapping[str, tuple[str, Any]] = MappingProxyType({})  # variable type -> (word in the function name, C type)
+    getters: Mapping[str, tuple[str, Any]] = MappingProxyType(
+        {}
+    )  # variable type -> (word in the function name, C type)
 
     def __init__(self, library: Library, file: FmuFile, kind: Kind, log_events: bool) -> None:
         self.dll, self.kind, self.component = library.dll, kind, None
         self._messages: list[Message] = []
-        self._logger = library.logger_type(_collector(self._messages, with_name=self.prefix == "fmi2"))
-        self.component = self._instantiate(library, file, file.identifier(kind).encode(), log_events)
+        self._logger = library.logger_type(
+            _collector(self._messages, with_name=self.prefix == "fmi2")
+        )
+        self.component = self._instantiate(
+            library, file, file.identifier(kind).encode(), log_events
+        )
         if not self.component:
             raise FmuCallError(f"{self.prefix}Instantiate", 3, self.drain())
         self._choose_log(file, log_events)
@@ -73,7 +81,9 @@ class Instance:
     def _choose_log(self, file: FmuFile, log_events: bool) -> None:
         declared = set(file.description.log_categories)
         wanted = [f"logStatus{word}" for word in ("Warning", "Discard", "Error", "Fatal")]
-        names = [c.encode() for c in [*wanted, *(["logEvents"] if log_events else [])] if c in declared]
+        names = [
+            c.encode() for c in [*wanted, *(["logEvents"] if log_events else [])] if c in declared
+        ]
         if names:
             self.call("SetDebugLogging", False, 0, None)
             self.call("SetDebugLogging", True, len(names), (ctypes.c_char_p * len(names))(*names))
@@ -197,7 +207,9 @@ class Fmi2(Instance):
             raise FmuCallError("fmi2DoStep", status, self.drain())
         return time + step
 
-    def directional(self, unknowns: Sequence[int], knowns: Sequence[int], seed: Sequence[float]) -> Any:
+    def directional(
+        self, unknowns: Sequence[int], knowns: Sequence[int], seed: Sequence[float]
+    ) -> Any:
         m, n = len(unknowns), len(knowns)
         out = (c_double * m)()
         references = (c_uint * m)(*unknowns), m, (c_uint * n)(*knowns), n
@@ -209,7 +221,13 @@ class Fmi2(Instance):
         pointer = self.dll.fmi2NewDiscreteStates.argtypes[1]
         self.call("NewDiscreteStates", ctypes.cast(byref(info), pointer))
         next_time = info.next_time if info.next_time_defined else None
-        return EventInfo(bool(info.again), bool(info.terminate), bool(info.nominals), bool(info.states), next_time)
+        return EventInfo(
+            bool(info.again),
+            bool(info.terminate),
+            bool(info.nominals),
+            bool(info.states),
+            next_time,
+        )
 
     def _bytes(self, size: int) -> Any:
         return ctypes.create_string_buffer(size)
@@ -233,20 +251,30 @@ class Fmi3(Instance):
         {
             "Float64": ("Float64", c_double),
             "Float32": ("Float32", ctypes.c_float),
-            **{f"Int{bits}": (f"Int{bits}", getattr(ctypes, f"c_int{bits}")) for bits in (8, 16, 32, 64)},
-            **{f"UInt{bits}": (f"UInt{bits}", getattr(ctypes, f"c_uint{bits}")) for bits in (8, 16, 32, 64)},
+            **{
+                f"Int{bits}": (f"Int{bits}", getattr(ctypes, f"c_int{bits}"))
+                for bits in (8, 16, 32, 64)
+            },
+            **{
+                f"UInt{bits}": (f"UInt{bits}", getattr(ctypes, f"c_uint{bits}"))
+                for bits in (8, 16, 32, 64)
+            },
             "Enumeration": ("Int64", ctypes.c_int64),
             "Boolean": ("Boolean", c_bool),
         }
     )
 
     def _instantiate(self, library: Library, file: FmuFile, name: bytes, log_events: bool) -> Any:
-        del log_events  # with logging off FMI 3.0 is silent on errors too; categories are chosen afterwards
+        del (
+            log_events
+        )  # with logging off FMI 3.0 is silent on errors too; categories are chosen afterwards
         common = name, file.description.token.encode(), library.resources.encode(), False, True
         if self.kind == "me":
             return library.dll.fmi3InstantiateModelExchange(*common, None, self._logger)
         no_update = library.dll.fmi3InstantiateCoSimulation.argtypes[-1]()
-        return library.dll.fmi3InstantiateCoSimulation(*common, False, False, None, 0, None, self._logger, no_update)
+        return library.dll.fmi3InstantiateCoSimulation(
+            *common, False, False, None, 0, None, self._logger, no_update
+        )
 
     def initialise(self, start: float, stop: float | None) -> None:
         self.call("EnterInitializationMode", False, 0.0, start, stop is not None, stop or 0.0)
@@ -265,7 +293,9 @@ class Fmi3(Instance):
             raise FmuCallError("fmi3DoStep", status, self.drain())
         return last.value
 
-    def directional(self, unknowns: Sequence[int], knowns: Sequence[int], seed: Sequence[float]) -> Any:
+    def directional(
+        self, unknowns: Sequence[int], knowns: Sequence[int], seed: Sequence[float]
+    ) -> Any:
         m, n = len(unknowns), len(knowns)
         out = (c_double * m)()
         references = (c_uint * m)(*unknowns), m, (c_uint * n)(*knowns), n

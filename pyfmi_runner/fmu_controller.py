@@ -1,4 +1,6 @@
-"""A controller that is an FMU itself (`pneugantry build --controller NAME`): same place in the loops, same bits as its native form."""
+"""A controller that is an FMU itself (`pneugantry build --controller NAME`): same place in the
+loops, same bits as its native form.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from controllers.interface import Command, Controller, Reference, Sense
-from pyfmi_runner.errors import InputError
+from modelica_fmu.errors import InputError
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.fmu_values import Value
 from pyfmi_runner.native import call_step, call_values
@@ -44,24 +46,37 @@ class FmuTicks(NamedTuple):
 
 
 @register_jitable
-def fmu_kernel(params: FmuWiring, state: FmuTicks, reference: Reference, sense: Sense) -> tuple[FmuTicks, Command]:
-    """Inputs, one step of the controller's FMU, outputs; by address, hence in compiled loops alone."""
+def fmu_kernel(
+    params: FmuWiring, state: FmuTicks, reference: Reference, sense: Sense
+) -> tuple[FmuTicks, Command]:
+    """Inputs, one step of the controller's FMU, outputs; by address, hence in compiled loops
+    alone.
+    """
     given, got = params.given, params.got
     for k in range(8):
         given[k] = sense[k]
     given[8], given[9] = reference.f_nd, reference.v_td
-    status = call_values(params.set_real, params.component, params.inputs.ctypes.data, given.size, given.ctypes.data)
+    status = call_values(
+        params.set_real, params.component, params.inputs.ctypes.data, given.size, given.ctypes.data
+    )
     status = max(status, call_step(params.do_step, params.component, state.done * PERIOD, PERIOD))
-    status = max(status, call_values(params.get_real, params.component, params.outputs.ctypes.data, got.size, got.ctypes.data))
+    status = max(
+        status,
+        call_values(
+            params.get_real, params.component, params.outputs.ctypes.data, got.size, got.ctypes.data
+        ),
+    )
     if status > 1:
         got[0] = got[1] = FAILED
     return FmuTicks(state.done + 1), Command(got[0], got[1])
 
 
 class FmuController(Controller[FmuWiring, FmuTicks]):
-    """`with FmuController(file, parameters={"gains.f_z.k_p": 0.03}) as controller: run_scenario(..., controller=controller)`.
+    """`with FmuController(file, parameters={"gains.f_z.k_p": 0.03}) as controller:
+    run_scenario(..., controller=controller)`.
 
-    Raises InputError for an FMU without a controller's inputs and outputs, and for parameters that it does not take.
+    Raises InputError for an FMU without a controller's inputs and outputs, and for parameters that
+    it does not take.
     """
 
     kernel = staticmethod(fmu_kernel)
@@ -69,18 +84,33 @@ class FmuController(Controller[FmuWiring, FmuTicks]):
     def __init__(self, file: FmuFile, parameters: dict[str, Value] | None = None) -> None:
         missing = [name for name in (*INPUTS, *OUTPUTS) if name not in file.variables]
         if missing:
-            mend = "give one that `pneugantry build --controller NAME` made"
-            raise InputError("is no controller: it has no such variable", file=file.path, field=missing[0], mend=mend)
+            hint = "give one that `pneugantry build --controller NAME` made"
+            raise InputError(
+                "is no controller: it has no such variable",
+                file=file.path,
+                field=missing[0],
+                hint=hint,
+            )
         self.session = FmuSession(file, parameters=parameters)
 
     def __enter__(self) -> FmuController:
         self.session.__enter__()
         raw, references = self.session.raw(), self.session.references
-        arrays = (references(INPUTS), references(OUTPUTS), np.zeros(len(INPUTS)), np.zeros(len(OUTPUTS)))
+        arrays = (
+            references(INPUTS),
+            references(OUTPUTS),
+            np.zeros(len(INPUTS)),
+            np.zeros(len(OUTPUTS)),
+        )
         super().__init__(FmuWiring(raw.component, raw.set_real, raw.get_real, raw.do_step, *arrays))
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.session.__exit__(kind, error, trace)
 
     def initial_state(self) -> FmuTicks:

@@ -1,4 +1,6 @@
-"""modelDescription.xml of FMI 2.0 and 3.0 as plain data. No entity is expanded, nothing outside the text is loaded."""
+"""modelDescription.xml of FMI 2.0 and 3.0 as plain data. No entity is expanded, nothing outside the
+text is loaded.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ from typing import Any, Literal
 
 from lxml import etree
 
-from pyfmi_runner.errors import InputError
+from modelica_fmu.errors import InputError
 
 _FIELD = "modelDescription.xml"
 _MEND = "build the FMU again"
@@ -19,7 +21,9 @@ _REAL = frozenset({"Real", "Float64", "Float32"})
 
 @dataclass(frozen=True)
 class FmuVariable:
-    """One variable; `type` as in the description (Real, Integer, ... or Float64, Int32, ...). Bounds are included."""
+    """One variable; `type` as in the description (Real, Integer, ... or Float64, Int32, ...).
+    Bounds are included.
+    """
 
     name: str
     reference: int
@@ -48,13 +52,17 @@ class FmuVariable:
 
 @dataclass(frozen=True)
 class Description:
-    """states, derivatives, outputs: variable names in the order of the FMU's vectors; identifiers: by "cs" and "me"."""
+    """states, derivatives, outputs: variable names in the order of the FMU's vectors; identifiers:
+    by "cs" and "me".
+    """
 
     fmi: Literal["2.0", "3.0"]
     model: str
     token: str
     identifiers: Mapping[str, str]
-    capabilities: Mapping[str, frozenset[str]]  # by "cs" and "me": the flags that are true, FMI 2.0 names
+    capabilities: Mapping[
+        str, frozenset[str]
+    ]  # by "cs" and "me": the flags that are true, FMI 2.0 names
     log_categories: tuple[str, ...]
     variables: dict[str, FmuVariable]
     states: tuple[str, ...]
@@ -71,14 +79,18 @@ def parse_description(text: bytes, file: Path) -> Description:
 
 
 def _root(text: bytes, file: Path) -> Any:
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True
+    )
     try:
         root = etree.fromstring(text, parser)
     except etree.XMLSyntaxError as error:
-        raise InputError(f"not well-formed XML ({error})", file=file, field=_FIELD, mend=_MEND) from None
+        raise InputError(
+            f"not well-formed XML ({error})", file=file, field=_FIELD, hint=_MEND
+        ) from None
     if getattr(root.getroottree().docinfo, "doctype", ""):
         what = "a document type declaration is refused"
-        raise InputError(what, file=file, field=_FIELD, mend="remove the DOCTYPE")
+        raise InputError(what, file=file, field=_FIELD, hint="remove the DOCTYPE")
     return root
 
 
@@ -88,12 +100,14 @@ class _Reader:
     file: Path
 
     def fail(self, message: str, field_name: str = _FIELD) -> InputError:
-        return InputError(message, file=self.file, field=field_name, mend=_MEND)
+        return InputError(message, file=self.file, field=field_name, hint=_MEND)
 
     def required(self, element: Any, name: str) -> str:
         value = element.get(name)
         if value is None:
-            raise self.fail(f"line {element.sourceline}: <{element.tag}> lacks the attribute {name}")
+            raise self.fail(
+                f"line {element.sourceline}: <{element.tag}> lacks the attribute {name}"
+            )
         return str(value)
 
     def number(self, element: Any, name: str) -> float | None:
@@ -105,12 +119,16 @@ class _Reader:
         try:
             return float(text)
         except ValueError:
-            raise self.fail(f"line {element.sourceline}: {name}={text!r} is no number", _owner(element)) from None
+            raise self.fail(
+                f"line {element.sourceline}: {name}={text!r} is no number", _owner(element)
+            ) from None
 
     def integer(self, element: Any, name: str) -> int:
         text = self.required(element, name)
         if not text.strip().isascii() or not text.strip().isdigit():
-            raise self.fail(f"line {element.sourceline}: {name}={text!r} is no reference", _owner(element))
+            raise self.fail(
+                f"line {element.sourceline}: {name}={text!r} is no reference", _owner(element)
+            )
         return int(text)
 
     def description(self) -> Description:
@@ -118,7 +136,10 @@ class _Reader:
         if self.root.tag != "fmiModelDescription":
             raise self.fail(f"the root element is <{self.root.tag}>, not <fmiModelDescription>")
         if version != "2.0" and not version.startswith("3."):
-            raise self.fail(f"FMI version {version!r} is not supported; use an FMU of FMI 2.0 or 3.0", "fmiVersion")
+            raise self.fail(
+                f"FMI version {version!r} is not supported; use an FMU of FMI 2.0 or 3.0",
+                "fmiVersion",
+            )
         fmi: Literal["2.0", "3.0"] = "2.0" if version == "2.0" else "3.0"
         listed = self.variables_2() if fmi == "2.0" else self.variables_3()
         derivatives = self.structure(fmi, "Derivatives", "ContinuousStateDerivative", listed)
@@ -130,11 +151,15 @@ class _Reader:
             token=self.required(self.root, "guid" if fmi == "2.0" else "instantiationToken"),
             identifiers={k: self.identifier(e) for k, e in interfaces.items() if e is not None},
             capabilities={k: _capabilities(e) for k, e in interfaces.items() if e is not None},
-            log_categories=tuple(self.required(e, "name") for e in self.root.findall("LogCategories/Category")),
+            log_categories=tuple(
+                self.required(e, "name") for e in self.root.findall("LogCategories/Category")
+            ),
             variables=self.by_name(listed),
             states=tuple(self.state_of(fmi, d, listed) for d in derivatives),
             derivatives=tuple(listed[d][0].name for d in derivatives),
-            outputs=tuple(listed[o][0].name for o in self.structure(fmi, "Outputs", "Output", listed)),
+            outputs=tuple(
+                listed[o][0].name for o in self.structure(fmi, "Outputs", "Output", listed)
+            ),
             n_indicators=self.indicators(fmi),
             default_step=None if experiment is None else self.number(experiment, "stepSize"),
             default_stop=None if experiment is None else self.number(experiment, "stopTime"),
@@ -150,39 +175,67 @@ class _Reader:
     def indicators(self, fmi: str) -> int:
         if fmi == "3.0":
             return len(self.root.findall("ModelStructure/EventIndicator"))
-        return self.integer(self.root, "numberOfEventIndicators") if self.root.get("numberOfEventIndicators") else 0
+        return (
+            self.integer(self.root, "numberOfEventIndicators")
+            if self.root.get("numberOfEventIndicators")
+            else 0
+        )
 
-    # `listed`: what the model structure refers to (position from 1, or value reference) -> variable, its typed element
+    # `listed`: what the model structure refers to (position from 1, or value reference) ->
+    # variable, its typed element
 
     def variables_2(self) -> dict[int, tuple[FmuVariable, Any]]:
-        types = {e.get("name"): e[0] for e in self.root.findall("TypeDefinitions/SimpleType") if len(e)}
+        types = {
+            e.get("name"): e[0] for e in self.root.findall("TypeDefinitions/SimpleType") if len(e)
+        }
         listed = {}
         for index, scalar in enumerate(self.root.findall("ModelVariables/ScalarVariable"), start=1):
-            typed = next((e for e in scalar if e.tag in ("Real", "Integer", "Boolean", "String", "Enumeration")), None)
+            typed = next(
+                (
+                    e
+                    for e in scalar
+                    if e.tag in ("Real", "Integer", "Boolean", "String", "Enumeration")
+                ),
+                None,
+            )
             if typed is None:
-                raise self.fail(f"line {scalar.sourceline}: a variable without a type", str(scalar.get("name")))
+                raise self.fail(
+                    f"line {scalar.sourceline}: a variable without a type", str(scalar.get("name"))
+                )
             listed[index] = (self.variable(scalar, typed, types), typed)
         return listed
 
     def variables_3(self) -> dict[int, tuple[FmuVariable, Any]]:
         types = {e.get("name"): e for e in self.root.findall("TypeDefinitions/*")}
         elements = [e for e in self.root.findall("ModelVariables/*") if e.find("Dimension") is None]
-        return {self.integer(e, "valueReference"): (self.variable(e, e, types), e) for e in elements}
+        return {
+            self.integer(e, "valueReference"): (self.variable(e, e, types), e) for e in elements
+        }
 
     def variable(self, element: Any, typed: Any, types: Mapping[str, Any]) -> FmuVariable:
         declared = types.get(typed.get("declaredType"))
         both = [typed] if declared is None else [typed, declared]
-        low, high = (next((v for e in both if (v := self.number(e, key)) is not None), None) for key in ("min", "max"))
+        low, high = (
+            next((v for e in both if (v := self.number(e, key)) is not None), None)
+            for key in ("min", "max")
+        )
         causality = element.get("causality", "local")
-        default = "fixed" if causality in ("parameter", "calculatedParameter", "structuralParameter") else None
+        default = (
+            "fixed"
+            if causality in ("parameter", "calculatedParameter", "structuralParameter")
+            else None
+        )
         items = [] if declared is None else declared.findall("Item")
         return FmuVariable(
             name=self.required(element, "name"),
             reference=self.integer(element, "valueReference"),
             type=typed.tag,
             causality=causality,
-            variability=element.get("variability") or default or ("continuous" if typed.tag in _REAL else "discrete"),
-            initial=element.get("initial") or ("exact" if causality in ("parameter", "input") else None),
+            variability=element.get("variability")
+            or default
+            or ("continuous" if typed.tag in _REAL else "discrete"),
+            initial=element.get("initial")
+            or ("exact" if causality in ("parameter", "input") else None),
             start=None if typed.tag in ("String", "Binary") else self.number(typed, "start"),
             unit=next((e.get("unit") for e in both if e.get("unit")), None),
             min=-math.inf if low is None else low,
@@ -200,13 +253,20 @@ class _Reader:
 
     def structure(self, fmi: str, two: str, three: str, listed: Mapping[int, Any]) -> list[int]:
         path = f"ModelStructure/{two}/Unknown" if fmi == "2.0" else f"ModelStructure/{three}"
-        found = [self.integer(e, "index" if fmi == "2.0" else "valueReference") for e in self.root.findall(path)]
+        found = [
+            self.integer(e, "index" if fmi == "2.0" else "valueReference")
+            for e in self.root.findall(path)
+        ]
         for reference in found:
             if reference not in listed:
-                raise self.fail(f"{two} refer to variable {reference}, which does not exist", "ModelStructure")
+                raise self.fail(
+                    f"{two} refer to variable {reference}, which does not exist", "ModelStructure"
+                )
         return found
 
-    def state_of(self, fmi: str, derivative: int, listed: Mapping[int, tuple[FmuVariable, Any]]) -> str:
+    def state_of(
+        self, fmi: str, derivative: int, listed: Mapping[int, tuple[FmuVariable, Any]]
+    ) -> str:
         variable, typed = listed[derivative]
         state = self.integer(typed, "derivative")
         if state not in listed:
@@ -226,4 +286,6 @@ def _capabilities(element: Any) -> frozenset[str]:
         "canSerializeFMUState": "canSerializeFMUstate",
         "providesDirectionalDerivatives": "providesDirectionalDerivative",
     }
-    return frozenset(renamed.get(name, name) for name, value in element.attrib.items() if value in ("true", "1"))
+    return frozenset(
+        renamed.get(name, name) for name, value in element.attrib.items() if value in ("true", "1")
+    )

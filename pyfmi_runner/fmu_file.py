@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
-from pyfmi_runner.errors import InputError
+from modelica_fmu.errors import InputError
 from pyfmi_runner.fmu_description import Description, FmuVariable, parse_description
 
 __all__ = ["FmuFile", "FmuVariable", "Kind"]
@@ -46,17 +46,26 @@ class FmuFile:
         """InputError on anything but a readable FMU of version 2.0 or 3.0."""
         file = Path(path)
         if not os.path.isfile(file):
-            raise InputError("no such file", file=file, mend="build it with `pneugantry build` or correct the path")
+            raise InputError(
+                "no such file",
+                file=file,
+                hint="build it with `pneugantry build` or correct the path",
+            )
         data = file.read_bytes()
         with _archive(file, data) as archive:
             _check_members(file, archive)
             try:
                 info = archive.getinfo("modelDescription.xml")
             except KeyError:
-                mend = f"this is no FMU; {_REBUILD}"
-                raise InputError("modelDescription.xml is missing", file=file, mend=mend) from None
+                hint = f"this is no FMU; {_REBUILD}"
+                raise InputError("modelDescription.xml is missing", file=file, hint=hint) from None
             if info.file_size > MAX_DESCRIPTION_BYTES:
-                raise InputError(f"{info.file_size} bytes", file=file, field="modelDescription.xml", mend=_REBUILD)
+                raise InputError(
+                    f"{info.file_size} bytes",
+                    file=file,
+                    field="modelDescription.xml",
+                    hint=_REBUILD,
+                )
             description = parse_description(_read(file, archive, info), file)
         return cls(file, hashlib.sha256(data).hexdigest(), description)
 
@@ -68,8 +77,10 @@ class FmuFile:
         """Model identifier of an interface; InputError if the FMU lacks it."""
         identifier = self.description.identifiers.get(kind)
         if identifier is None:
-            what = f"the FMU has no {'co-simulation' if kind == 'cs' else 'model exchange'} interface"
-            raise InputError(what, file=self.path, mend="build it with both interfaces")
+            what = (
+                f"the FMU has no {'co-simulation' if kind == 'cs' else 'model exchange'} interface"
+            )
+            raise InputError(what, file=self.path, hint="build it with both interfaces")
         return identifier
 
     def library(self, kind: Kind) -> Path:
@@ -78,11 +89,14 @@ class FmuFile:
         binaries = self.unpack() / "binaries"
         library = binaries / folder / f"{self.identifier(kind)}{extension}"
         if not library.is_file():
-            others = ", ".join(sorted(p.name for p in binaries.iterdir())) if binaries.is_dir() else ""
+            others = (
+                ", ".join(sorted(p.name for p in binaries.iterdir())) if binaries.is_dir() else ""
+            )
             raise InputError(
-                f"no binary for this machine, binaries/{folder}/{library.name}; the FMU has {others or 'none'}",
+                f"no binary for this machine, binaries/{folder}/{library.name}; the FMU "
+                f"has {others or 'none'}",
                 file=self.path,
-                mend=f"build it with `pneugantry build --platform {folder}`",
+                hint=f"build it with `pneugantry build --platform {folder}`",
             )
         return library
 
@@ -93,7 +107,9 @@ class FmuFile:
             return folder
         data = self.path.read_bytes()
         if hashlib.sha256(data).hexdigest() != self.sha256:
-            raise InputError("the file has changed since it was read", file=self.path, mend="read it again")
+            raise InputError(
+                "the file has changed since it was read", file=self.path, hint="read it again"
+            )
         folder.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix="unpack-", dir=folder.parent))
         try:
@@ -112,7 +128,11 @@ def cache_folder() -> Path:
     """$PNEUGANTRY_CACHE, else the user's cache folder."""
     if explicit := os.environ.get("PNEUGANTRY_CACHE"):
         return Path(explicit) / "fmu"
-    base = os.environ.get("LOCALAPPDATA") if sys.platform == "win32" else os.environ.get("XDG_CACHE_HOME")
+    base = (
+        os.environ.get("LOCALAPPDATA")
+        if sys.platform == "win32"
+        else os.environ.get("XDG_CACHE_HOME")
+    )
     return (Path(base) if base else Path.home() / ".cache") / "pneugantry" / "fmu"
 
 
@@ -125,7 +145,9 @@ def _publish(temporary: Path, folder: Path) -> None:
 
 
 def _binary_folder(fmi: str) -> tuple[str, str]:
-    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(host.machine().lower(), host.machine().lower())
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(
+        host.machine().lower(), host.machine().lower()
+    )
     system = host.system().lower()
     extension = {"windows": ".dll", "darwin": ".dylib"}.get(system, ".so")
     two = {"windows": "win64", "linux": "linux64", "darwin": "darwin64"}
@@ -137,15 +159,23 @@ def _binary_folder(fmi: str) -> tuple[str, str]:
 def _archive(file: Path, data: bytes) -> zipfile.ZipFile:
     try:
         return zipfile.ZipFile(io.BytesIO(data))
-    except Exception as error:  # BadZipFile, and struct, Unicode or value errors of damaged directories
-        raise InputError(f"not a zip archive, or a truncated one ({error})", file=file, mend=_REBUILD) from None
+    except (
+        Exception
+    ) as error:  # BadZipFile, and struct, Unicode or value errors of damaged directories
+        raise InputError(
+            f"not a zip archive, or a truncated one ({error})", file=file, hint=_REBUILD
+        ) from None
 
 
 def _read(file: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytes:
     try:
         return archive.read(info)  # zipfile stops at the declared size and checks the checksum
-    except Exception as error:  # zlib, lzma, struct, EOF, encryption, unknown method: all mean an unreadable file
-        raise InputError(f"cannot be unpacked ({error})", file=file, field=info.filename, mend=_REBUILD) from None
+    except (
+        Exception
+    ) as error:  # zlib, lzma, struct, EOF, encryption, unknown method: all mean an unreadable file
+        raise InputError(
+            f"cannot be unpacked ({error})", file=file, field=info.filename, hint=_REBUILD
+        ) from None
 
 
 def _check_members(file: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
@@ -153,12 +183,17 @@ def _check_members(file: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo
     members = archive.infolist()
     total = sum(info.file_size for info in members)
     if len(members) > MAX_MEMBERS or total > MAX_BYTES:
-        what = f"{len(members)} members of {total} bytes; at most {MAX_MEMBERS} and {MAX_BYTES} are read"
-        raise InputError(what, file=file, mend=_REBUILD)
+        what = (
+            f"{len(members)} members of {total} bytes; at most {MAX_MEMBERS} and {MAX_BYTES} "
+            f"are read"
+        )
+        raise InputError(what, file=file, hint=_REBUILD)
     seen: set[str] = set()
     for info in members:
         for fault in _faults(info, seen):
-            raise InputError(fault, file=file, field=info.filename, mend=f"do not trust this file; {_REBUILD}")
+            raise InputError(
+                fault, file=file, field=info.filename, hint=f"do not trust this file; {_REBUILD}"
+            )
         seen.add(info.filename)
     return [info for info in members if not info.is_dir()]
 
@@ -166,7 +201,14 @@ def _check_members(file: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo
 def _faults(info: zipfile.ZipInfo, seen: set[str]) -> Iterator[str]:
     name = info.orig_filename
     parts = PurePosixPath(name).parts
-    if not parts or name.startswith("/") or ".." in parts or "\\" in name or ":" in name or "\0" in name:
+    if (
+        not parts
+        or name.startswith("/")
+        or ".." in parts
+        or "\\" in name
+        or ":" in name
+        or "\0" in name
+    ):
         yield "this path leaves the folder it is unpacked to"
     if stat.S_ISLNK(info.external_attr >> 16):
         yield "symbolic links are refused"

@@ -1,4 +1,6 @@
-"""Variables of an FMU instance by name: checked, converted, and read or written with one call for all of a type."""
+"""Variables of an FMU instance by name: checked, converted, and read or written with one call for
+all of a type.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pyfmi_runner.errors import InputError
+from modelica_fmu.errors import InputError
 from pyfmi_runner.fmu_calls import Fmi2, Fmi3, FmuCallError
 from pyfmi_runner.fmu_file import FmuFile, FmuVariable
 
@@ -29,7 +31,9 @@ class _Group(NamedTuple):
 
 
 class Values:
-    """What the FMU refuses comes back as InputError if the value is to blame, else as the FmuCallError."""
+    """What the FMU refuses comes back as InputError if the value is to blame, else as the
+    FmuCallError.
+    """
 
     def __init__(self, file: FmuFile, fmu: Fmi2 | Fmi3) -> None:
         self.file, self.fmu = file, fmu
@@ -55,7 +59,9 @@ class Values:
         for group in self._group(names):
             self._fill(group, names, values)
             try:
-                self.fmu.set_values(group.word, group.references, len(group.positions), group.values)
+                self.fmu.set_values(
+                    group.word, group.references, len(group.positions), group.values
+                )
             except FmuCallError as failure:
                 fault = self._blame(names, values, failure)
                 if fault is None:
@@ -66,7 +72,9 @@ class Values:
         for name in names:
             variable = self.variable(name)
             if not variable.settable_before_start:
-                raise self._fault(f"a variable of causality {variable.causality} cannot be set", name, "remove it")
+                raise self._fault(
+                    f"a variable of causality {variable.causality} cannot be set", name, "remove it"
+                )
 
     def check_running(self, names: tuple[str, ...]) -> None:
         """Refuses what no phase after the start lets be set, before the FMU sees it and fails."""
@@ -75,10 +83,14 @@ class Values:
         for name in names:
             variable = self.variable(name)
             tunable = variable.causality == "parameter" and variable.variability == "tunable"
-            if variable.causality != "input" and not tunable and name not in self.file.description.states:
+            if (
+                variable.causality != "input"
+                and not tunable
+                and name not in self.file.description.states
+            ):
                 at_start = f"give it to reset(parameters={{{name!r}: ...}})"
-                mend = at_start if variable.settable_before_start else "remove it"
-                raise self._fault("cannot be set while the FMU runs", name, mend)
+                hint = at_start if variable.settable_before_start else "remove it"
+                raise self._fault("cannot be set while the FMU runs", name, hint)
         self._running.add(names)
 
     def variable(self, name: str) -> FmuVariable:
@@ -86,12 +98,19 @@ class Values:
         if variable is not None:
             return variable
         lowered = {known.lower(): known for known in self.file.variables}
-        near = [lowered[match] for match in difflib.get_close_matches(str(name).lower(), lowered, n=3, cutoff=0.5)]
-        mend = f"did you mean {', '.join(near)}?" if near else "see the variables in modelDescription.xml"
-        raise self._fault("no such variable", str(name), mend)
+        near = [
+            lowered[match]
+            for match in difflib.get_close_matches(str(name).lower(), lowered, n=3, cutoff=0.5)
+        ]
+        hint = (
+            f"did you mean {', '.join(near)}?"
+            if near
+            else "see the variables in modelDescription.xml"
+        )
+        raise self._fault("no such variable", str(name), hint)
 
-    def _fault(self, message: str, name: str, mend: str | None = None) -> InputError:
-        return InputError(message, file=self.file.path, field=name, mend=mend)
+    def _fault(self, message: str, name: str, hint: str | None = None) -> InputError:
+        return InputError(message, file=self.file.path, field=name, hint=hint)
 
     def _group(self, names: tuple[str, ...]) -> list[_Group]:
         groups = self._groups.get(names)
@@ -102,11 +121,19 @@ class Values:
         for position, variable in enumerate(variables):
             accessor = self.fmu.getters.get(variable.type)
             if accessor is None:
-                raise self._fault(f"variables of type {variable.type} are not supported", variable.name)
+                raise self._fault(
+                    f"variables of type {variable.type} are not supported", variable.name
+                )
             positions.setdefault(accessor, []).append(position)
         all_real = all(variable.is_real for variable in variables) and len(positions) == 1
         groups = [
-            _Group(word, (c_uint * len(at))(*(variables[i].reference for i in at)), (ctype * len(at))(), at, all_real)
+            _Group(
+                word,
+                (c_uint * len(at))(*(variables[i].reference for i in at)),
+                (ctype * len(at))(),
+                at,
+                all_real,
+            )
             for (word, ctype), at in positions.items()
         ]
         self._groups[names] = groups
@@ -133,13 +160,17 @@ class Values:
                 return int(value)
         except (TypeError, ValueError, KeyError, OverflowError):
             pass
-        mend = f"use one of {', '.join(variable.literals)}" if variable.literals else None
-        raise self._fault(f"{value!r} is no value of type {variable.type}", name, mend)
+        hint = f"use one of {', '.join(variable.literals)}" if variable.literals else None
+        raise self._fault(f"{value!r} is no value of type {variable.type}", name, hint)
 
-    def _blame(self, names: tuple[str, ...], values: Sequence[Value], failure: FmuCallError) -> InputError | None:
+    def _blame(
+        self, names: tuple[str, ...], values: Sequence[Value], failure: FmuCallError
+    ) -> InputError | None:
         for name, value in zip(names, values, strict=True):
             v, number = self.file.variables[name], self._converted(name, value)
             if not v.min <= number <= v.max or not math.isfinite(number):
                 unit = f" {v.unit}" if v.unit else ""
-                return self._fault(failure.text, name, f"choose a finite value within {v.min:g}..{v.max:g}{unit}")
+                return self._fault(
+                    failure.text, name, f"choose a finite value within {v.min:g}..{v.max:g}{unit}"
+                )
         return self._fault(failure.text, ", ".join(names)) if failure.status == 2 else None

@@ -1,12 +1,15 @@
 """Gymnasium environment `PneuGantry-v0`: an agent in the controller's place, on the FMU.
 
-`gymnasium.make("pyfmi_runner.gym_env:PneuGantry-v0")`, or by its bare name once this module is imported. Needs the extra `gym`.
+`gymnasium.make("pyfmi_runner.gym_env:PneuGantry-v0")`, or by its bare name once this module is
+imported. Needs the extra `gym`.
 
-An episode is a scenario's contact and contouring phase; its approach runs within `reset`. Observation: what a controller gets, the eight
-sensed channels and the two references, SI units. Action: u_x, u_z in volts, held for `hold` milliseconds. Reward: for each of these
-milliseconds -0.001 [((f_n - f_nd) / 10 N)^2 + ((v_t - v_td) / 0.05 m/s)^2], each square at most 100, from the true f_n and v_t, not the
-sensed ones; so an episode's return is minus the integral over time of the squared errors in these units. The episode is truncated at the
-end of the contouring phase; it is terminated, with a further -1000, when the FMU cannot go on.
+An episode is a scenario's contact and contouring phase; its approach runs within `reset`.
+Observation: what a controller gets, the eight sensed channels and the two references, SI units.
+Action: u_x, u_z in volts, held for `hold` milliseconds. Reward: for each of these milliseconds
+-0.001 [((f_n - f_nd) / 10 N)^2 + ((v_t - v_td) / 0.05 m/s)^2], each square at most 100, from the
+true f_n and v_t, not the sensed ones; so an episode's return is minus the integral over time of the
+squared errors in these units. The episode is truncated at the end of the contouring phase; it is
+terminated, with a further -1000, when the FMU cannot go on.
 """
 
 from __future__ import annotations
@@ -21,8 +24,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from controllers.interface import U_MAX, U_MIN
+from modelica_fmu.errors import InputError, RunError
 from pyfmi_runner.build import build_fmu
-from pyfmi_runner.errors import InputError, RunError
 from pyfmi_runner.fmu import FmuFile, FmuSession, SavedState
 from pyfmi_runner.loop import MICROSECOND, set_inputs
 from pyfmi_runner.plan import APPROACH, RETREAT, make_plan
@@ -36,20 +39,35 @@ ENV_ID = "PneuGantry-v0"
 FORCE_SCALE, SPEED_SCALE = 10.0, 0.05  # N, m/s: errors that count as one
 WORST = 100.0  # of one squared error
 FAILURE = -1000.0
-LIMITS = (2.0, 2.0, 20.0, 20.0, 1e4, 1e4, 1e4, 1e4, 1e3, 10.0)  # of the observation, m, m/s, N, N, m/s; readings are clipped there
+LIMITS = (
+    2.0,
+    2.0,
+    20.0,
+    20.0,
+    1e4,
+    1e4,
+    1e4,
+    1e4,
+    1e3,
+    10.0,
+)  # of the observation, m, m/s, N, N, m/s; readings are clipped there
 Array = NDArray[np.float64]
 
 
 class GantryEnv(gymnasium.Env[Array, Array]):
-    """`scenario`: the run (its controller plays no part); `fmu`: a file with the gantry's interface; `hold`: ms that an action lasts.
+    """`scenario`: the run (its controller plays no part); `fmu`: a file with the gantry's
+    interface; `hold`: ms that an action lasts.
 
-    `reset(options={"scenario": Scenario(...)})` or `options={"plant": {"contact.K_c": 2e4}}` changes the run from there on. Raises
-    InputError for a scenario or FMU that cannot be used, ValueError for `hold` < 1.
+    `reset(options={"scenario": Scenario(...)})` or `options={"plant": {"contact.K_c": 2e4}}`
+    changes the run from there on. Raises InputError for a scenario or FMU that cannot be used,
+    ValueError for `hold` < 1.
     """
 
     metadata = {"render_modes": [], "render_fps": 1000}  # noqa: RUF012 - gymnasium's own form
 
-    def __init__(self, scenario: Scenario | None = None, fmu: str | Path | None = None, hold: int = 1) -> None:
+    def __init__(
+        self, scenario: Scenario | None = None, fmu: str | Path | None = None, hold: int = 1
+    ) -> None:
         if hold < 1:
             raise ValueError(f"hold must be >= 1 ms, got {hold}")
         self.file = FmuFile.read(fmu or build_fmu().path)
@@ -62,12 +80,16 @@ class GantryEnv(gymnasium.Env[Array, Array]):
         self._prepare(scenario or Scenario(workpiece="straight"))
 
     def _prepare(self, scenario: Scenario) -> None:
-        """Lays the scenario out and runs its approach once; every episode starts from the state saved at its end."""
+        """Lays the scenario out and runs its approach once; every episode starts from the state
+        saved at its end.
+        """
         self.close()
         self.scenario, self.plan = scenario, make_plan(scenario)
         phase = self.plan.phase
         self._first = int(np.argmax(phase != APPROACH))
-        self._end = int(np.argmax(phase == RETREAT)) if (phase == RETREAT).any() else self.plan.samples
+        self._end = (
+            int(np.argmax(phase == RETREAT)) if (phase == RETREAT).any() else self.plan.samples
+        )
         self._fmu = FmuSession(self.file, parameters=self.plan.parameters)
         self._fmu.__enter__()
         self._session = self._fmu
@@ -80,13 +102,19 @@ class GantryEnv(gymnasium.Env[Array, Array]):
     def _step(self, k: int) -> None:
         self._fmu.step(self.plan.period * MICROSECOND, time=k * self.plan.period * MICROSECOND)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
         super().reset(seed=seed)
         options = dict(options or {})
         scenario = options.pop("scenario", self.scenario)
         scenario = replace(scenario, plant=scenario.plant | options.pop("plant", {}))
         if options:
-            raise InputError(f"unknown option {next(iter(options))!r}", field="options", mend="give scenario or plant")
+            raise InputError(
+                f"unknown option {next(iter(options))!r}",
+                field="options",
+                hint="give scenario or plant",
+            )
         if scenario != self.scenario:
             self._prepare(scenario)
         self._fmu.load_state(self._start)
@@ -114,26 +142,46 @@ class GantryEnv(gymnasium.Env[Array, Array]):
                 break
         truncated = not terminated and self._k >= self._end
         if terminated:  # the FMU takes no more questions until the next reset
-            return self._last, reward, True, False, {"time": self._k * self.plan.period * MICROSECOND}
+            return (
+                self._last,
+                reward,
+                True,
+                False,
+                {"time": self._k * self.plan.period * MICROSECOND},
+            )
         return self._observe(), reward, terminated, truncated, self._info()
 
     def _reward(self) -> float:
         f_n, v_t = self._fmu.get(("f_n", "v_t"))
         row = self._k - 1
-        force, speed = (f_n - self.plan.f_nd[row]) / FORCE_SCALE, (v_t - self.plan.v_td[row]) / SPEED_SCALE
-        return -float(min(force * force, WORST) + min(speed * speed, WORST)) * self.plan.period * MICROSECOND
+        force, speed = (
+            (f_n - self.plan.f_nd[row]) / FORCE_SCALE,
+            (v_t - self.plan.v_td[row]) / SPEED_SCALE,
+        )
+        return (
+            -float(min(force * force, WORST) + min(speed * speed, WORST))
+            * self.plan.period
+            * MICROSECOND
+        )
 
     def _observe(self) -> Array:
         row = min(self._k, self.plan.samples - 1)
         draws = self.np_random.standard_normal(8)
-        self._sensors, seen = sense(self.scenario.sensors, self._sensors, tuple(self._fmu.get(OUTPUTS)), draws)
+        self._sensors, seen = sense(
+            self.scenario.sensors, self._sensors, tuple(self._fmu.get(OUTPUTS)), draws
+        )
         values = np.array([*seen, self.plan.f_nd[row], self.plan.v_td[row]])
         self._last = np.clip(values, self.observation_space.low, self.observation_space.high)  # type: ignore[attr-defined]
         return self._last
 
     def _info(self) -> dict[str, Any]:
         f_n, v_t, theta = (float(v) for v in self._fmu.get(("f_n", "v_t", "theta")))
-        return {"time": self._k * self.plan.period * MICROSECOND, "f_n": f_n, "v_t": v_t, "theta": theta}
+        return {
+            "time": self._k * self.plan.period * MICROSECOND,
+            "f_n": f_n,
+            "v_t": v_t,
+            "theta": theta,
+        }
 
     def close(self) -> None:
         if self._session is not None:

@@ -24,17 +24,37 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pyfmi_runner.errors import InputError
+from modelica_fmu.errors import InputError
 
 __all__ = [
-    "COLUMNS", "MEASURED", "OPTIONAL", "PERIOD", "PHASES", "REQUIRED", "SIGMA", "STROKE_X", "STROKE_Z",
-    "Column", "Log", "check_table", "log_warnings", "parsed_numbers", "read_log", "write_atomically", "write_log",
-]  # fmt: skip
+    "COLUMNS",
+    "MEASURED",
+    "OPTIONAL",
+    "PERIOD",
+    "PHASES",
+    "REQUIRED",
+    "SIGMA",
+    "STROKE_X",
+    "STROKE_Z",
+    "Column",
+    "Log",
+    "check_table",
+    "log_warnings",
+    "parsed_numbers",
+    "read_log",
+    "write_atomically",
+    "write_log",
+]
 
 PERIOD = 0.001  # s, between rows
 STROKE_X = 1.0  # m, x piston 0..1
 STROKE_Z = 0.101  # m, z piston 0..0.101
-PHASES = ("approach", "contact", "contour", "retreat")  # column `phase` holds the index; names are accepted on reading
+PHASES = (
+    "approach",
+    "contact",
+    "contour",
+    "retreat",
+)  # column `phase` holds the index; names are accepted on reading
 MIN_ROWS = 10
 LARGEST = 10**300
 _SPAN = {
@@ -46,7 +66,9 @@ _SPAN = {
 
 
 class Column(NamedTuple):
-    """Unit, sign and bounds of one column. Bounds hold for any sane log, errors of a calibrated sensor included."""
+    """Unit, sign and bounds of one column. Bounds hold for any sane log, errors of a calibrated
+    sensor included.
+    """
 
     unit: str
     sign: str
@@ -60,7 +82,9 @@ COLUMNS: Mapping[str, Column] = {
     "u_x": Column("V", "x valve command, 0..5; more pushes the x piston to -x", -0.5, 5.5),
     "u_z": Column("V", "z valve command, 0..5; more pushes the z piston to +z", -0.5, 5.5),
     "x": Column("m", "x piston position, 0..1", -0.05, STROKE_X + 0.05),
-    "z": Column("m", "z piston position, 0..0.101, > 0 towards the workpiece", -0.01, STROKE_Z + 0.01),
+    "z": Column(
+        "m", "z piston position, 0..0.101, > 0 towards the workpiece", -0.01, STROKE_Z + 0.01
+    ),
     "v_x": Column("m/s", "dx/dt; tracking runs towards -x", -12.0, 12.0),
     "v_z": Column("m/s", "dz/dt", -6.0, 6.0),
     "f_x": Column("N", "force of the robot on the workpiece along +x", -5e3, 5e3),
@@ -77,13 +101,22 @@ REQUIRED = tuple(name for name in COLUMNS if name not in OPTIONAL)
 MEASURED = ("x", "z", "v_x", "v_z", "f_x", "f_z", "f_ax", "f_az")
 # RMS noise of the sensors in the column's unit, Table 3.3
 SIGMA: Mapping[str, float] = {
-    "x": 0.3e-3, "z": 0.1e-3, "v_x": 1.0e-3, "v_z": 0.5e-3, "f_x": 0.05, "f_z": 0.05, "f_ax": 0.05, "f_az": 0.05,
-}  # fmt: skip
+    "x": 0.3e-3,
+    "z": 0.1e-3,
+    "v_x": 1.0e-3,
+    "v_z": 0.5e-3,
+    "f_x": 0.05,
+    "f_z": 0.05,
+    "f_ax": 0.05,
+    "f_az": 0.05,
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A log in memory. table: the columns of COLUMNS as float64, then the file's others; provenance: JSON values."""
+    """A log in memory. table: the columns of COLUMNS as float64, then the file's others;
+    provenance: JSON values.
+    """
 
     table: pd.DataFrame
     name: str = "log"
@@ -112,46 +145,62 @@ class Log:
 
 
 def read_log(path: str | os.PathLike[str]) -> Log:
-    """Read and check a Parquet or CSV log. Raises InputError naming file, column or row, and the mend."""
+    """Read and check a Parquet or CSV log. Raises InputError naming file, column or row, and the
+    hint.
+    """
     path = Path(path)
     if os.path.isdir(path):
-        raise InputError("is a folder, expected a log file", file=path, mend="name one .parquet or .csv file in it")
+        raise InputError(
+            "is a folder, expected a log file",
+            file=path,
+            hint="name one .parquet or .csv file in it",
+        )
     try:
         with path.open("rb") as stream:
             head = stream.read(4)
     except FileNotFoundError:
-        raise InputError("no such file", file=path, mend=_mend_absent(path)) from None
+        raise InputError("no such file", file=path, hint=_mend_absent(path)) from None
     except (OSError, ValueError) as error:  # ValueError: a path that holds a NUL
         reason = getattr(error, "strerror", error)
-        raise InputError(f"cannot be read ({reason})", file=path, mend="check its path and permissions") from None
+        raise InputError(
+            f"cannot be read ({reason})", file=path, hint="check its path and permissions"
+        ) from None
     if not head:
-        raise InputError("the file is empty", file=path, mend="record or export the log again")
+        raise InputError("the file is empty", file=path, hint="record or export the log again")
     suffix = path.suffix.lower()
     if head == b"PAR1" or suffix in (".parquet", ".pq"):
         table, provenance = _read_parquet(path)
     elif suffix in (".csv", ".txt"):
         table, provenance = _read_csv(path)
     else:
-        raise InputError(f"unknown kind of file {suffix!r}", file=path, mend="give a .parquet or .csv file")
+        raise InputError(
+            f"unknown kind of file {suffix!r}", file=path, hint="give a .parquet or .csv file"
+        )
     return Log(check_table(table, path), path.stem, provenance)
 
 
 def write_log(log: Log, path: str | os.PathLike[str]) -> Path:
-    """Write a log as Parquet or CSV (by suffix), with provenance and units. Atomic: a reader sees all of it or none.
+    """Write a log as Parquet or CSV (by suffix), with provenance and units. Atomic: a reader sees
+    all of it or none.
 
-    Values survive the round trip bit for bit. Provenance should be JSON values; others are written as their `str()`.
-    Raises InputError where the path cannot be written.
+    Values survive the round trip bit for bit. Provenance should be JSON values; others are written
+    as their `str()`. Raises InputError where the path cannot be written.
     """
     path = Path(path)
     writers = {".parquet": _write_parquet, ".pq": _write_parquet, ".csv": _write_csv}
     if path.suffix.lower() not in writers:
-        raise InputError(f"unknown kind of log file {path.suffix!r}", file=path, mend="end it in .parquet or .csv")
+        raise InputError(
+            f"unknown kind of log file {path.suffix!r}",
+            file=path,
+            hint="end it in .parquet or .csv",
+        )
     write_atomically(path, lambda temporary: writers[path.suffix.lower()](log, temporary))
     return path
 
 
 def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], object]) -> None:
-    """Let `write` fill a hidden file beside `path`, then put it in place in one step; makes the folder if need be.
+    """Let `write` fill a hidden file beside `path`, then put it in place in one step; makes the
+    folder if need be.
 
     Raises InputError where the file system refuses.
     """
@@ -164,14 +213,18 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], objec
             os.fsync(stream.fileno())
         os.replace(temporary, path)
     except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror})", file=path, mend="choose another place") from None
+        raise InputError(
+            f"cannot be written ({error.strerror})", file=path, hint="choose another place"
+        ) from None
     finally:
         with contextlib.suppress(OSError):  # it is gone, or its folder is none
             temporary.unlink(missing_ok=True)
 
 
 def _mend_absent(path: Path) -> str:
-    beside = sorted(p.name for p in path.parent.glob("*") if p.suffix.lower() in (".parquet", ".csv"))
+    beside = sorted(
+        p.name for p in path.parent.glob("*") if p.suffix.lower() in (".parquet", ".csv")
+    )
     near = difflib.get_close_matches(path.name, beside, n=1)
     return f"did you mean {near[0]}?" if near else "check the path"
 
@@ -187,7 +240,9 @@ def _units(table: pd.DataFrame) -> dict[str, str]:
 def _write_parquet(log: Log, path: Path) -> None:
     table = pa.Table.from_pandas(log.table, preserve_index=False)
     units = _units(log.table)
-    fields = [f.with_metadata({"unit": units[f.name]}) if f.name in units else f for f in table.schema]
+    fields = [
+        f.with_metadata({"unit": units[f.name]}) if f.name in units else f for f in table.schema
+    ]
     metadata = {"provenance": _json(log.provenance), "units": _json(units)}
     pq.write_table(table.cast(pa.schema(fields)).replace_schema_metadata(metadata), path)
 
@@ -199,7 +254,9 @@ def _read_parquet(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
         frame = table.to_pandas(ignore_metadata=True)
     except (pa.ArrowException, OSError, ValueError) as error:
         reason = str(error).split("\n")[0].rstrip(". ")[:120]
-        raise InputError(f"not a readable Parquet file ({reason})", file=path, mend="record or export it again") from None
+        raise InputError(
+            f"not a readable Parquet file ({reason})", file=path, hint="record or export it again"
+        ) from None
     return frame, provenance if isinstance(provenance, dict) else {"provenance": provenance}
 
 
@@ -207,7 +264,10 @@ def _write_csv(log: Log, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as stream:
         for key, value in [*log.provenance.items(), ("units", _units(log.table))]:
             name = str(key)
-            stream.write(f"# {name if re.fullmatch(r'[A-Za-z0-9_.-]+', name) else _json(name)}: {_json(value)}\n")
+            stream.write(
+                f"# {name if re.fullmatch(r'[A-Za-z0-9_.-]+', name) else _json(name)}: "
+                f"{_json(value)}\n"
+            )
         log.table.to_csv(stream, index=False)
 
 
@@ -215,31 +275,51 @@ def _read_csv(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines(keepends=True)
     except UnicodeDecodeError:
-        raise InputError("not a text file in UTF-8", file=path, mend="export the log as CSV in UTF-8") from None
-    first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), None)
+        raise InputError(
+            "not a text file in UTF-8", file=path, hint="export the log as CSV in UTF-8"
+        ) from None
+    first = next(
+        (k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), None
+    )
     if first is None:
-        raise InputError("no table: the file has no header line", file=path, mend="record or export the log again")
+        raise InputError(
+            "no table: the file has no header line",
+            file=path,
+            hint="record or export the log again",
+        )
     separator = max(",;\t", key=lines[first].count)
     wanted = lines[first].count(separator)
     for k, line in enumerate(lines[first + 1 :], first + 2):
         if line.count(separator) != wanted and line.strip() and '"' not in line:
-            message = f"line {k} has {line.count(separator) + 1} values, the header {wanted + 1} names"
-            mend = "delete it: it is cut short" if k == len(lines) else "use decimal points, one value per column"
-            raise InputError(message, file=path, mend=mend)
+            message = (
+                f"line {k} has {line.count(separator) + 1} values, the header {wanted + 1} names"
+            )
+            hint = (
+                "delete it: it is cut short"
+                if k == len(lines)
+                else "use decimal points, one value per column"
+            )
+            raise InputError(message, file=path, hint=hint)
     try:
         body = io.StringIO("".join(lines[first:]))
         with warnings.catch_warnings():
-            warnings.simplefilter("error", pd.errors.ParserWarning)  # it would drop values that the header does not name
+            warnings.simplefilter(
+                "error", pd.errors.ParserWarning
+            )  # it would drop values that the header does not name
             frame = pd.read_csv(body, sep=separator, skipinitialspace=True, index_col=False)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, pd.errors.ParserWarning) as error:
         reason = str(error).replace("Error tokenizing data. C error: ", "")
-        raise InputError(f"not a readable table ({reason})", file=path, mend="even out the rows") from None
+        raise InputError(
+            f"not a readable table ({reason})", file=path, hint="even out the rows"
+        ) from None
     frame.columns = [str(name).strip().strip('"') for name in frame.columns]
     return frame, dict(_comments(lines[:first]))
 
 
 def _comments(lines: list[str]) -> Iterator[tuple[str, Any]]:
-    """Pairs of the lines `# key: value`; the key `units` is the file's own and left out, other comments too."""
+    """Pairs of the lines `# key: value`; the key `units` is the file's own and left out, other
+    comments too.
+    """
     for line in lines:
         match = re.fullmatch(r'#\s*("(?:[^"\\]|\\.)*"|[^:"]+?)\s*:\s*(.*?)\s*', line.rstrip("\r\n"))
         if match is None or match[1] == "units":
@@ -257,23 +337,35 @@ def _comments(lines: list[str]) -> Iterator[tuple[str, Any]]:
 def check_table(table: pd.DataFrame, file: str | os.PathLike[str] | None = None) -> pd.DataFrame:
     """The table with its known columns as float64, unknown ones kept as they are.
 
-    Raises InputError for the first of: a missing column, a value that is no finite number, time that is not 1 kHz,
-    values that are not in the column's unit.
+    Raises InputError for the first of: a missing column, a value that is no finite number, time
+    that is not 1 kHz, values that are not in the column's unit.
     """
 
-    def refuse(message: str, column: str | None, mend: str) -> NoReturn:
-        raise InputError(message, file=file, field=column, mend=mend)
+    def refuse(message: str, column: str | None, hint: str) -> NoReturn:
+        raise InputError(message, file=file, field=column, hint=hint)
 
     if not table.columns.is_unique:
-        refuse("column is there twice", str(table.columns[table.columns.duplicated()][0]), "keep one of them")
+        refuse(
+            "column is there twice",
+            str(table.columns[table.columns.duplicated()][0]),
+            "keep one of them",
+        )
     for name in REQUIRED:
         if name not in table.columns:
             spare = {_bare(str(c)): str(c) for c in table.columns if c not in COLUMNS}
             near = difflib.get_close_matches(_bare(name), list(spare), n=1, cutoff=0.5)
-            mend = f'rename column "{spare[near[0]]}" to "{name}"' if near else f"add it [{COLUMNS[name].unit}]"
-            refuse("column is missing", name, mend)
+            hint = (
+                f'rename column "{spare[near[0]]}" to "{name}"'
+                if near
+                else f"add it [{COLUMNS[name].unit}]"
+            )
+            refuse("column is missing", name, hint)
     if len(table) < MIN_ROWS:
-        refuse(f"{len(table)} rows, expected at least {MIN_ROWS}", None, "record or export the log again")
+        refuse(
+            f"{len(table)} rows, expected at least {MIN_ROWS}",
+            None,
+            "record or export the log again",
+        )
     known = [name for name in table.columns if name in COLUMNS]
     numbers = {name: _numbers(table[name], name, file) for name in known}
     values = np.column_stack(list(numbers.values()))
@@ -281,8 +373,14 @@ def check_table(table: pd.DataFrame, file: str | os.PathLike[str] | None = None)
         row, k = (int(i) for i in np.argwhere(~np.isfinite(values))[0])
         text = "empty or NaN" if np.isnan(values[row, k]) else "infinite"
         last = row == len(values) - 1
-        mend = "the last row is cut short: delete it" if last else "fill it in, or cut the log there"
-        refuse(f"row {row} is {text}", known[k], mend if known[k] in REQUIRED else "fill it in, or drop the column")
+        hint = (
+            "the last row is cut short: delete it" if last else "fill it in, or cut the log there"
+        )
+        refuse(
+            f"row {row} is {text}",
+            known[k],
+            hint if known[k] in REQUIRED else "fill it in, or drop the column",
+        )
     _check_time(numbers["time"], refuse)
     _check_units(numbers, refuse)
     return pd.DataFrame({name: numbers.get(name, table[name]) for name in table.columns})
@@ -293,13 +391,19 @@ def _bare(name: str) -> str:
 
 
 def parsed_numbers(column: pd.Series) -> NDArray[np.float64]:
-    """A column of any type as float64: NaN where there is no number, infinity where it is beyond a float."""
+    """A column of any type as float64: NaN where there is no number, infinity where it is beyond a
+    float.
+    """
     if column.dtype == object:
-        column = column.map(lambda value: math.inf if isinstance(value, int) and abs(value) > LARGEST else value)  # pandas overflows
+        column = column.map(
+            lambda value: math.inf if isinstance(value, int) and abs(value) > LARGEST else value
+        )  # pandas overflows
     return np.asarray(pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64))
 
 
-def _numbers(column: pd.Series, name: str, file: str | os.PathLike[str] | None) -> NDArray[np.float64]:
+def _numbers(
+    column: pd.Series, name: str, file: str | os.PathLike[str] | None
+) -> NDArray[np.float64]:
     try:
         if column.dtype != object:
             return np.asarray(column.to_numpy(dtype=np.float64))
@@ -307,14 +411,25 @@ def _numbers(column: pd.Series, name: str, file: str | os.PathLike[str] | None) 
         pass
     if name == "phase":
         codes = {phase: float(code) for code, phase in enumerate(PHASES)}
-        column = column.map(lambda value: codes.get(value, value) if isinstance(value, str) else value)
+        column = column.map(
+            lambda value: codes.get(value, value) if isinstance(value, str) else value
+        )
     parsed = parsed_numbers(column)
     bad = np.flatnonzero(np.isnan(parsed) & column.notna().to_numpy())
     if len(bad):
         value = column.iloc[int(bad[0])]
-        known = f"use a number or one of {', '.join(PHASES)}" if name == "phase" else "use plain numbers"
-        mend = "use a decimal point" if re.fullmatch(r"\s*[-+]?\d*,\d+\s*", str(value)) else known
-        raise InputError(f"row {int(bad[0])} is {str(value)[:40]!r}, not a number", file=file, field=name, mend=mend)
+        known = (
+            f"use a number or one of {', '.join(PHASES)}"
+            if name == "phase"
+            else "use plain numbers"
+        )
+        hint = "use a decimal point" if re.fullmatch(r"\s*[-+]?\d*,\d+\s*", str(value)) else known
+        raise InputError(
+            f"row {int(bad[0])} is {str(value)[:40]!r}, not a number",
+            file=file,
+            field=name,
+            hint=hint,
+        )
     return np.asarray(parsed)
 
 
@@ -322,33 +437,53 @@ def _check_time(time: NDArray[np.float64], refuse: Callable[[str, str, str], NoR
     steps = np.diff(time)
     if (steps <= 0).any():
         row = int(np.argmax(steps <= 0)) + 1
-        refuse(f"row {row} (t = {time[row]:g} s) does not increase", "time", "sort the rows, drop repeated ones")
+        refuse(
+            f"row {row} (t = {time[row]:g} s) does not increase",
+            "time",
+            "sort the rows, drop repeated ones",
+        )
     typical, mean = float(np.median(steps)), float(steps.mean())
     if abs(typical / PERIOD - 1) > 0.01:
         if abs(typical - 1) < 0.01:
             refuse("looks like milliseconds: one row per 1 s", "time", "divide column time by 1000")
         thin = typical < 0.6 * PERIOD
-        mend = f"keep every {round(PERIOD / typical)}th row" if thin else "record at 1 kHz, or resample to it"
-        refuse(f"sampled at {1 / typical:.6g} Hz, expected 1000 Hz", "time", mend)
+        hint = (
+            f"keep every {round(PERIOD / typical)}th row"
+            if thin
+            else "record at 1 kHz, or resample to it"
+        )
+        refuse(f"sampled at {1 / typical:.6g} Hz, expected 1000 Hz", "time", hint)
     odd = np.flatnonzero((steps > 1.5 * PERIOD) | (steps < 0.5 * PERIOD))
     if len(odd):
         row = int(odd[0]) + 1
         what = "gap" if steps[row - 1] > PERIOD else "step"
-        mend = "cut the log there, or fill the missing rows" if what == "gap" else "resample to 1 kHz"
+        hint = (
+            "cut the log there, or fill the missing rows" if what == "gap" else "resample to 1 kHz"
+        )
         size = f"{1e3 * steps[row - 1]:.4g} ms, expected 1 ms"
-        refuse(f"row {row} (t = {time[row]:g} s) follows a {what} of {size}", "time", mend)
+        refuse(f"row {row} (t = {time[row]:g} s) follows a {what} of {size}", "time", hint)
     if abs(mean / PERIOD - 1) > 0.01:
-        refuse(f"sampled at {1 / mean:.6g} Hz on average, expected 1000 Hz", "time", "resample to 1 kHz")
+        refuse(
+            f"sampled at {1 / mean:.6g} Hz on average, expected 1000 Hz",
+            "time",
+            "resample to 1 kHz",
+        )
 
 
-def _check_units(numbers: Mapping[str, NDArray[np.float64]], refuse: Callable[[str, str, str], NoReturn]) -> None:
+def _check_units(
+    numbers: Mapping[str, NDArray[np.float64]], refuse: Callable[[str, str, str], NoReturn]
+) -> None:
     def within(name: str, scale: float = 1.0, of: str | None = None) -> bool:
         column, values = COLUMNS[of or name], numbers[name]
         return bool(values.min() * scale >= column.low and values.max() * scale <= column.high)
 
     if not within("z") and within("x", of="z") and within("z", of="x"):
         reach = numbers["z"].max()
-        refuse(f"reaches {reach:.4g} m, beyond the z stroke, while x stays inside it", "z", "swap columns x and z")
+        refuse(
+            f"reaches {reach:.4g} m, beyond the z stroke, while x stays inside it",
+            "z",
+            "swap columns x and z",
+        )
     for name in numbers:
         if within(name):
             continue
@@ -357,20 +492,28 @@ def _check_units(numbers: Mapping[str, NDArray[np.float64]], refuse: Callable[[s
         small = within(name, 1e-3)
         span = _SPAN.get(name, f"{low:g}..{high:g}")
         looks = f", looks like m{unit}" if small else ""
-        mend = f"divide column {name} by 1000" if small else "check the column's unit, zero and order"
-        refuse(f"row {row} is {numbers[name][row]:.6g}, expected {span} {unit}{looks}", name, mend)
+        hint = (
+            f"divide column {name} by 1000" if small else "check the column's unit, zero and order"
+        )
+        refuse(f"row {row} is {numbers[name][row]:.6g}, expected {span} {unit}{looks}", name, hint)
     for name in ("v_x", "v_z"):
-        noise = float(np.std(np.diff(numbers[name])))  # a tachometer's noise in mm/s is 1000 times too large
+        noise = float(
+            np.std(np.diff(numbers[name]))
+        )  # a tachometer's noise in mm/s is 1000 times too large
         if noise > 150 * SIGMA[name]:
-            refuse(f"noise of {noise:.2g} m/s, looks like mm/s", name, f"divide column {name} by 1000")
+            refuse(
+                f"noise of {noise:.2g} m/s, looks like mm/s", name, f"divide column {name} by 1000"
+            )
 
 
 # ---------------------------------------------------------------- checks that only warn
 
 
 def log_warnings(log: Log) -> list[str]:
-    """What is suspicious about a usable log, one sentence each: stuck or clipped channels, swapped or reversed columns,
-    speeds that disagree with positions, offsets, a start that is not at rest. Empty for a sound log."""
+    """What is suspicious about a usable log, one sentence each: stuck or clipped channels, swapped
+    or reversed columns, speeds that disagree with positions, offsets, a start that is not at rest.
+    Empty for a sound log.
+    """
     return [*_stuck_or_clipped(log), *_force_order(log), *_speeds(log), *_start(log)]
 
 
@@ -391,23 +534,42 @@ def _stuck_or_clipped(log: Log) -> Iterator[str]:
         held = np.unique(values[first[lengths >= 20]])
         if longest[name] == len(log):
             yield f"{name} reads {values[0]:g} {unit} throughout: is the sensor connected?"
-        elif name.startswith("f_") and len(held) and set(held) <= {values.min(), values.max()} and abs(held).min() > 5:
-            yield f"{name} looks clipped at {' and '.join(f'{v:g}' for v in held)} {unit}: widen the sensor's range"
+        elif (
+            name.startswith("f_")
+            and len(held)
+            and set(held) <= {values.min(), values.max()}
+            and abs(held).min() > 5
+        ):
+            yield (
+                f"{name} looks clipped at {' and '.join(f'{v:g}' for v in held)} {unit}: "
+                f"widen the sensor's range"
+            )
         elif longest[name] >= 500:
             held_for = f"{longest[name] * PERIOD:.1f} s from row {row}"
-            yield f"{name} holds {values[row]:g} {unit} for {held_for}: stuck, or a coarse converter"
+            yield (
+                f"{name} holds {values[row]:g} {unit} for {held_for}: stuck, or a coarse converter"
+            )
 
 
 def _force_order(log: Log) -> Iterator[str]:
     f_x, f_z, f_ax, f_az = (log[name] for name in ("f_x", "f_z", "f_ax", "f_az"))
     rms_x, rms_z = float(np.sqrt(np.mean(f_x**2))), float(np.sqrt(np.mean(f_z**2)))
     if rms_x > 2.0 and rms_x > 2 * rms_z:
-        yield f"f_x carries the contact force ({rms_x:.1f} N RMS; f_z {rms_z:.1f} N): are columns f_x and f_z swapped?"
+        yield (
+            f"f_x carries the contact force ({rms_x:.1f} N RMS; f_z {rms_z:.1f} N): are "
+            f"columns f_x and f_z swapped?"
+        )
     elif rms_z > 2.0 and np.mean(f_z) < -0.5 * rms_z:
-        yield "f_z is negative in contact; it is the robot's force on the workpiece, > 0: is its sign reversed?"
+        yield (
+            "f_z is negative in contact; it is the robot's force on the workpiece, > 0: is "
+            "its sign reversed?"
+        )
     pushes_x, pushes_z = float(np.mean(f_ax)), float(np.mean(f_az))
     if pushes_x > 5 and pushes_z < -5:
-        yield "f_ax is positive and f_az negative, expected the reverse: are columns f_ax and f_az swapped?"
+        yield (
+            "f_ax is positive and f_az negative, expected the reverse: are columns f_ax and "
+            "f_az swapped?"
+        )
     elif pushes_x > 5:
         yield "f_ax is positive; the x valve pushes to -x: is its sign reversed?"
     elif pushes_z < -5:
@@ -430,11 +592,19 @@ def _speeds(log: Log) -> Iterator[str]:
         crossed = float(np.sqrt(np.mean((moved[axis] - driven[other]) ** 2)))
         drift = float(np.mean(driven[axis] - moved[axis])) / (window * PERIOD)
         if crossed < 0.2 * rest:
-            yield f"the integral of v_{other} follows {axis}, not that of v_{axis}: are columns v_x and v_z swapped?"
+            yield (
+                f"the integral of v_{other} follows {axis}, not that of v_{axis}: are "
+                f"columns v_x and v_z swapped?"
+            )
         elif slope < -0.5:
-            yield f"v_{axis} runs against d{axis}/dt: is the sign of v_{axis} or of {axis} reversed?"
+            yield (
+                f"v_{axis} runs against d{axis}/dt: is the sign of v_{axis} or of {axis} reversed?"
+            )
         elif not 0.8 < slope < 1.25:
-            yield f"v_{axis} is {slope:.3g} times d{axis}/dt: check the unit and scale of v_{axis} and {axis}"
+            yield (
+                f"v_{axis} is {slope:.3g} times d{axis}/dt: check the unit and scale of "
+                f"v_{axis} and {axis}"
+            )
         elif abs(drift) > 20 * SIGMA[f"v_{axis}"]:
             yield f"v_{axis} reads {drift:+.3g} m/s more than d{axis}/dt on average: an offset?"
 
@@ -444,7 +614,10 @@ def _start(log: Log) -> Iterator[str]:
         first = float(np.mean(log[name][:5]))
         limit = 20 * SIGMA[name] if name.startswith("v") else 5.0
         if abs(first) > limit:
-            yield f"{name} starts at {first:.3g} {COLUMNS[name].unit}: the log does not start at rest, or an offset"
+            yield (
+                f"{name} starts at {first:.3g} {COLUMNS[name].unit}: the log does not start "
+                f"at rest, or an offset"
+            )
     for name in ("f_x", "f_z"):
         first = float(np.mean(log[name][:50]))
         if abs(first) > 0.3:
@@ -452,4 +625,7 @@ def _start(log: Log) -> Iterator[str]:
     for axis, stroke in (("x", STROKE_X), ("z", STROKE_Z)):
         low, high = float(log[axis].min()), float(log[axis].max())
         if low < -10 * SIGMA[axis] or high > stroke + 10 * SIGMA[axis]:
-            yield f"{axis} spans {low:.4g}..{high:.4g} m, outside the stroke 0..{stroke:g} m: an offset?"
+            yield (
+                f"{axis} spans {low:.4g}..{high:.4g} m, outside the stroke 0..{stroke:g} m: "
+                f"an offset?"
+            )

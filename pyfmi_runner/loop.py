@@ -1,4 +1,5 @@
-"""The sampled loop, sample by sample in Python: plant FMU, sensors, controller. Slow, and open to a debugger.
+"""The sampled loop, sample by sample in Python: plant FMU, sensors, controller. Slow, and open to a
+debugger.
 
 `compiled_loop` does the same in machine code and gives the same bits.
 """
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.interface import Command, Controller, Reference, Sense
-from pyfmi_runner.errors import InputError, RunError
+from modelica_fmu.errors import InputError, RunError
 from pyfmi_runner.fmu import FmuSession
 from pyfmi_runner.plan import APPROACH, RETREAT, Plan
 from pyfmi_runner.plant import CLAMPS, COMMANDS, MANUAL, OUTPUTS, PROFILE
@@ -43,8 +44,16 @@ class Rows:
         return cls(np.empty((samples, 2)), np.empty((samples, 8)), np.empty(samples))
 
 
-def python_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: SensorParams, progress: Progress | None = None) -> Rows:
-    """Runs `plan` on a session that is ready to step. A failing FMU ends the run; what was recorded stays."""
+def python_loop(
+    fmu: FmuSession,
+    plan: Plan,
+    controller: Controller,
+    sensors: SensorParams,
+    progress: Progress | None = None,
+) -> Rows:
+    """Runs `plan` on a session that is ready to step. A failing FMU ends the run; what was recorded
+    stays.
+    """
     rows = Rows.empty(plan.samples)
     started = time.perf_counter()
     sensor_state = initial_state()
@@ -55,7 +64,9 @@ def python_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: Se
         now, end = k * plan.period, (k + 1) * plan.period
         try:
             set_inputs(fmu, plan, k)
-            sensor_state, measured = sense(sensors, sensor_state, tuple(fmu.get(OUTPUTS)), plan.noise[k])
+            sensor_state, measured = sense(
+                sensors, sensor_state, tuple(fmu.get(OUTPUTS)), plan.noise[k]
+            )
             given.append(_command(plan, k, controller, Sense(*measured)))
             while acted <= k and plan.acts[acted] <= now:
                 acting, acted = given[acted], acted + 1
@@ -67,7 +78,10 @@ def python_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: Se
                 now, acting, acted = plan.acts[acted], given[acted], acted + 1
                 fmu.set(COMMANDS, acting)
             fmu.step((end - now) * MICROSECOND, time=now * MICROSECOND)
-        except (RunError, InputError) as error:  # InputError: a command that the FMU does not take, such as NaN
+        except (
+            RunError,
+            InputError,
+        ) as error:  # InputError: a command that the FMU does not take, such as NaN
             rows.failure = f"at t = {now * MICROSECOND:.6g} s: {error}"
             break
         if progress is not None and not progress(k + 1, plan.samples):
@@ -78,7 +92,9 @@ def python_loop(fmu: FmuSession, plan: Plan, controller: Controller, sensors: Se
 
 
 def set_inputs(fmu: FmuSession, plan: Plan, k: int) -> None:
-    """Clamps and hand-set forces where they change, the user's own edge about the present position."""
+    """Clamps and hand-set forces where they change, the user's own edge about the present
+    position.
+    """
     if k == 0 or (plan.clamps[k] != plan.clamps[k - 1]).any():
         fmu.set(CLAMPS, plan.clamps[k])
     if k == 0 or (plan.manual[k] != plan.manual[k - 1]).any():

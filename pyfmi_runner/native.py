@@ -1,4 +1,6 @@
-"""Calls of an FMU's C functions by address from numba-compiled code: no Python between the loop and the FMU."""
+"""Calls of an FMU's C functions by address from numba-compiled code: no Python between the loop and
+the FMU.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from numba.extending import intrinsic as numba_intrinsic
 
 __all__ = ["call_plain", "call_setup", "call_step", "call_values"]
 
-# numba types what it decorates as the code generator below, with its typing context: what a caller sees is another function
+# numba types what it decorates as the code generator below, with its typing context: what a caller
+# sees is another function
 intrinsic: Any = numba_intrinsic
 _POINTER = ir.IntType(8).as_pointer()
 
@@ -22,13 +25,26 @@ def _call(builder: Any, address: Any, arguments: list[Any]) -> Any:
 
 
 @intrinsic
-def call_values(typingctx: Any, function: Any, component: Any, references: Any, count: Any, values: Any) -> Any:
-    """fmi2SetReal, fmi2GetReal, fmi2SetBoolean: status = f(component, references, count, values); pointers as integers."""
+def call_values(
+    typingctx: Any, function: Any, component: Any, references: Any, count: Any, values: Any
+) -> Any:
+    """fmi2SetReal, fmi2GetReal, fmi2SetBoolean: status = f(component, references, count, values);
+    pointers as integers.
+    """
     signature = types.int32(types.uintp, types.uintp, types.uintp, types.uintp, types.uintp)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         f, c, r, n, v = args
-        return _call(builder, f, [builder.inttoptr(c, _POINTER), builder.inttoptr(r, _POINTER), n, builder.inttoptr(v, _POINTER)])
+        return _call(
+            builder,
+            f,
+            [
+                builder.inttoptr(c, _POINTER),
+                builder.inttoptr(r, _POINTER),
+                n,
+                builder.inttoptr(v, _POINTER),
+            ],
+        )
 
     return signature, generate
 
@@ -40,7 +56,9 @@ def call_step(typingctx: Any, function: Any, component: Any, time: Any, step: An
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         f, c, time, step = args
-        return _call(builder, f, [builder.inttoptr(c, _POINTER), time, step, ir.Constant(ir.IntType(32), 1)])
+        return _call(
+            builder, f, [builder.inttoptr(c, _POINTER), time, step, ir.Constant(ir.IntType(32), 1)]
+        )
 
     return signature, generate
 
@@ -59,7 +77,9 @@ def call_plain(typingctx: Any, function: Any, component: Any) -> Any:
 
 @intrinsic
 def call_setup(typingctx: Any, function: Any, component: Any, start: Any) -> Any:
-    """fmi2SetupExperiment without tolerance and stop time: status = f(component, fmi2False, 0, start, fmi2False, 0)."""
+    """fmi2SetupExperiment without tolerance and stop time: status = f(component, fmi2False, 0,
+    start, fmi2False, 0).
+    """
     signature = types.int32(types.uintp, types.uintp, types.float64)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:

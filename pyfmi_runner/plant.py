@@ -1,11 +1,13 @@
-"""How a set-up becomes parameters and inputs of the gantry FMU: the only place that knows the model's names."""
+"""How a set-up becomes parameters and inputs of the gantry FMU: the only place that knows the
+model's names.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import Protocol
 
-from pyfmi_runner.errors import InputError
+from modelica_fmu.errors import InputError
 from pyfmi_runner.fmu_file import FmuFile
 from pyfmi_runner.workpiece import Profile, workpiece
 
@@ -30,7 +32,13 @@ MANUAL = ("f_manual_x", "f_manual_z")  # N
 PROFILE = ("profile_at", "profile_height", "profile_slope", "profile_curvature")
 OUTPUTS = ("x", "z", "v_x", "v_z", "f_x", "f_z", "f_ax", "f_az")  # in the order of the logs
 TASK = ("f_n", "v_t", "theta")
-SHAPES = {"straight": 1.0, "incline_7": 2.0, "incline_16": 2.0, "incline_30": 2.0, "curved": 3.0}  # Types.EdgeShape
+SHAPES = {
+    "straight": 1.0,
+    "incline_7": 2.0,
+    "incline_16": 2.0,
+    "incline_30": 2.0,
+    "curved": 3.0,
+}  # Types.EdgeShape
 FINISH = (0.20e-3, 0.08e-3, 0.03e-3)  # m, amplitudes of the medium surface finish, plant.md [A]
 
 
@@ -56,14 +64,18 @@ def plant_parameters(setup: PlantSetup) -> dict[str, float]:
         return parameters | {"contact.present": 0.0}
     parameters |= {"contact.z_0": setup.z_0, "workpiece.shape": SHAPES.get(setup.workpiece, 1.0)}
     if setup.workpiece.startswith("incline_"):
-        parameters["workpiece.incline"] = math.radians(float(setup.workpiece.removeprefix("incline_")))
+        parameters["workpiece.incline"] = math.radians(
+            float(setup.workpiece.removeprefix("incline_"))
+        )
     if setup.surface_finish and own_profile(setup) is None:
         parameters |= {f"workpiece.A[{i}]": a for i, a in enumerate(FINISH, start=1)}
     return parameters
 
 
 def own_profile(setup: PlantSetup) -> Profile | None:
-    """The user's own edge, which the loop feeds to the FMU as inputs; None for the shapes that the model holds."""
+    """The user's own edge, which the loop feeds to the FMU as inputs; None for the shapes that the
+    model holds.
+    """
     if setup.workpiece == "none" or setup.workpiece in SHAPES:
         return None
     return workpiece(setup.workpiece, surface_finish=setup.surface_finish)
@@ -74,4 +86,9 @@ def check_gantry(fmu: FmuFile) -> None:
     for name in (*COMMANDS, *CLAMPS, *MANUAL, *PROFILE, *OUTPUTS, *TASK):
         if name not in fmu.variables:
             message = f"is the FMU of {fmu.description.model}, which has no such variable"
-            raise InputError(message, file=fmu.path, field=name, mend=f"give an FMU with the interface of {DEFAULT_CLASS}")
+            raise InputError(
+                message,
+                file=fmu.path,
+                field=name,
+                hint=f"give an FMU with the interface of {DEFAULT_CLASS}",
+            )

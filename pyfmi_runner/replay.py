@@ -1,4 +1,6 @@
-"""Command replay: the whole plant driven by a log's recorded commands alone, compared with what the sensors said."""
+"""Command replay: the whole plant driven by a log's recorded commands alone, compared with what the
+sensors said.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +12,21 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from modelica_fmu.errors import RunError
 from pyfmi_runner.campaign import LoggedRun, LogSetup
 from pyfmi_runner.compiled_loop import FMI_WARNING, native_values
-from pyfmi_runner.errors import RunError
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA
 from pyfmi_runner.native import call_step
-from pyfmi_runner.plant import CLAMPS, COMMANDS, OUTPUTS, PROFILE, check_gantry, own_profile, plant_parameters
+from pyfmi_runner.plant import (
+    CLAMPS,
+    COMMANDS,
+    OUTPUTS,
+    PROFILE,
+    check_gantry,
+    own_profile,
+    plant_parameters,
+)
 from pyfmi_runner.workpiece import local_profile
 
 __all__ = ["SIGMAS", "Gaps", "Replayer", "channel_gaps"]
@@ -36,7 +46,10 @@ class Gaps:
 def channel_gaps(measured: Array, simulated: Array) -> Gaps:
     """Gap of a log from (N, 8) arrays in the order of the logs' channels."""
     squares = (((measured - simulated) / SIGMAS) ** 2).mean(axis=0)
-    return Gaps(float(np.sqrt(squares.mean())), {name: float(np.sqrt(s)) for name, s in zip(MEASURED, squares, strict=True)})
+    return Gaps(
+        float(np.sqrt(squares.mean())),
+        {name: float(np.sqrt(s)) for name, s in zip(MEASURED, squares, strict=True)},
+    )
 
 
 class Replayer:
@@ -60,23 +73,47 @@ class Replayer:
         self.session.close()
 
     def simulate(self, run: LoggedRun, parameters: Mapping[str, float] | None = None) -> Array:
-        """Plant outputs (N, 8) in the order of the logs' channels, at the log's instants, for its recorded commands.
+        """Plant outputs (N, 8) in the order of the logs' channels, at the log's instants, for its
+        recorded commands.
 
-        `parameters` go before those of the set-up. Raises InputError for a parameter that the FMU refuses, RunError where it fails.
+        `parameters` go before those of the set-up. Raises InputError for a parameter that the FMU
+        refuses, RunError where it fails.
         """
         log = run.log
-        return self.drive(run.setup, np.column_stack([log["u_x"], log["u_z"]]), log.time, parameters)
+        return self.drive(
+            run.setup, np.column_stack([log["u_x"], log["u_z"]]), log.time, parameters
+        )
 
-    def drive(self, setup: LogSetup, commands: Array, time: Array, parameters: Mapping[str, float] | None = None) -> Array:
+    def drive(
+        self,
+        setup: LogSetup,
+        commands: Array,
+        time: Array,
+        parameters: Mapping[str, float] | None = None,
+    ) -> Array:
         """As `simulate`, for commands (N, 2) [V] acting from time (N,) [s] on."""
         assert self._wiring is not None, "a Replayer works inside its with statement"
-        self.session.reset(plant_parameters(setup) | dict(parameters or {}), start_time=float(time[0]))
+        self.session.reset(
+            plant_parameters(setup) | dict(parameters or {}), start_time=float(time[0])
+        )
         profile = own_profile(setup)
-        coefficients, x0, dx = (profile.coefficients, profile.x0, profile.dx) if profile else (np.zeros((1, 6)), 0.0, 1.0)
+        coefficients, x0, dx = (
+            (profile.coefficients, profile.x0, profile.dx)
+            if profile
+            else (np.zeros((1, 6)), 0.0, 1.0)
+        )
         clamps = np.column_stack([setup.clamp_signal(axis, time) for axis in "xz"]).astype(np.int32)
         outputs = np.empty((len(time), len(OUTPUTS)))
         edge = (profile is not None, coefficients, x0, dx)
-        status, done = _replay(self._wiring, np.ascontiguousarray(commands, float), clamps, edge, float(time[0]), PERIOD, outputs)
+        status, done = _replay(
+            self._wiring,
+            np.ascontiguousarray(commands, float),
+            clamps,
+            edge,
+            float(time[0]),
+            PERIOD,
+            outputs,
+        )
         message = self.session.stepped_natively(float(time[0]) + done * PERIOD, status)
         if message:
             raise RunError(f"replay stopped after {done} of {len(time)} samples: {message}")
@@ -85,7 +122,10 @@ class Replayer:
 
 @njit(nogil=True)
 def _replay(wiring, commands, clamps, edge, start, period, outputs):  # type: ignore[no-untyped-def]
-    (component, set_real, set_boolean, get_real, do_step), (command_refs, clamp_refs, profile_refs, output_refs) = wiring
+    (
+        (component, set_real, set_boolean, get_real, do_step),
+        (command_refs, clamp_refs, profile_refs, output_refs),
+    ) = wiring
     own, coefficients, x0, dx = edge
     four, flags = np.empty(4), np.empty(2, np.int32)
     status = 0

@@ -14,9 +14,9 @@ import pandas as pd
 
 from controllers.catalogue import make_controller
 from controllers.interface import Controller
+from modelica_fmu.errors import InputError
 from pyfmi_runner.campaign import scenario_setup, setup_table
 from pyfmi_runner.compiled_loop import compiled_loop
-from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, Log
 from pyfmi_runner.loop import Progress, Rows, python_loop
@@ -38,12 +38,18 @@ class RunResult:
 
 
 def run_scenario(
-    scenario: Scenario, fmu: FmuFile, *, compiled: bool = True, progress: Progress | None = None, controller: Controller | None = None
+    scenario: Scenario,
+    fmu: FmuFile,
+    *,
+    compiled: bool = True,
+    progress: Progress | None = None,
+    controller: Controller | None = None,
 ) -> RunResult:
     """Runs `scenario` on `fmu` in the compiled or in the Python loop; both give the same bits.
 
-    `controller`: an own controller instead of the scenario's. Raises InputError for a parameter, controller or workpiece that the
-    scenario names wrongly; a run that fails on the way is a result with outcome "failed".
+    `controller`: an own controller instead of the scenario's. Raises InputError for a parameter,
+    controller or workpiece that the scenario names wrongly; a run that fails on the way is a result
+    with outcome "failed".
     """
     check_gantry(fmu)
     plan = make_plan(scenario)
@@ -52,23 +58,49 @@ def run_scenario(
     with FmuSession(fmu, parameters=plan.parameters) as session:
         rows = loop(session, plan, chosen, scenario.sensors, progress)
     outcome = "failed" if rows.failure else "cancelled" if rows.cancelled else "done"
-    reason = rows.failure or (f"cancelled after {rows.done} of {plan.samples} samples" if rows.cancelled else "")
-    return RunResult(_log(scenario, plan, rows, fmu, outcome, reason), outcome, reason, rows.seconds)
+    reason = rows.failure or (
+        f"cancelled after {rows.done} of {plan.samples} samples" if rows.cancelled else ""
+    )
+    return RunResult(
+        _log(scenario, plan, rows, fmu, outcome, reason), outcome, reason, rows.seconds
+    )
 
 
-def make_scenario_controller(scenario: Scenario, file: str | os.PathLike[str] | None = None) -> Controller:
-    """The controller that a scenario names, with its gains. Raises InputError for unknown names; `file`: where they stand."""
+def make_scenario_controller(
+    scenario: Scenario, file: str | os.PathLike[str] | None = None
+) -> Controller:
+    """The controller that a scenario names, with its gains. Raises InputError for unknown names;
+    `file`: where they stand.
+    """
     try:
-        return make_controller(scenario.controller, **({} if scenario.gains is None else {"gains": scenario.gains}))
+        return make_controller(
+            scenario.controller, **({} if scenario.gains is None else {"gains": scenario.gains})
+        )
     except ValueError as error:
-        raise InputError(str(error), file=file, field="controller", mend="choose a known controller and gain table") from None
+        raise InputError(
+            str(error),
+            file=file,
+            field="controller",
+            hint="choose a known controller and gain table",
+        ) from None
 
 
-def _log(scenario: Scenario, plan: Plan, rows: Rows, fmu: FmuFile, outcome: str, reason: str) -> Log:
+def _log(
+    scenario: Scenario, plan: Plan, rows: Rows, fmu: FmuFile, outcome: str, reason: str
+) -> Log:
     n = rows.done
-    columns = {"time": np.arange(n) * scenario.timing.period, "u_x": rows.commands[:n, 0], "u_z": rows.commands[:n, 1]}
+    columns = {
+        "time": np.arange(n) * scenario.timing.period,
+        "u_x": rows.commands[:n, 0],
+        "u_z": rows.commands[:n, 1],
+    }
     columns |= {name: rows.measured[:n, column] for column, name in enumerate(MEASURED)}
-    columns |= {"f_nd": plan.f_nd[:n], "v_td": plan.v_td[:n], "theta": rows.theta[:n], "phase": plan.phase[:n].astype(float)}
+    columns |= {
+        "f_nd": plan.f_nd[:n],
+        "v_td": plan.v_td[:n],
+        "theta": rows.theta[:n],
+        "phase": plan.phase[:n].astype(float),
+    }
     return Log(pd.DataFrame(columns), scenario.name, _provenance(scenario, fmu, outcome, reason))
 
 
@@ -88,4 +120,6 @@ def _provenance(scenario: Scenario, fmu: FmuFile, outcome: str, reason: str) -> 
 @cache
 def _versions() -> dict[str, str]:
     """Read from the packages' files, which takes as long as a second of simulation."""
-    return {name: version(name) for name in ("pneugantry", "fmpy", "numpy", "numba")} | {"python": platform.python_version()}
+    return {name: version(name) for name in ("pneugantry", "fmpy", "numpy", "numba")} | {
+        "python": platform.python_version()
+    }

@@ -1,6 +1,8 @@
-"""The measurement chain of the sampled loop: gain, bias, crosstalk; tachometer lag; noise; quantisation, in that order.
+"""The measurement chain of the sampled loop: gain, bias, crosstalk; tachometer lag; noise;
+quantisation, in that order.
 
-Channels are ordered as in the logs: x, z [m], v_x, v_z [m/s], f_x, f_z, f_ax, f_az [N] (`log.MEASURED`).
+Channels are ordered as in the logs: x, z [m], v_x, v_z [m/s], f_x, f_z, f_ax, f_az [N]
+(`log.MEASURED`).
 """
 
 from __future__ import annotations
@@ -12,7 +14,15 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-__all__ = ["Channels", "SensorParams", "SensorState", "check_sensors", "initial_state", "noise_rows", "sense"]
+__all__ = [
+    "Channels",
+    "SensorParams",
+    "SensorState",
+    "check_sensors",
+    "initial_state",
+    "noise_rows",
+    "sense",
+]
 
 Channels = tuple[float, float, float, float, float, float, float, float]
 # RMS noise per channel in its unit, Table 3.3
@@ -54,7 +64,9 @@ def initial_state(v_x: float = 0.0, v_z: float = 0.0) -> SensorState:
 
 
 def noise_rows(samples: int, seed: int) -> NDArray[np.float64]:
-    """Standard normal draws, one row of eight a sample, shape (samples, 8); `sense` scales them by sigma."""
+    """Standard normal draws, one row of eight a sample, shape (samples, 8); `sense` scales them by
+    sigma.
+    """
     return np.random.default_rng(seed).standard_normal((samples, 8))
 
 
@@ -93,10 +105,14 @@ def _convert(params: SensorParams, channel: int, value: float, draw: float) -> f
 
 
 @register_jitable
-def sense(params: SensorParams, state: SensorState, true: Channels, noise: NDArray[np.float64]) -> tuple[SensorState, Channels]:
-    """What the sensors say of the true values (tuple or row of 8) at one sample, and their next state.
+def sense(
+    params: SensorParams, state: SensorState, true: Channels, noise: NDArray[np.float64]
+) -> tuple[SensorState, Channels]:
+    """What the sensors say of the true values (tuple or row of 8) at one sample, and their next
+    state.
 
-    noise: one row of `noise_rows`. Call once a sample, `dt` apart. A pure kernel: same bits in Python and compiled.
+    noise: one row of `noise_rows`. Call once a sample, `dt` apart. A pure kernel: same bits in
+    Python and compiled.
     """
     v_x = _lag(params.tau_v_x, params.dt, state.out_x, state.in_x, true[2])
     v_z = _lag(params.tau_v_z, params.dt, state.out_z, state.in_z, true[3])

@@ -1,4 +1,6 @@
-"""Position and speed of an axis from its two noisy sensors together: the position is the integral of the speed."""
+"""Position and speed of an axis from its two noisy sensors together: the position is the integral
+of the speed.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +18,17 @@ Array = NDArray[np.float64]
 
 class Smoothed(NamedTuple):
     position: Array  # m, fixed-interval smoothed
-    innovation: Array  # (measured - predicted) / its standard deviation; 1 RMS where both sensors agree
+    innovation: (
+        Array  # (measured - predicted) / its standard deviation; 1 RMS where both sensors agree
+    )
     sigma: float  # m, standard deviation of the smoothed position in the middle of a log
 
 
 @njit(cache=True)
 def _filter(s: Array, v: Array, dt: float, q: float, r: float) -> tuple[Array, Array, Array]:
-    """Kalman filter of s' = v with measured v as input (noise variance q per step), then Rauch-Tung-Striebel backwards."""
+    """Kalman filter of s' = v with measured v as input (noise variance q per step), then
+    Rauch-Tung-Striebel backwards.
+    """
     n = len(s)
     predicted, filtered, before, after = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     innovation = np.empty(n)
@@ -45,12 +51,18 @@ def _filter(s: Array, v: Array, dt: float, q: float, r: float) -> tuple[Array, A
     return smoothed, innovation, variance
 
 
-def smooth_axis(position: Array, speed: Array, sigma_position: float, sigma_speed: float, dt: float = 1e-3) -> Smoothed:
-    """Smoothed position (N,) from measured position [m] and speed [m/s], (N,) each, with their RMS noise.
+def smooth_axis(
+    position: Array, speed: Array, sigma_position: float, sigma_speed: float, dt: float = 1e-3
+) -> Smoothed:
+    """Smoothed position (N,) from measured position [m] and speed [m/s], (N,) each, with their RMS
+    noise.
 
-    The integral of white speed noise wanders by sigma_speed*dt a step, far less than the position's own noise, so the smoothed
-    position is some ten times as exact as the measured one (0.1 mm and 0.5 mm/s give 5 um).
+    The integral of white speed noise wanders by sigma_speed*dt a step, far less than the position's
+    own noise, so the smoothed position is some ten times as exact as the measured one (0.1 mm and
+    0.5 mm/s give 5 um).
     """
     q = (sigma_speed * dt) ** 2
-    smoothed, innovation, variance = _filter(np.asarray(position, float), np.asarray(speed, float), dt, q, sigma_position**2)
+    smoothed, innovation, variance = _filter(
+        np.asarray(position, float), np.asarray(speed, float), dt, q, sigma_position**2
+    )
     return Smoothed(smoothed, innovation, math.sqrt(variance[len(variance) // 2]))

@@ -18,9 +18,10 @@ LONGEST = 600.0  # s, as a run is
 class LoopTiming:
     """Timing of the sampled loop.
 
-    Sample k is taken at k * period; its command acts from k * period + delay + e_k until the next one acts, e_k uniform
-    within +-sqrt(3) * jitter. Raises ValueError for a period that is no whole number of microseconds, a delay beyond
-    LONGEST, and jitter that would let a command act before its sample or overtake the one before.
+    Sample k is taken at k * period; its command acts from k * period + delay + e_k until the next
+    one acts, e_k uniform within +-sqrt(3) * jitter. Raises ValueError for a period that is no whole
+    number of microseconds, a delay beyond LONGEST, and jitter that would let a command act before
+    its sample or overtake the one before.
     """
 
     period: float = 0.001  # s, > 0
@@ -34,7 +35,9 @@ class LoopTiming:
                 raise ValueError(f"{name} must be 0..{LONGEST:g} s, got {value!r}")
         cycles = self.period / MICROSECOND
         if round(cycles) < 1 or abs(cycles - round(cycles)) > 1e-6:
-            raise ValueError(f"period must be a whole number of microseconds, got {self.period!r} s")
+            raise ValueError(
+                f"period must be a whole number of microseconds, got {self.period!r} s"
+            )
         if self.reach > self.delay + 1e-12:
             raise ValueError(
                 f"jitter of {self.jitter!r} s RMS reaches {self.reach:.3g} s to either side: "
@@ -42,7 +45,10 @@ class LoopTiming:
             )
         if 2 * self.reach >= self.period:
             limit = self.period / (2 * math.sqrt(3))
-            raise ValueError(f"jitter must be < {limit:.3g} s RMS to keep the commands in order, got {self.jitter!r} s")
+            raise ValueError(
+                f"jitter must be < {limit:.3g} s RMS to keep the commands in order, got "
+                f"{self.jitter!r} s"
+            )
 
     @property
     def reach(self) -> float:
@@ -51,9 +57,11 @@ class LoopTiming:
 
 
 def action_instants(timing: LoopTiming, samples: int, seed: int = 0) -> NDArray[np.int64]:
-    """Instants [us, from the first sample] at which the commands of samples 0..samples-1 act; shape (samples,), rising.
+    """Instants [us, from the first sample] at which the commands of samples 0..samples-1 act; shape
+    (samples,), rising.
 
-    Command k never acts before sample k. The same seed gives the same instants; without jitter the seed plays no part.
+    Command k never acts before sample k. The same seed gives the same instants; without jitter the
+    seed plays no part.
     """
     instants = np.arange(samples, dtype=np.int64) * round(timing.period / MICROSECOND)
     if timing.jitter == 0.0:

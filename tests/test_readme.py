@@ -1,4 +1,6 @@
-"""README.md keeps its word: its snippets run, its commands parse, its tables and its file map are those of the code."""
+"""README.md keeps its word: its snippets run, its commands parse, its tables and its file map are
+those of the code.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +38,16 @@ def file_map_module() -> ModuleType:
 
 
 @pytest.mark.parametrize(
-    ("number", "said"), [(0, r"[1-9]\d\.\d N at z = 4\d\.\d mm\n"), (1, r"[1-9]\d\.\d+ \[\[.*\]\]\n"), (2, r"done [1-9]\d?\.\d+\n")]
+    ("number", "said"),
+    [
+        (0, r"[1-9]\d\.\d N at z = 4\d\.\d mm\n"),
+        (1, r"[1-9]\d\.\d+ \[\[.*\]\]\n"),
+        (2, r"done [1-9]\d?\.\d+\n"),
+    ],
 )
-def test_a_python_snippet_runs(number: int, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_python_snippet_runs(
+    number: int, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     build_fmu()
     monkeypatch.chdir(ROOT)
     assert len(blocks("python")) == 3
@@ -59,7 +68,10 @@ def test_the_commands_are_those_of_the_command_line() -> None:
     table = re.findall(r"^\| `(\w+)` \| [^|]+ \|$", README, re.MULTILINE)
     assert table == [name for name in (*COMMANDS,) if name in table]  # same order, nothing made up
     assert set(table) == set(COMMANDS)
-    lines = [*re.findall(r"^    (pneugantry .*)$", README, re.MULTILINE), *re.findall(r"`(pneugantry [a-z]+ -[^`]*)`", README)]
+    lines = [
+        *re.findall(r"^    (pneugantry .*)$", README, re.MULTILINE),
+        *re.findall(r"`(pneugantry [a-z]+ -[^`]*)`", README),
+    ]
     assert len(lines) > 3
     for line in lines:
         if "COMMAND" not in line:
@@ -84,4 +96,6 @@ def test_pictures_and_links_are_there_and_small() -> None:
 
 def test_no_path_of_one_machine() -> None:
     for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
-        assert not re.search(r"(?<![\w.])/(work|home|root|tmp|usr|Users)/", path.read_text(encoding="utf-8")), path
+        assert not re.search(
+            r"(?<![\w.])/(work|home|root|tmp|usr|Users)/", path.read_text(encoding="utf-8")
+        ), path

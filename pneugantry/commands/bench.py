@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from modelica_fmu.errors import InputError
 from pneugantry.progress import bar
 from pyfmi_runner.build import build_fmu
-from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile
 
 HELP = """Speed of every path that steps the FMU, side by side in one run, and what a run costs.
@@ -20,19 +20,29 @@ CPU time of the stepping, set-up left out; median over the rounds, and ratio to 
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--rounds", type=int, default=7, metavar="N", help="repeats of every measurement (default: %(default)s)")
+    command.add_argument(
+        "--rounds",
+        type=int,
+        default=7,
+        metavar="N",
+        help="repeats of every measurement (default: %(default)s)",
+    )
     command.add_argument("--only-paths", action="store_true", help="leave out costs and profile")
-    command.add_argument("--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface")
+    command.add_argument(
+        "--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface"
+    )
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    from studies.bench.costs import against_cores, against_effects, against_runs, against_time
-    from studies.bench.measure import machine, measure_paths, path_rows
-    from studies.bench.paths import PATHS, Experiment
-    from studies.bench.step_profile import profile_step
+    from pneugantry.speed.costs import against_cores, against_effects, against_runs, against_time
+    from pneugantry.speed.measure import machine, measure_paths, path_rows
+    from pneugantry.speed.paths import PATHS, Experiment
+    from pneugantry.speed.step_profile import profile_step
 
     if options.rounds < 1:
-        raise InputError(f"is {options.rounds}, expected >= 1", field="--rounds", mend="repeat at least once")
+        raise InputError(
+            f"is {options.rounds}, expected >= 1", field="--rounds", hint="repeat at least once"
+        )
     file = FmuFile.read(options.fmu or build_fmu().path)
     measured = measure_paths(Experiment.of(file), options.rounds)
     rows, missing = path_rows(bar(measured, options.rounds * len(PATHS), "paths"))
@@ -41,7 +51,12 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         print(f"{row.path:<38} {row.us_per_step:9.2f} {row.ratio_to_c:7.2f} {row.fastest:8.2f}")
     for name, reason in missing.items():
         print(f"{name:<38} not installed: {reason}")
-    result: dict[str, Any] = {"schema": "bench/1", "rows": [row._asdict() for row in rows], "missing": missing, "machine": machine()}
+    result: dict[str, Any] = {
+        "schema": "bench/1",
+        "rows": [row._asdict() for row in rows],
+        "missing": missing,
+        "machine": machine(),
+    }
     if options.only_paths:
         return result, 0
     tables = {
@@ -61,4 +76,6 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 def _print_table(name: str, rows: list[dict[str, Any]]) -> None:
     print(f"\n{name}: " + " | ".join(rows[0]))
     for row in rows:
-        print("  " + " | ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in row.values()))
+        print(
+            "  " + " | ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in row.values())
+        )

@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from modelica_fmu.errors import InputError
+from pneugantry.blind.check import TARGETS, diagnose_cases, draw_cases, score, unseal
 from pneugantry.progress import bar
-from pyfmi_runner.errors import InputError
-from studies.blind import TARGETS, diagnose_cases, draw_cases, score, unseal
 
 HELP = """Draw sealed cases from an independent truth plant, diagnose them, unseal, score.
 
@@ -16,17 +16,33 @@ The labels' hash is printed before the first diagnosis starts. Seeds 1000..1999 
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--cases", type=int, default=20, metavar="N", help="number of cases (default: %(default)s)")
-    command.add_argument("--seed", type=int, default=50_000, metavar="S", help="seed of the first case (default: %(default)s)")
-    command.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)")
     command.add_argument(
-        "--out", type=Path, metavar="DIR", default=Path("out/blind"), help="folder of the cases; a run resumes there (default: %(default)s)"
+        "--cases", type=int, default=20, metavar="N", help="number of cases (default: %(default)s)"
+    )
+    command.add_argument(
+        "--seed",
+        type=int,
+        default=50_000,
+        metavar="S",
+        help="seed of the first case (default: %(default)s)",
+    )
+    command.add_argument(
+        "--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)"
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        default=Path("out/blind"),
+        help="folder of the cases; a run resumes there (default: %(default)s)",
     )
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     if options.cases < 1:
-        raise InputError(f"is {options.cases}, expected >= 1", field="--cases", mend="draw at least one case")
+        raise InputError(
+            f"is {options.cases}, expected >= 1", field="--cases", hint="draw at least one case"
+        )
     folder = options.out / f"seed_{options.seed}_cases_{options.cases}"
     seeds = range(options.seed, options.seed + options.cases)
     digest = draw_cases(folder, bar(seeds, options.cases, "draw"))
@@ -50,5 +66,12 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     print("\nwrong:" if result.confusions else "")
     for text in result.confusions:
         print("  " + text)
-    return {"schema": "blind/1", "sha256": digest, "table": result.table, "targets": TARGETS, "confusions": result.confusions,
-            "reliability": result.reliability, "by_severity": result.by_severity}, 0  # fmt: skip
+    return {
+        "schema": "blind/1",
+        "sha256": digest,
+        "table": result.table,
+        "targets": TARGETS,
+        "confusions": result.confusions,
+        "reliability": result.reliability,
+        "by_severity": result.by_severity,
+    }, 0

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from controllers.catalogue import controller_names
+from modelica_fmu.toolchain import PLATFORMS
 from pyfmi_runner.build import build_controller_fmu, build_fmu
-from pyfmi_runner.build.toolchain import PLATFORMS
 from pyfmi_runner.plant import DEFAULT_CLASS
 
 HELP = """Compile a Modelica class, or a controller, to an FMU (co-simulation and model exchange in one).
@@ -24,25 +24,64 @@ Rebuilds only if the Modelica file, the compiler or the platforms have changed.
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--model", metavar="FILE.mo", type=Path, help="Modelica file (default: models/PneuGantry.mo)")
     command.add_argument(
-        "--class", dest="class_name", metavar="NAME", default=DEFAULT_CLASS, help="class to compile (default: %(default)s)"
+        "--model",
+        metavar="FILE.mo",
+        type=Path,
+        help="Modelica file (default: models/PneuGantry.mo)",
     )
-    exported = "controller to export instead of a class; without arrays in its parameters and state: "
-    command.add_argument("--controller", metavar="NAME", help=exported + ", ".join(controller_names()))
-    command.add_argument("--fmi", choices=("2.0", "3.0"), default="2.0", help="FMI version (default: %(default)s)")
-    platforms = f"platform of the binary, may be repeated (default: this machine): {', '.join(p.fmi3 for p in PLATFORMS)}"
+    command.add_argument(
+        "--class",
+        dest="class_name",
+        metavar="NAME",
+        default=DEFAULT_CLASS,
+        help="class to compile (default: %(default)s)",
+    )
+    exported = (
+        "controller to export instead of a class; without arrays in its parameters and state: "
+    )
+    command.add_argument(
+        "--controller", metavar="NAME", help=exported + ", ".join(controller_names())
+    )
+    command.add_argument(
+        "--fmi", choices=("2.0", "3.0"), default="2.0", help="FMI version (default: %(default)s)"
+    )
+    platforms = (
+        f"platform of the binary, may be repeated (default: this machine): "
+        f"{', '.join(p.fmi3 for p in PLATFORMS)}"
+    )
     command.add_argument("--platform", action="append", metavar="NAME", help=platforms)
-    command.add_argument("--out", metavar="DIR", type=Path, help="folder of the FMU (default: fmus/)")
+    command.add_argument(
+        "--out", metavar="DIR", type=Path, help="folder of the FMU (default: fmus/)"
+    )
     command.add_argument("--force", action="store_true", help="build even if nothing has changed")
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     if options.controller:
-        result = build_controller_fmu(options.controller, options.fmi, options.out, options.platform, options.force)
+        result = build_controller_fmu(
+            options.controller, options.fmi, options.out, options.platform, options.force
+        )
     else:
-        result = build_fmu(options.class_name, options.model, options.fmi, options.out, options.platform, options.force)
+        result = build_fmu(
+            options.class_name,
+            options.model,
+            options.fmi,
+            options.out,
+            options.platform,
+            options.force,
+        )
     print(f"{'built' if result.rebuilt else 'up to date'}: {result.path}")
-    for platform, made in json.loads(result.manifest.read_text(encoding="utf-8"))["compilers"].items():
-        print(f"  {platform}: {made['version']}" + (f"; runs with glibc {made['glibc']} or newer" if "glibc" in made else ""))
-    return {"schema": "build/1", "fmu": str(result.path), "manifest": str(result.manifest), "rebuilt": result.rebuilt}, 0
+    for platform, made in json.loads(result.manifest.read_text(encoding="utf-8"))[
+        "compilers"
+    ].items():
+        print(
+            f"  {platform}: {made['version']}"
+            + (f"; runs with glibc {made['glibc']} or newer" if "glibc" in made else "")
+        )
+    return {
+        "schema": "build/1",
+        "fmu": str(result.path),
+        "manifest": str(result.manifest),
+        "rebuilt": result.rebuilt,
+    }, 0

@@ -7,12 +7,12 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from analysis.metrics import tracking_metrics
+from modelica_fmu.errors import RunError
+from pneugantry.analysis.metrics import tracking_metrics
 from pneugantry.commands.diagnose import print_diagnosis, say_stage
 from pneugantry.progress import bar, loop_progress
-from pyfmi_runner.build import ROOT, build_fmu
+from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
-from pyfmi_runner.errors import RunError
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import write_log
 from pyfmi_runner.run import RunResult, run_scenario
@@ -30,26 +30,42 @@ SEED = 1  # of the rig
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--campaign", metavar="FOLDER", type=Path, help="measured campaign to diagnose instead")
-    command.add_argument("--seed", metavar="N", type=int, default=SEED, help="draws the rig (default: %(default)s)")
-    command.add_argument("--out", metavar="DIR", type=Path, default=Path("out/demo"), help="folder of the report (default: %(default)s)")
+    command.add_argument(
+        "--campaign", metavar="FOLDER", type=Path, help="measured campaign to diagnose instead"
+    )
+    command.add_argument(
+        "--seed", metavar="N", type=int, default=SEED, help="draws the rig (default: %(default)s)"
+    )
+    command.add_argument(
+        "--out",
+        metavar="DIR",
+        type=Path,
+        default=Path("out/demo"),
+        help="folder of the report (default: %(default)s)",
+    )
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    from analysis.plots import save, tracking_figure
-    from diagnosis.catalogue import read_catalogue
-    from diagnosis.diagnose import diagnose, report_json
-    from diagnosis.report import write_report
+    from pneugantry.analysis.plots import save, tracking_figure
+    from pneugantry.diagnosis.catalogue import read_catalogue
+    from pneugantry.diagnosis.diagnose import diagnose, report_json
+    from pneugantry.diagnosis.report import write_report
 
     built = build_fmu()
-    print(f"FMU: {built.path.relative_to(ROOT)} ({'built' if built.rebuilt else 'up to date'})")
+    print(f"FMU: {built.path} ({'built' if built.rebuilt else 'up to date'})")
     fmu = FmuFile.read(built.path)
     results = {name: _tracked(fmu, name) for name in bar(WORKPIECES, len(WORKPIECES), "track")}
     for name, result in results.items():
         m = tracking_metrics(result.log)
-        said = f"f_n RMSE {m.rmse_fn:.2f} N, ME {m.me_fn:.1f} N; v_t RMSE {m.rmse_vt:.3f} m/s, ME {m.me_vt:.3f} m/s"
+        said = (
+            f"f_n RMSE {m.rmse_fn:.2f} N, ME {m.me_fn:.1f} N; v_t RMSE {m.rmse_vt:.3f} m/s, "
+            f"ME {m.me_vt:.3f} m/s"
+        )
         print(f"tracked {name:<11} {said}")
-    save(tracking_figure(results["curved"].log, "curved edge, PI force/velocity controller"), options.out / "tracking.png")
+    save(
+        tracking_figure(results["curved"].log, "curved edge, PI force/velocity controller"),
+        options.out / "tracking.png",
+    )
     write_log(results["curved"].log, options.out / "curved.parquet")
     truth = None if options.campaign else _drawn(options.seed, options.out / "campaign")
     campaign = read_campaign(options.campaign or options.out / "campaign", strict=False)
@@ -58,16 +74,23 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     found = report_json(diagnosed)
     print_diagnosis(found)
     if truth is not None:
-        print("the rig had: " + " and ".join(f"{c['effect']}{'/' if c['axis'] else ''}{c['axis']} in {c['block']}" for c in truth))
+        print(
+            "the rig had: "
+            + " and ".join(
+                f"{c['effect']}{'/' if c['axis'] else ''}{c['axis']} in {c['block']}" for c in truth
+            )
+        )
     page = write_report(diagnosed, options.out / "report.html")
     print(f"\nreport: {page}")
     return {"schema": "demo/1", "report": str(page), "truth": truth, "diagnosis": found}, 0
 
 
 def _drawn(seed: int, folder: Path) -> list[dict[str, Any]]:
-    """Writes the campaign of a rig of the truth plant with one effect; returns what it has, which the diagnosis does not see."""
-    from studies.truth.campaign import write
-    from studies.truth.case import draw_case
+    """Writes the campaign of a rig of the truth plant with one effect; returns what it has, which
+    the diagnosis does not see.
+    """
+    from pneugantry.truth.campaign import write
+    from pneugantry.truth.case import draw_case
 
     campaign, label = draw_case(seed, "one")
     shutil.rmtree(folder, ignore_errors=True)
@@ -76,7 +99,11 @@ def _drawn(seed: int, folder: Path) -> list[dict[str, Any]]:
 
 
 def _tracked(fmu: FmuFile, workpiece: str) -> RunResult:
-    result = run_scenario(Scenario(name=workpiece, workpiece=workpiece, seed=1), fmu, progress=loop_progress(workpiece))
+    result = run_scenario(
+        Scenario(name=workpiece, workpiece=workpiece, seed=1),
+        fmu,
+        progress=loop_progress(workpiece),
+    )
     if result.outcome != "done":
         raise RunError(f"tracking {workpiece} {result.outcome}: {result.reason}")
     return result

@@ -13,7 +13,7 @@ from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.fmu import FmuFile
 
 if TYPE_CHECKING:
-    from analysis.identify.identification import Identification
+    from pneugantry.analysis.identify.identification import Identification
 
 HELP = """Plant parameters with 95 % intervals, by the thesis' tests (App. C, section 4.1) and by one fit to all logs.
 
@@ -25,14 +25,25 @@ and what is left where the plant does not fit. F_w of an axis that is only pushe
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("campaign", metavar="CAMPAIGN_OR_LOG", help="folder with campaign.toml, or one log")
-    command.add_argument("--plot", metavar="FOLDER", type=Path, help="draw lags, friction loop and intervals into this folder")
-    command.add_argument("--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface")
+    command.add_argument(
+        "campaign", metavar="CAMPAIGN_OR_LOG", help="folder with campaign.toml, or one log"
+    )
+    command.add_argument(
+        "--plot",
+        metavar="FOLDER",
+        type=Path,
+        help="draw lags, friction loop and intervals into this folder",
+    )
+    command.add_argument(
+        "--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface"
+    )
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    from analysis.identify.identification import identify  # scipy's optimisers load only when something is fitted
-    from analysis.identify.report import as_json, as_text
+    from pneugantry.analysis.identify.identification import (
+        identify,
+    )  # scipy's optimisers load only when something is fitted
+    from pneugantry.analysis.identify.report import as_json, as_text
 
     began = time.perf_counter()
     campaign = read_campaign(options.campaign)
@@ -55,8 +66,8 @@ def _stage(what: str) -> None:
 
 
 def _draw(found: Identification, folder: Path) -> None:
-    from analysis.plots import save
-    from analysis.plots_identify import hysteresis_figure, interval_figure, lag_figure
+    from pneugantry.analysis.plots import save
+    from pneugantry.analysis.plots_identify import hysteresis_figure, interval_figure, lag_figure
 
     figures = {"lags": lag_figure(found.steps), "intervals": interval_figure(found.joint)}
     if found.hysteresis is not None:

@@ -24,8 +24,12 @@ A block's gap: the block fed with measured signals; its floor is that of the nom
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("campaign", metavar="CAMPAIGN_OR_LOG", help="folder with campaign.toml, or one log")
-    command.add_argument("--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface")
+    command.add_argument(
+        "campaign", metavar="CAMPAIGN_OR_LOG", help="folder with campaign.toml, or one log"
+    )
+    command.add_argument(
+        "--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface"
+    )
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
@@ -34,7 +38,9 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     for note in campaign.notes:
         print(f"note: {note}")
     print_replay(logs)
-    return {"schema": "replay/1", "logs": logs} | ({"notes": campaign.notes} if campaign.notes else {}), 0
+    return {"schema": "replay/1", "logs": logs} | (
+        {"notes": campaign.notes} if campaign.notes else {}
+    ), 0
 
 
 def replay_campaign(campaign: Campaign, fmu: FmuFile) -> dict[str, dict[str, Any]]:
@@ -44,7 +50,11 @@ def replay_campaign(campaign: Campaign, fmu: FmuFile) -> dict[str, dict[str, Any
         for name, run in bar(campaign.logs.items(), len(campaign.logs), "replay"):
             simulated = plant.simulate(run)
             gaps = channel_gaps(run.log.measured(), simulated)
-            result[name] = {"gap": gaps.gap, "channels": gaps.channels, "blocks": blocks.gaps(run, noisy_copy(run, simulated))}
+            result[name] = {
+                "gap": gaps.gap,
+                "channels": gaps.channels,
+                "blocks": blocks.gaps(run, noisy_copy(run, simulated)),
+            }
     return result
 
 
@@ -52,8 +62,16 @@ def print_replay(logs: dict[str, dict[str, Any]]) -> None:
     width = max(len(name) for name in logs)
     print(f"{'log':<{width}}  {'gap':>7} " + " ".join(f"{c:>7}" for c in MEASURED))
     for name, entry in logs.items():
-        print(f"{name:<{width}}  {entry['gap']:7.3f} " + " ".join(f"{entry['channels'][c]:7.3f}" for c in MEASURED))
+        print(
+            f"{name:<{width}}  {entry['gap']:7.3f} "
+            + " ".join(f"{entry['channels'][c]:7.3f}" for c in MEASURED)
+        )
     print(f"\n{'block: gap/floor':<{width}} " + " ".join(f"{b:>14}" for b in BLOCKS))
     for name, entry in logs.items():
-        cells = [f"{entry['blocks'][b]['gap']:.2f}/{entry['blocks'][b]['floor']:.2f}" if b in entry["blocks"] else "-" for b in BLOCKS]
+        cells = [
+            f"{entry['blocks'][b]['gap']:.2f}/{entry['blocks'][b]['floor']:.2f}"
+            if b in entry["blocks"]
+            else "-"
+            for b in BLOCKS
+        ]
         print(f"{name:<{width}} " + " ".join(f"{c:>14}" for c in cells))

@@ -7,14 +7,14 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from modelica_fmu.errors import InputError
 from pneugantry.commands.run import parse_settings
 from pyfmi_runner.build import build_fmu
-from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile
 
 if TYPE_CHECKING:
-    from analysis.force_loop import ForceLoop
-    from analysis.root_locus import RootLocus
+    from pneugantry.analysis.force_loop import ForceLoop
+    from pneugantry.analysis.root_locus import RootLocus
 
 HELP = """Root locus of an axis' force loop, linearised from the FMU (Fig. 5.6 and 5.7).
 
@@ -32,29 +32,72 @@ PADE_ORDERS = range(1, 11)
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("--axis", choices=("x", "z"), default="z", help="default z")
-    command.add_argument("--lag", default="own", metavar="none|x|z|SECONDS", help="of the valve (default: the axis' own)")
-    command.add_argument("--delay", type=float, default=0.0, metavar="SECONDS", help="transport delay of the command")
-    command.add_argument("--pade", type=int, default=3, metavar="N", help="order of the delay's Pade approximation, 1..10 (default 3)")
-    command.add_argument("--angle", type=float, metavar="DEG", help="slope of the edge (default: it faces the axis, 0 for z, 90 for x)")
-    command.add_argument("--set", action="append", default=[], metavar="PARAM=VALUE", help="plant parameter, may be repeated")
-    command.add_argument("--verify", action="store_true", help="co-simulate the FMU's closed loop at 0.98 and 1.02 of the limit gains")
-    command.add_argument("--plot", metavar="FILE.png", type=Path, help="draw root locus, Bode and Nyquist")
-    command.add_argument("--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface")
+    command.add_argument(
+        "--lag",
+        default="own",
+        metavar="none|x|z|SECONDS",
+        help="of the valve (default: the axis' own)",
+    )
+    command.add_argument(
+        "--delay", type=float, default=0.0, metavar="SECONDS", help="transport delay of the command"
+    )
+    command.add_argument(
+        "--pade",
+        type=int,
+        default=3,
+        metavar="N",
+        help="order of the delay's Pade approximation, 1..10 (default 3)",
+    )
+    command.add_argument(
+        "--angle",
+        type=float,
+        metavar="DEG",
+        help="slope of the edge (default: it faces the axis, 0 for z, 90 for x)",
+    )
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PARAM=VALUE",
+        help="plant parameter, may be repeated",
+    )
+    command.add_argument(
+        "--verify",
+        action="store_true",
+        help="co-simulate the FMU's closed loop at 0.98 and 1.02 of the limit gains",
+    )
+    command.add_argument(
+        "--plot", metavar="FILE.png", type=Path, help="draw root locus, Bode and Nyquist"
+    )
+    command.add_argument(
+        "--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface"
+    )
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    from analysis.force_loop import force_loop  # python-control loads only when something is linearised
-    from analysis.root_locus import root_locus
+    from pneugantry.analysis.force_loop import (
+        force_loop,
+    )  # python-control loads only when something is linearised
+    from pneugantry.analysis.root_locus import root_locus
 
     _check(options)
     file = FmuFile.read(options.fmu or build_fmu().path)
     angle = None if options.angle is None else math.radians(options.angle)
-    shared: dict[str, Any] = {"delay": options.delay, "angle": angle, "parameters": parse_settings(options.set)}
+    shared: dict[str, Any] = {
+        "delay": options.delay,
+        "angle": angle,
+        "parameters": parse_settings(options.set),
+    }
     chosen = root_locus(force_loop(file, options.axis, options.lag, **shared), pade=options.pade)
-    others = [root_locus(force_loop(file, options.axis, lag, **shared), pade=options.pade) for lag in ("none", "z", "x")]
+    others = [
+        root_locus(force_loop(file, options.axis, lag, **shared), pade=options.pade)
+        for lag in ("none", "z", "x")
+    ]
     _print(chosen, dict(zip(("none", "tau_z", "tau_x"), others, strict=True)))
     report = _report(chosen)
-    report["compare"] = {name: _limits(other) for name, other in zip(("none", "z", "x"), others, strict=True)}
+    report["compare"] = {
+        name: _limits(other) for name, other in zip(("none", "z", "x"), others, strict=True)
+    }
     code = 0
     if options.verify:
         report["cosimulated"] = checks = _verify(chosen)
@@ -67,13 +110,23 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 
 def _check(options: argparse.Namespace) -> None:
     if not 0.0 <= options.delay <= LONGEST_DELAY:
-        raise InputError(f"is {options.delay:g}, expected 0..{LONGEST_DELAY:g} s", field="--delay", mend="give seconds within it")
+        raise InputError(
+            f"is {options.delay:g}, expected 0..{LONGEST_DELAY:g} s",
+            field="--delay",
+            hint="give seconds within it",
+        )
     if options.pade not in PADE_ORDERS:
-        raise InputError(f"is {options.pade}, expected 1..10", field="--pade", mend="choose an order within it")
+        raise InputError(
+            f"is {options.pade}, expected 1..10", field="--pade", hint="choose an order within it"
+        )
     low, high = (-80.0, 80.0) if options.axis == "z" else (5.0, 90.0)
     if options.angle is not None and not low <= options.angle <= high:
-        mend = "the edge must face the axis enough to be pushed"
-        raise InputError(f"is {options.angle:g}, expected {low:g}..{high:g} degrees on {options.axis}", field="--angle", mend=mend)
+        hint = "the edge must face the axis enough to be pushed"
+        raise InputError(
+            f"is {options.angle:g}, expected {low:g}..{high:g} degrees on {options.axis}",
+            field="--angle",
+            hint=hint,
+        )
 
 
 def _pairs(values: Any) -> list[list[float]]:
@@ -87,15 +140,36 @@ def _limits(locus: RootLocus) -> dict[str, Any]:
         "limit_gain": limit.gain if limit else None,
         "limit_frequency": limit.frequency if limit else None,
         "limit_gain_force": limit.gain * gain if limit else None,
-        "sampled": {"period": locus.period, "limit_gain": seen.gain if seen else None, "limit_frequency": seen.frequency if seen else None},
+        "sampled": {
+            "period": locus.period,
+            "limit_gain": seen.gain if seen else None,
+            "limit_frequency": seen.frequency if seen else None,
+        },
     }
 
 
 def _report(locus: RootLocus) -> dict[str, Any]:
     loop, pade = locus.loop, locus.pade
-    report = {"schema": "rootlocus/1", "axis": loop.axis, "poles": _pairs(locus.poles), "zeros": _pairs(locus.zeros)} | _limits(locus)
-    report |= {"units": {"poles": "rad/s", "limit_gain": "V/N", "limit_gain_force": "N/N", "limit_frequency": "rad/s", "lag": "s"}}
-    report |= {"delay": loop.delay, "valve_gain": loop.valve_gain, "margins": {"controller": "PI, Table 4.6"} | locus.margins._asdict()}
+    report = {
+        "schema": "rootlocus/1",
+        "axis": loop.axis,
+        "poles": _pairs(locus.poles),
+        "zeros": _pairs(locus.zeros),
+    } | _limits(locus)
+    report |= {
+        "units": {
+            "poles": "rad/s",
+            "limit_gain": "V/N",
+            "limit_gain_force": "N/N",
+            "limit_frequency": "rad/s",
+            "lag": "s",
+        }
+    }
+    report |= {
+        "delay": loop.delay,
+        "valve_gain": loop.valve_gain,
+        "margins": {"controller": "PI, Table 4.6"} | locus.margins._asdict(),
+    }
     if pade:
         limit = pade.limit.gain if pade.limit else None
         report["pade"] = {"order": pade.order, "phase_error_deg": pade.phase, "limit_gain": limit}
@@ -106,21 +180,38 @@ def _print(locus: RootLocus, others: dict[str, RootLocus]) -> None:
     loop, m = locus.loop, locus.margins
     lag = f"lag {loop.lag:g} s" if loop.lag else "no lag"
     print(
-        f"{loop.axis} force loop from the FMU, {lag}, delay {loop.delay:g} s: {loop.command} [V] -> force [N], K = {loop.valve_gain:g} N/V"
+        f"{loop.axis} force loop from the FMU, {lag}, delay {loop.delay:g} s: "
+        f"{loop.command} [V] -> force [N], K = {loop.valve_gain:g} N/V"
     )
-    print("  poles  " + ", ".join(f"{p.real:.2f}{p.imag:+.2f}j" for p in locus.poles) + "   zeros  "
-          + (", ".join(f"{z.real:.1f}{z.imag:+.1f}j" for z in locus.zeros) or "none"))  # fmt: skip
+    print(
+        "  poles  "
+        + ", ".join(f"{p.real:.2f}{p.imag:+.2f}j" for p in locus.poles)
+        + "   zeros  "
+        + (", ".join(f"{z.real:.1f}{z.imag:+.1f}j" for z in locus.zeros) or "none")
+    )
     if locus.pade:
-        print(f"  Pade order {locus.pade.order}: phase error {locus.pade.phase:.2g} deg at the limit; limits below use the exact delay")
-    print(f"  with the PI gains of Table 4.6, sampled: gain margin {_number(m.gain_margin)}, phase margin {_number(m.phase_margin)} deg,"
-          f" crossover {_number(m.crossover)} rad/s, bandwidth {_number(m.bandwidth)} rad/s")  # fmt: skip
+        print(
+            f"  Pade order {locus.pade.order}: phase error {locus.pade.phase:.2g} deg at "
+            f"the limit; limits below use the exact delay"
+        )
+    print(
+        f"  with the PI gains of Table 4.6, sampled: gain margin "
+        f"{_number(m.gain_margin)}, phase margin {_number(m.phase_margin)} deg,"
+        f" crossover {_number(m.crossover)} rad/s, bandwidth {_number(m.bandwidth)} rad/s"
+    )
     print("  limit gain of proportional control       continuous              sampled at 1 ms")
     for name, other in ({"chosen": locus} | others).items():
         limit, seen = other.limit, other.sampled_limit
-        cells = [f"{c.gain:.5f} V/N at {c.frequency:7.2f} rad/s" if c else "none: always stable     " for c in (limit, seen)]
+        cells = [
+            f"{c.gain:.5f} V/N at {c.frequency:7.2f} rad/s" if c else "none: always stable     "
+            for c in (limit, seen)
+        ]
         print(f"    {name:8} {other.loop.lag:5.3g} s  {cells[0]}   {cells[1]}")
     if loop.axis == "z":
-        print("  Fig. 5.6 puts tau_x (pole -3.33) on the z loop; the z valve's own tau_z gives -6.67 and about half the gain")
+        print(
+            "  Fig. 5.6 puts tau_x (pole -3.33) on the z loop; the z valve's own tau_z "
+            "gives -6.67 and about half the gain"
+        )
 
 
 def _number(value: float | None) -> str:
@@ -128,27 +219,40 @@ def _number(value: float | None) -> str:
 
 
 def _verify(locus: RootLocus) -> dict[str, Any]:
-    from analysis.closed_loop import CONTINUOUS, cosimulated_limit
+    from pneugantry.analysis.closed_loop import CONTINUOUS, cosimulated_limit
 
     checks = {}
-    for name, limit, period in (("sampled", locus.sampled_limit, locus.period), ("continuous", locus.limit, CONTINUOUS)):
+    for name, limit, period in (
+        ("sampled", locus.sampled_limit, locus.period),
+        ("continuous", locus.limit, CONTINUOUS),
+    ):
         if limit is None or locus.loop.lag == 0:
             continue
         below, above, own = cosimulated_limit(locus.loop, limit.gain, period=period)
         holds = below.rate < 0 < above.rate
-        checks[name] = {"period": period, "rate_at_0.98": below.rate, "rate_at_1.02": above.rate, "limit_gain": own, "holds": holds}
-        print(f"  FMU co-simulated, {name}, every {1e3 * period:g} ms: rate {below.rate:+.3f} 1/s at 0.98, {above.rate:+.3f} 1/s at 1.02"
-              f" of the predicted gain; own limit {own:.5f} V/N ({'agrees' if holds else 'DISAGREES'})")  # fmt: skip
+        checks[name] = {
+            "period": period,
+            "rate_at_0.98": below.rate,
+            "rate_at_1.02": above.rate,
+            "limit_gain": own,
+            "holds": holds,
+        }
+        print(
+            f"  FMU co-simulated, {name}, every {1e3 * period:g} ms: rate "
+            f"{below.rate:+.3f} 1/s at 0.98, {above.rate:+.3f} 1/s at 1.02"
+            f" of the predicted gain; own limit {own:.5f} V/N "
+            f"({'agrees' if holds else 'DISAGREES'})"
+        )
     if not checks:
         print("  nothing to co-simulate: the FMU's valve always lags, at least by 1 ms")
     return checks
 
 
 def _draw(locus: RootLocus, path: Path) -> None:
-    from analysis.frequency import grid, response
-    from analysis.plots import save
-    from analysis.plots_linear import loop_figure
-    from analysis.root_locus import branches, loop_with_pi, with_pade
+    from pneugantry.analysis.frequency import grid, response
+    from pneugantry.analysis.plots import save
+    from pneugantry.analysis.plots_linear import loop_figure
+    from pneugantry.analysis.root_locus import branches, loop_with_pi, with_pade
 
     loop: ForceLoop = locus.loop
     limit = locus.limit or locus.sampled_limit
@@ -158,5 +262,8 @@ def _draw(locus: RootLocus, path: Path) -> None:
     curves = {"with PI of Table 4.6, sampled": response(loop_with_pi(loop, locus.period))(w)}
     if limit:
         curves["proportional at the limit gain"] = limit.gain * response(loop.plant, loop.delay)(w)
-    title = f"{loop.axis} force loop, {f'lag {loop.lag:g} s' if loop.lag else 'no lag'}, delay {loop.delay:g} s"
+    title = (
+        f"{loop.axis} force loop, {f'lag {loop.lag:g} s' if loop.lag else 'no lag'}, delay "
+        f"{loop.delay:g} s"
+    )
     save(loop_figure((locus.poles, locus.zeros, lines), w, curves, title), path)

@@ -1,4 +1,6 @@
-"""What the controller tests share: a sequence of samples, and a controller driven in Python and in a compiled loop."""
+"""What the controller tests share: a sequence of samples, and a controller driven in Python and in
+a compiled loop.
+"""
 
 from collections.abc import Callable
 from functools import cache
@@ -29,7 +31,9 @@ def compiled_loop(kernel: Kernel) -> Callable:
 
 
 def compiled_run(controller: Controller, references: np.ndarray, senses: np.ndarray) -> np.ndarray:
-    """Commands [V], shape (n, 2), of the kernel in an @njit loop; the controller keeps the last state."""
+    """Commands [V], shape (n, 2), of the kernel in an @njit loop; the controller keeps the last
+    state.
+    """
     commands = np.empty((len(senses), 2))
     loop = compiled_loop(controller.kernel)
     controller.state = loop(controller.params, controller.state, references, senses, commands)
@@ -47,8 +51,9 @@ def python_run(controller: Controller, references: np.ndarray, senses: np.ndarra
 
 
 def draw_samples(seed: int, n: int = SAMPLES) -> tuple[np.ndarray, np.ndarray]:
-    """References (n, 2) and senses (n, 8): an edge of changing angle, noise, stretches without contact and stretches of
-    forces and speeds that saturate either axis at either end."""
+    """References (n, 2) and senses (n, 8): an edge of changing angle, noise, stretches without
+    contact and stretches of forces and speeds that saturate either axis at either end.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(n) * 1e-3
     theta = np.deg2rad(50.0) * np.sin(2 * np.pi * t / t[-1])
@@ -67,7 +72,9 @@ def draw_samples(seed: int, n: int = SAMPLES) -> tuple[np.ndarray, np.ndarray]:
     x, z = 0.95 + np.cumsum(v_x) * 1e-3, 0.04 + np.cumsum(v_z) * 1e-3
     f_ax, f_az = 5.0 * rng.standard_normal(n) - 10.0, 5.0 * rng.standard_normal(n) + 15.0
     senses = np.column_stack([x, z, v_x, v_z, f_x, f_z, f_ax, f_az])
-    senses += np.array([3e-4, 1e-4, 1e-3, 5e-4, 0.05, 0.05, 0.05, 0.05]) * rng.standard_normal((n, 8))
+    senses += np.array([3e-4, 1e-4, 1e-3, 5e-4, 0.05, 0.05, 0.05, 0.05]) * rng.standard_normal(
+        (n, 8)
+    )
     references = np.column_stack([np.full(n, 30.0), np.where(t < t[n // 6], 0.0, -0.06)])
     references[4 * fifth : 4 * fifth + 100, 0] = 500.0
     return references, senses

@@ -30,11 +30,15 @@ def test_backward_epochs_improve_a_curved_map():
 
 
 def test_output_is_the_weighted_mean_of_the_rules():
-    model = anfis_train(np.linspace(0.0, 1.0, 50)[:, None], np.linspace(0.0, 1.0, 50) ** 2, epochs=1).model
+    model = anfis_train(
+        np.linspace(0.0, 1.0, 50)[:, None], np.linspace(0.0, 1.0, 50) ** 2, epochs=1
+    ).model
     scaled = (0.3 - model.middle[0]) / model.half[0]
     grade = np.exp(-0.5 * ((scaled - model.centre[0]) / model.width[0]) ** 2)
     rules = model.consequent[:, 0] * scaled + model.consequent[:, 1]
-    assert output(model, np.array([0.3])) == pytest.approx(float(grade @ rules / grade.sum()), rel=1e-12)
+    assert output(model, np.array([0.3])) == pytest.approx(
+        float(grade @ rules / grade.sum()), rel=1e-12
+    )
 
 
 def test_compiled_output_equals_python_bit_for_bit():
@@ -63,7 +67,9 @@ def test_scheduler_meets_table_5_1_at_the_middle_of_its_first_and_last_rows():
     for degrees, gains in ((5.0, TABLE_5_1[0]), (58.0, TABLE_5_1[3])):
         found = scheduled_gains(consequent, np.deg2rad(degrees))
         for ours, printed in zip(found, gains, strict=True):
-            assert ours.k_p == pytest.approx(printed.k_p, abs=0.15 * max(g.k_p for g in (gains.v_x, printed)))
+            assert ours.k_p == pytest.approx(
+                printed.k_p, abs=0.15 * max(g.k_p for g in (gains.v_x, printed))
+            )
 
 
 @pytest.mark.parametrize("bad", [np.zeros((10, 2)), np.zeros(10)])

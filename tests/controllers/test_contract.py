@@ -49,7 +49,9 @@ def test_reset_allocates_a_state_of_its_own(controller, samples, run_python):
 
 
 @pytest.mark.parametrize("seed", [7, 8])
-def test_compiled_loop_equals_python_bit_for_bit(controller, seed, run_python, run_compiled, noisy_samples):
+def test_compiled_loop_equals_python_bit_for_bit(
+    controller, seed, run_python, run_compiled, noisy_samples
+):
     references, senses = noisy_samples(seed)
     commands = run_python(controller, references, senses)
     last = flat(controller.state)
@@ -79,10 +81,15 @@ def test_controller_pickles_with_its_state(controller, samples, run_python):
     run_python(controller, references[:100], senses[:100])
     copy = pickle.loads(pickle.dumps(controller))
     assert flat(copy.params) == flat(controller.params)
-    assert run_python(copy, references, senses).tobytes() == run_python(controller, references, senses).tobytes()
+    assert (
+        run_python(copy, references, senses).tobytes()
+        == run_python(controller, references, senses).tobytes()
+    )
 
 
-def test_run_may_go_on_in_python_after_the_compiled_loop(controller, samples, run_python, run_compiled):
+def test_run_may_go_on_in_python_after_the_compiled_loop(
+    controller, samples, run_python, run_compiled
+):
     references, senses = samples[0][:300], samples[1][:300]
     whole = run_python(controller, references, senses)
     controller.reset()

@@ -39,7 +39,10 @@ def test_on_a_slope_the_force_loop_acts_along_the_normal():
 
 def test_friction_estimate_is_added_in_its_share():
     sense = Sense(0.5, 0.05, -0.06, 0.0, 0.0, 30.0, -12.0, 8.0)
-    half, none = (make_controller("dfv", friction=share).step(Reference(30.0, -0.06), sense) for share in (0.5, 0.0))
+    half, none = (
+        make_controller("dfv", friction=share).step(Reference(30.0, -0.06), sense)
+        for share in (0.5, 0.0)
+    )
     assert none.u_x - half.u_x == pytest.approx(0.5 * (-11.0 + 74.0 * -0.06) / 186.0)
     assert half.u_z - none.u_z == pytest.approx(0.5 * 8.0 / 100.0)
 

@@ -68,7 +68,9 @@ def test_momentum_adds_its_share_of_the_last_update():
     ebpa_learn(PARAMS, state, p, -0.5)
     for name, move in moves.items():
         expected = move + PARAMS.alpha * first[name]
-        np.testing.assert_allclose(getattr(state.last, name), expected, rtol=1e-9, atol=1e-15, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(state.last, name), expected, rtol=1e-9, atol=1e-15, err_msg=name
+        )
 
 
 @pytest.mark.parametrize(("name", "rate"), [("v", PARAMS.h_1), ("w", PARAMS.h_2)])
@@ -115,7 +117,16 @@ def test_network_does_not_learn_while_the_command_is_clipped_outwards():
 
 
 @pytest.mark.parametrize(
-    "options", [{"n_h": 0}, {"h_2": -1.0}, {"alpha": 1.0}, {"upper": -5.0}, {"slope": 0.0}, {"u_max": 0.0}, {"n_i": 30}]
+    "options",
+    [
+        {"n_h": 0},
+        {"h_2": -1.0},
+        {"alpha": 1.0},
+        {"upper": -5.0},
+        {"slope": 0.0},
+        {"u_max": 0.0},
+        {"n_i": 30},
+    ],
 )
 def test_impossible_options_are_refused_by_name(options):
     with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):

@@ -26,7 +26,9 @@ def test_vdfm_compensator_adds_the_friction_of_eq_3_20_and_3_21():
 
 def test_vdfm_compensator_sticks_on_f_a_as_printed_or_on_the_net_force():
     still = MOVING._replace(v_x=0.0, v_z=0.0)
-    assert added(make_controller("pi_fv_vdfm"), still) == pytest.approx((-12.0 / 186.0, 20.0 / 100.0))
+    assert added(make_controller("pi_fv_vdfm"), still) == pytest.approx(
+        (-12.0 / 186.0, 20.0 / 100.0)
+    )
     net = make_controller("pi_fv_vdfm", net=True)
     assert added(net, still) == pytest.approx(((-12.0 - 5.0) / 186.0, (40.0 - 30.0 - 5.0) / 100.0))
 
@@ -70,8 +72,13 @@ def test_perfect_compensator_compiles_to_the_same_bits():
     def once(params, state, reference, sense):
         return kernel(params, state, reference, sense)
 
-    controller, told = PerfectFriction(), SenseWithFriction(*MOVING, friction_x=-7.0, friction_z=3.0)
-    assert once(controller.params, controller.state, REFERENCE, told)[1] == controller.step(REFERENCE, told)
+    controller, told = (
+        PerfectFriction(),
+        SenseWithFriction(*MOVING, friction_x=-7.0, friction_z=3.0),
+    )
+    assert once(controller.params, controller.state, REFERENCE, told)[1] == controller.step(
+        REFERENCE, told
+    )
 
 
 @pytest.mark.parametrize("options", [{"small": 1e-3, "large": 1e-3}, {"dead": -1.0}])

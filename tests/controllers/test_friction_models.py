@@ -12,7 +12,13 @@ from controllers.vdfm import VDFM_X, VdfmParams, vdfm_checked, vdfm_coulomb
 
 @pytest.mark.parametrize(
     ("v", "drive", "force"),
-    [(0.02, -50.0, 11.0), (-0.02, 50.0, -11.0), (0.005, 8.0, 8.0), (-0.005, 60.0, 25.0), (0.0, -60.0, -25.0)],
+    [
+        (0.02, -50.0, 11.0),
+        (-0.02, 50.0, -11.0),
+        (0.005, 8.0, 8.0),
+        (-0.005, 60.0, 25.0),
+        (0.0, -60.0, -25.0),
+    ],
 )
 def test_vdfm_is_f_d_while_sliding_and_holds_up_to_f_s_in_the_band(v, drive, force):
     assert vdfm_coulomb(VDFM_X, v, drive) == force
@@ -23,9 +29,13 @@ def test_ddfm_equals_the_printed_rule_in_fine_steps():
     coarse = fine = 0.0
     for k in range(0, 400_000, 4000):
         for ds in np.diff(travel[k : k + 4001]).tolist():
-            fine += DDFM_Z.sigma * ds * (1.0 - fine / DDFM_Z.beta * math.copysign(1.0, ds)) ** 2  # Eq. 4-8
+            fine += (
+                DDFM_Z.sigma * ds * (1.0 - fine / DDFM_Z.beta * math.copysign(1.0, ds)) ** 2
+            )  # Eq. 4-8
         moved = np.diff(travel[k : k + 4001])
-        for part in (moved[moved > 0.0].sum(), moved[moved <= 0.0].sum())[:: 1 if moved[0] > 0.0 else -1]:
+        for part in (moved[moved > 0.0].sum(), moved[moved <= 0.0].sum())[
+            :: 1 if moved[0] > 0.0 else -1
+        ]:
             coarse = ddfm_step(DDFM_Z, coarse, float(part))
     assert coarse == pytest.approx(fine, abs=2e-3)
 

@@ -19,7 +19,17 @@ def on_slope(degrees: float, f_n: float = 20.0) -> Sense:
 
 @pytest.mark.parametrize(
     ("degrees", "row"),
-    [(-60.0, 0), (-1.0, 0), (14.9, 0), (15.1, 1), (29.9, 1), (30.1, 2), (44.9, 2), (45.1, 3), (80.0, 3)],
+    [
+        (-60.0, 0),
+        (-1.0, 0),
+        (14.9, 0),
+        (15.1, 1),
+        (29.9, 1),
+        (30.1, 2),
+        (44.9, 2),
+        (45.1, 3),
+        (80.0, 3),
+    ],
 )
 def test_row_is_chosen_by_the_angle(degrees, row):
     assert scheduled_set(math.radians(degrees)) == row

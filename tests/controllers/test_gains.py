@@ -24,7 +24,12 @@ def test_table_is_as_printed(name):
 
 def test_every_table_is_checked_and_only_v_z_of_table_3_5_has_a_derivative():
     assert set(TABLES) == set(PRINTED)
-    derivative = [(name, loop) for name in TABLES for loop, k in TABLES[name]._asdict().items() if k.k_d != 0.0]
+    derivative = [
+        (name, loop)
+        for name in TABLES
+        for loop, k in TABLES[name]._asdict().items()
+        if k.k_d != 0.0
+    ]
     assert derivative == [("table_3_5", "v_z")]
     assert TABLES["table_3_5"].v_z.k_d == 0.05
     assert len(TABLE_5_1) == 4
@@ -36,8 +41,14 @@ def test_every_table_is_checked_and_only_v_z_of_table_3_5_has_a_derivative():
         ("table_3_8", r"gains must name a table, got 'table_3_8'; nearest is"),
         ({"Kp_vy": 1.0}, "unknown gain 'Kp_vy'; nearest is 'Kp_v"),
         ({"Kp_vx": 1.0}, "missing Ki_vx, Kp_fz"),
-        (FvGains(PidGains(-1.0, 0.0), *[PidGains(0.0, 0.0)] * 3), r"v_x\.k_p must be finite and >= 0, got -1\.0"),
-        (FvGains(PidGains(0.0, float("nan")), *[PidGains(0.0, 0.0)] * 3), r"v_x\.k_i must be finite"),
+        (
+            FvGains(PidGains(-1.0, 0.0), *[PidGains(0.0, 0.0)] * 3),
+            r"v_x\.k_p must be finite and >= 0, got -1\.0",
+        ),
+        (
+            FvGains(PidGains(0.0, float("nan")), *[PidGains(0.0, 0.0)] * 3),
+            r"v_x\.k_i must be finite",
+        ),
     ],
 )
 def test_unusable_gains_are_refused_by_name(gains, message):

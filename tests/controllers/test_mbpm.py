@@ -11,7 +11,9 @@ from controllers.interface import Reference, Sense
 from controllers.mbpm import MbpmParams, MbpmState, mbpm_learn, mbpm_output, mbpm_state
 from controllers.pi_fv import PiFv
 
-PARAMS = MbpmParams(n_h=5, h_1=0.7, h_2=0.5, lam=0.2, slope=1.3, bias=0.4, k_z=0.02, k_v=0.05, g_max=2.0)
+PARAMS = MbpmParams(
+    n_h=5, h_1=0.7, h_2=0.5, lam=0.2, slope=1.3, bias=0.4, k_z=0.02, k_v=0.05, g_max=2.0
+)
 DT = 1e-3
 
 
@@ -36,7 +38,9 @@ def test_output_and_updates_are_those_of_eq_5_18_to_5_22(linear, e):
     norm = math.sqrt((v**2).sum() + (w**2).sum())
     output = (w @ sigma if linear else y) + params.k_z * (norm + params.g_max) * e + params.k_v * e
     d_v = params.h_1 * np.outer(w * prime, p) * slope_3 * e - params.lam * params.h_1 * v * abs(e)
-    d_w = params.h_2 * slope_3 * e * (sigma - prime * (v @ p)) - params.lam * params.h_2 * w * abs(e)
+    d_w = params.h_2 * slope_3 * e * (sigma - prime * (v @ p)) - params.lam * params.h_2 * w * abs(
+        e
+    )
     u, slope = mbpm_output(params, state, p, e)
     mbpm_learn(params, state, p, e, (slope, DT))
     assert u == pytest.approx(output, rel=1e-12)
@@ -57,7 +61,9 @@ def first_command(name: str, degrees: float) -> tuple[float, float]:
     """a_x, a_z [V] at the first sample on a slope, f_n = 28 N where 30 N are asked."""
     theta = math.radians(degrees)
     sense = Sense(0.5, 0.05, 0.0, 0.0, -28.0 * math.sin(theta), 28.0 * math.cos(theta), 0.0, 0.0)
-    with_it, without = (c.step(Reference(30.0, 0.0), sense) for c in (make_controller(name), PiFv()))
+    with_it, without = (
+        c.step(Reference(30.0, 0.0), sense) for c in (make_controller(name), PiFv())
+    )
     return without.u_x - with_it.u_x, with_it.u_z - without.u_z
 
 
@@ -80,7 +86,10 @@ def test_network_does_not_learn_while_the_command_is_clipped_outwards():
     assert np.array_equal(before.w, controller.state.nn.w)
 
 
-@pytest.mark.parametrize("options", [{"n_h": 0}, {"lam": -1.0}, {"slope": 0.0}, {"axes": "x"}, {"u_max": 0.0}, {"n_i": 4}])
+@pytest.mark.parametrize(
+    "options",
+    [{"n_h": 0}, {"lam": -1.0}, {"slope": 0.0}, {"axes": "x"}, {"u_max": 0.0}, {"n_i": 4}],
+)
 def test_impossible_options_are_refused_by_name(options):
     with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
         make_controller("pi_fv_mbpm", **options)

@@ -20,7 +20,9 @@ def test_observer_finds_a_constant_friction_while_the_piston_accelerates():
 
 
 def test_valve_closes_with_the_lag_divided_by_one_plus_k_f():
-    controller = ObserverFv(k_p=0.0, k_i=0.0, damping=0.0, k_f=9.0, t_z=1e6)  # no observer: f_d is f_nd
+    controller = ObserverFv(
+        k_p=0.0, k_i=0.0, damping=0.0, k_f=9.0, t_z=1e6
+    )  # no observer: f_d is f_nd
     f_a, forces = 0.0, []
     for _ in range(60):
         command = controller.step(Reference(30.0, 0.0), AT_REST._replace(f_az=f_a))
@@ -37,7 +39,10 @@ def test_integral_waits_while_the_valve_is_saturated():
     assert controller.state.i_n == 0.0
 
 
-@pytest.mark.parametrize(("option", "value", "message"), [("t_z", 0.0, "t_z must be > 0"), ("k_p", -1.0, "k_p"), ("k_q", 1.0, "unknown")])
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [("t_z", 0.0, "t_z must be > 0"), ("k_p", -1.0, "k_p"), ("k_q", 1.0, "unknown")],
+)
 def test_unusable_options_are_refused_by_name(option, value, message):
     with pytest.raises(ValueError, match=message):
         ObserverFv(**{option: value})

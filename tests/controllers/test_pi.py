@@ -18,7 +18,9 @@ def test_output_uses_the_integral_before_this_error():
     assert integral == pytest.approx(1.0 - 3.0 + 0.5)
 
 
-@pytest.mark.parametrize(("barred", "error", "taken"), [(1, 1.0, 0.0), (1, -1.0, -1.0), (-1, -1.0, 0.0), (-1, 1.0, 1.0)])
+@pytest.mark.parametrize(
+    ("barred", "error", "taken"), [(1, 1.0, 0.0), (1, -1.0, -1.0), (-1, -1.0, 0.0), (-1, 1.0, 1.0)]
+)
 def test_integral_takes_only_errors_that_lead_away_from_the_barred_side(barred, error, taken):
     assert pi_integrate(GAINS, 0.0, error, 0.1, barred) == pytest.approx(taken)
 

@@ -35,11 +35,16 @@ def oracle(references: np.ndarray, senses: np.ndarray) -> np.ndarray:
             "fx": -e_fn * math.sin(theta),
             "vx": e_vt * math.cos(theta),
         }
-        part = {k: GAINS[f"Kp_{k}"] * error[k] + GAINS[f"Ki_{k}"] * 0.001 * math.fsum(taken[k]) for k in taken}
+        part = {
+            k: GAINS[f"Kp_{k}"] * error[k] + GAINS[f"Ki_{k}"] * 0.001 * math.fsum(taken[k])
+            for k in taken
+        }
         u_x = 0.635 - (part["vx"] + part["fx"])
         u_z = 0.735 + (part["fz"] + part["vz"])
         for k, errors in taken.items():
-            rise = error[k] if k.endswith("z") else -error[k]  # what the error does to the command of its axis
+            rise = (
+                error[k] if k.endswith("z") else -error[k]
+            )  # what the error does to the command of its axis
             u = u_z if k.endswith("z") else u_x
             if (0.0 <= u <= 5.0) or (u > 5.0 and rise <= 0.0) or (u < 0.0 and rise >= 0.0):
                 errors.append(error[k])
@@ -49,7 +54,9 @@ def oracle(references: np.ndarray, senses: np.ndarray) -> np.ndarray:
 
 def test_commands_equal_the_oracle(samples, run_python):
     references, senses = samples
-    np.testing.assert_allclose(run_python(PiFv(), references, senses), oracle(references, senses), rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(
+        run_python(PiFv(), references, senses), oracle(references, senses), rtol=0.0, atol=1e-11
+    )
 
 
 def test_first_sample_on_a_flat_edge_is_proportional_only():
@@ -68,7 +75,9 @@ def test_second_sample_adds_one_rectangle_of_the_first_error():
 
 def test_errors_are_split_over_the_axes_on_a_slope_of_30_deg():
     s, c = math.sin(math.radians(30.0)), math.cos(math.radians(30.0))
-    sense = at_rest(f_x=-20.0 * s, f_z=20.0 * c, v_x=-0.05 * c, v_z=-0.05 * s)  # f_n = 20 N, v_t = -0.05 m/s
+    sense = at_rest(
+        f_x=-20.0 * s, f_z=20.0 * c, v_x=-0.05 * c, v_z=-0.05 * s
+    )  # f_n = 20 N, v_t = -0.05 m/s
     command = PiFv().step(Reference(30.0, -0.06), sense)
     assert command.u_z == pytest.approx(0.735 + 0.02 * 10.0 * c + 0.5 * -0.01 * s)
     assert command.u_x == pytest.approx(0.635 - (1.0 * -0.01 * c + 0.01 * -10.0 * s))
@@ -113,7 +122,11 @@ def test_recorded_run_is_replayed_to_its_rounding(log, run_compiled):
     table = pd.read_parquet(CAMPAIGN / f"{log}.parquet")
     table = table[table.time >= 3.0 - 1e-6]
     senses = table[["x", "z", "v_x", "v_z", "f_x", "f_z", "f_ax", "f_az"]].to_numpy(float)
-    references = np.column_stack([np.full(len(table), 30.0), np.where(table.time < 7.0 - 1e-6, 0.0, -0.06)])
+    references = np.column_stack(
+        [np.full(len(table), 30.0), np.where(table.time < 7.0 - 1e-6, 0.0, -0.06)]
+    )
     difference = run_compiled(PiFv(), references, senses) - table[["u_x", "u_z"]].to_numpy(float)
-    assert np.abs(difference).max() < 2e-4  # V; the log rounds u to 1e-4 V and f to 0.01 N (2e-4 V at K_p)
+    assert (
+        np.abs(difference).max() < 2e-4
+    )  # V; the log rounds u to 1e-4 V and f to 0.01 N (2e-4 V at K_p)
     assert np.sqrt((difference**2).mean()) < 8e-5  # V; measured 6.7e-5

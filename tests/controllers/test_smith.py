@@ -32,7 +32,9 @@ def closed_loop(name: str, lag: bool, steps: int) -> np.ndarray:
     loop, controller, state, commands = FORCE_LOOP, make_controller(name), np.zeros(3), []
     for _ in range(steps):
         f_z = loop.c_c * state[2] + loop.k_c * state[1]
-        command = controller.step(Reference(10.0, 0.0), Sense(0.9, 0.04, 0.0, 0.0, 0.0, f_z, 0.0, 0.0))
+        command = controller.step(
+            Reference(10.0, 0.0), Sense(0.9, 0.04, 0.0, 0.0, 0.0, f_z, 0.0, 0.0)
+        )
         state = fine_step(loop, state, loop.k * (command.u_z - 0.735), 1e-3, lag)
         commands.append(command.u_z)
     return np.array(commands)
@@ -48,7 +50,9 @@ def test_transition_is_the_plant_without_lag_less_the_plant_with_lag():
     free, lagged, held = np.array([3.0, 2e-3, -0.05]), np.array([3.0, 5e-4, 0.01]), 12.0
     start = np.append(free - lagged, held)
     start[0] = 3.0
-    after_free, after_lagged = (fine_step(FORCE_LOOP, s, held, 1e-3, lag=on) for s, on in ((free, False), (lagged, True)))
+    after_free, after_lagged = (
+        fine_step(FORCE_LOOP, s, held, 1e-3, lag=on) for s, on in ((free, False), (lagged, True))
+    )
     after = after_free - after_lagged
     after[0] = after_lagged[0]
     assert np.array(held_rows(FORCE_LOOP, 1e-3)) @ start == pytest.approx(after, rel=1e-9)

@@ -12,7 +12,9 @@ SENSE = Sense(0.6, 0.04, -0.05, 0.001, 2.0, 28.0, -15.0, 30.0)
 
 
 def test_without_an_error_it_is_pi_fv():
-    assert WrongAngle(0.0).step(Reference(30.0, -0.06), SENSE) == PiFv().step(Reference(30.0, -0.06), SENSE)
+    assert WrongAngle(0.0).step(Reference(30.0, -0.06), SENSE) == PiFv().step(
+        Reference(30.0, -0.06), SENSE
+    )
 
 
 def test_the_normal_force_is_read_as_its_cosine():

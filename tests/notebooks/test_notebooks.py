@@ -11,12 +11,23 @@ from matplotlib.figure import Figure
 
 NOTEBOOKS = [
     Path(__file__).parents[2] / "notebooks" / f"{name}.ipynb"
-    for name in ("root_locus", "lag", "identification", "tracking", "own_controller_and_effect", "diagnosis")
+    for name in (
+        "root_locus",
+        "lag",
+        "identification",
+        "tracking",
+        "own_controller_and_effect",
+        "diagnosis",
+    )
 ]
 
 
 def cells(path: Path) -> list[dict]:
-    return [cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+    return [
+        cell
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
+        if cell["cell_type"] == "code"
+    ]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -38,7 +38,10 @@ def fmu() -> Path:
 
 @pytest.fixture(scope="module")
 def log(fmu: Path) -> Log:
-    return run_scenario(Scenario(name="run", workpiece="straight", start_z=0.038, phases=PHASES, seed=1), FmuFile.read(fmu)).log
+    return run_scenario(
+        Scenario(name="run", workpiece="straight", start_z=0.038, phases=PHASES, seed=1),
+        FmuFile.read(fmu),
+    ).log
 
 
 def said(capture: Capture, *arguments: str) -> tuple[int, str, str]:
@@ -89,7 +92,17 @@ def test_run_prints_and_writes_what_cli_md_promises(capsys: Capture, tmp_path: P
     scenario = tmp_path / "short.toml"
     scenario.write_text(SCENARIO)
     out, plot = tmp_path / "log.parquet", tmp_path / "run.png"
-    found = result(capsys, "run", str(scenario), "--set", "contact.K_c=2e4", "--out", str(out), "--plot", str(plot))
+    found = result(
+        capsys,
+        "run",
+        str(scenario),
+        "--set",
+        "contact.K_c=2e4",
+        "--out",
+        str(out),
+        "--plot",
+        str(plot),
+    )
     assert set(found) == {"schema", "metrics", "steps", "seconds", "realtime_factor"}
     assert found["schema"] == "run/1"
     assert set(found["metrics"]) == {"rmse_fn", "me_fn", "rmse_vt", "me_vt"}
@@ -102,7 +115,9 @@ def test_run_prints_and_writes_what_cli_md_promises(capsys: Capture, tmp_path: P
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_controller_that_a_scenario_names_wrongly_is_refused_with_its_file(capsys: Capture, tmp_path: Path) -> None:
+def test_a_controller_that_a_scenario_names_wrongly_is_refused_with_its_file(
+    capsys: Capture, tmp_path: Path
+) -> None:
     (tmp_path / "short.toml").write_text(SCENARIO + 'controller = "pi_vf"\n')
     text = refusal(capsys, "run", str(tmp_path / "short.toml"))
     assert "short.toml: controller: unknown controller 'pi_vf'; nearest is 'pi_fv'" in text
@@ -110,7 +125,9 @@ def test_a_controller_that_a_scenario_names_wrongly_is_refused_with_its_file(cap
 
 def test_run_in_words_names_the_four_figures(capsys: Capture, tmp_path: Path) -> None:
     (tmp_path / "short.toml").write_text(SCENARIO)
-    code, out, err = said(capsys, "run", str(tmp_path / "short.toml"), "--controller", "dfv", "--seed", "4")
+    code, out, err = said(
+        capsys, "run", str(tmp_path / "short.toml"), "--controller", "dfv", "--seed", "4"
+    )
     assert (code, err) == (0, "")
     assert out.startswith("straight, dfv: f_n RMSE ")
     assert out.count(" ME ") == out.count("RMSE") == 2
@@ -131,11 +148,21 @@ def test_a_run_that_could_not_finish_ends_with_1_and_its_log(
     import pneugantry.commands.run as command
 
     def cancelled(scenario: Scenario, file: FmuFile, **options: Any) -> Any:
-        return run_scenario(scenario, file, compiled=False, progress=lambda done, total: done < 1500)
+        return run_scenario(
+            scenario, file, compiled=False, progress=lambda done, total: done < 1500
+        )
 
     monkeypatch.setattr(command, "run_scenario", cancelled)
     (tmp_path / "short.toml").write_text(SCENARIO)
-    code, out, err = said(capsys, "run", str(tmp_path / "short.toml"), "--out", str(tmp_path / "log.csv"), "--json", "-")
+    code, out, err = said(
+        capsys,
+        "run",
+        str(tmp_path / "short.toml"),
+        "--out",
+        str(tmp_path / "log.csv"),
+        "--json",
+        "-",
+    )
     assert code == 1
     assert json.loads(out)["outcome"] == "cancelled"
     assert json.loads(out)["metrics"] is None
@@ -143,7 +170,9 @@ def test_a_run_that_could_not_finish_ends_with_1_and_its_log(
     assert len(read_log(tmp_path / "log.csv")) == 1500
 
 
-def test_replay_gives_gaps_by_log_channel_and_block(capsys: Capture, tmp_path: Path, log: Log) -> None:
+def test_replay_gives_gaps_by_log_channel_and_block(
+    capsys: Capture, tmp_path: Path, log: Log
+) -> None:
     write_log(log, tmp_path / "run.parquet")
     found = result(capsys, "replay", str(tmp_path / "run.parquet"))
     assert set(found) == {"schema", "logs"}
@@ -151,7 +180,15 @@ def test_replay_gives_gaps_by_log_channel_and_block(capsys: Capture, tmp_path: P
     entry = found["logs"]["run"]
     assert set(entry) == {"gap", "channels", "blocks"}
     assert set(entry["channels"]) == set(MEASURED)
-    assert set(entry["blocks"]) <= {"valve_x", "valve_z", "friction_x", "friction_z", "contact", "sensors", "timing"}
+    assert set(entry["blocks"]) <= {
+        "valve_x",
+        "valve_z",
+        "friction_x",
+        "friction_z",
+        "contact",
+        "sensors",
+        "timing",
+    }
     assert all(set(block) == {"gap", "floor"} for block in entry["blocks"].values())
     assert 0.95 < entry["gap"] < 1.05
     assert max(entry["channels"].values()) < 1.06  # 3,000 samples
@@ -162,8 +199,14 @@ def test_replay_gives_gaps_by_log_channel_and_block(capsys: Capture, tmp_path: P
 
 def test_replay_of_a_csv_campaign(capsys: Capture, tmp_path: Path, log: Log) -> None:
     write_log(log, tmp_path / "mine.csv")
-    text = '[log.mine]\nloop = "closed"\nclamped = ["x until contour"]\nstart = { x = 0.95, z = 0.038 }\nworkpiece = "straight"\n'
-    phases = "phases = { approach = [0.0, 1.0], contact = [1.0, 2.0], contour = [2.0, 3.0] }\nstandoff = 0.04\nf_nd = 30.0\nv_td = -0.06\n"
+    text = (
+        '[log.mine]\nloop = "closed"\nclamped = ["x until contour"]\nstart = { x = 0.95, z = '
+        '0.038 }\nworkpiece = "straight"\n'
+    )
+    phases = (
+        "phases = { approach = [0.0, 1.0], contact = [1.0, 2.0], contour = [2.0, 3.0] "
+        "}\nstandoff = 0.04\nf_nd = 30.0\nv_td = -0.06\n"
+    )
     (tmp_path / "campaign.toml").write_text(text + phases)
     assert result(capsys, "replay", str(tmp_path))["logs"]["mine"]["gap"] < 1.05
 
@@ -209,13 +252,31 @@ def gapped(table: pd.DataFrame) -> pd.DataFrame:
 
 
 BAD_LOGS: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], tuple[str, ...]]] = {
-    "missing column": (lambda t: t.drop(columns="f_az"), ("f_az: column is missing", "; add it [N]")),
-    "renamed column": (lambda t: t.rename(columns={"v_x": "vx"}), ("v_x: column is missing", '; rename column "vx" to "v_x"')),
+    "missing column": (
+        lambda t: t.drop(columns="f_az"),
+        ("f_az: column is missing", "; add it [N]"),
+    ),
+    "renamed column": (
+        lambda t: t.rename(columns={"v_x": "vx"}),
+        ("v_x: column is missing", '; rename column "vx" to "v_x"'),
+    ),
     "NaN": (with_nan, ("f_z: row 17 is empty or NaN", "; fill it in")),
-    "millimetres": (lambda t: t.assign(z=1e3 * t["z"]), ("z: row ", "looks like mm", "; divide column z by 1000")),
-    "speed in mm/s": (lambda t: t.assign(v_z=1e3 * t["v_z"]), ("v_z: ", "looks like mm/s", "; divide column v_z by 1000")),
-    "wrong rate": (lambda t: t.iloc[::2], ("time: sampled at 500 Hz, expected 1000 Hz", "; record at 1 kHz")),
-    "milliseconds": (lambda t: t.assign(time=1e3 * t["time"]), ("time: looks like milliseconds", "; divide column time by 1000")),
+    "millimetres": (
+        lambda t: t.assign(z=1e3 * t["z"]),
+        ("z: row ", "looks like mm", "; divide column z by 1000"),
+    ),
+    "speed in mm/s": (
+        lambda t: t.assign(v_z=1e3 * t["v_z"]),
+        ("v_z: ", "looks like mm/s", "; divide column v_z by 1000"),
+    ),
+    "wrong rate": (
+        lambda t: t.iloc[::2],
+        ("time: sampled at 500 Hz, expected 1000 Hz", "; record at 1 kHz"),
+    ),
+    "milliseconds": (
+        lambda t: t.assign(time=1e3 * t["time"]),
+        ("time: looks like milliseconds", "; divide column time by 1000"),
+    ),
     "rows lost": (gapped, ("time: row 100", "gap of 21 ms", "; cut the log there")),
     "no number": (
         lambda t: t.assign(x=t["x"].astype(object).where(t.index != 5, "abc")),
@@ -226,11 +287,15 @@ BAD_LOGS: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], tuple[str, ...
 
 
 @pytest.mark.parametrize("case", BAD_LOGS)
-def test_a_log_that_cannot_be_used_is_refused_in_one_line(case: str, capsys: Capture, tmp_path: Path, log: Log) -> None:
+def test_a_log_that_cannot_be_used_is_refused_in_one_line(
+    case: str, capsys: Capture, tmp_path: Path, log: Log
+) -> None:
     change, words = BAD_LOGS[case]
     path = spoiled(log, tmp_path / "bad.csv", change)
     line = refusal(capsys, "replay", path)
-    assert line.startswith(f"pneugantry: {path}: {words[0]}" if len(words) == 2 else f"pneugantry: {path}: ")
+    assert line.startswith(
+        f"pneugantry: {path}: {words[0]}" if len(words) == 2 else f"pneugantry: {path}: "
+    )
     for word in words:
         assert word in line
 
@@ -238,9 +303,13 @@ def test_a_log_that_cannot_be_used_is_refused_in_one_line(case: str, capsys: Cap
 def test_the_bad_log_of_a_campaign_is_named(capsys: Capture, tmp_path: Path, log: Log) -> None:
     spoiled(log, tmp_path / "mine.csv", with_nan)
     (tmp_path / "campaign.toml").write_text("[log.mine]\nworkpiece = 'straight'\n")
-    assert "mine.csv: f_z: row 17 is empty or NaN; fill it in" in refusal(capsys, "replay", str(tmp_path))
+    assert "mine.csv: f_z: row 17 is empty or NaN; fill it in" in refusal(
+        capsys, "replay", str(tmp_path)
+    )
     (tmp_path / "campaign.toml").write_text("[log.mine]\nworkpeace = 'straight'\n")
-    assert "campaign.toml: log.mine.workpeace: unknown key; did you mean workpiece?" in refusal(capsys, "replay", str(tmp_path))
+    assert "campaign.toml: log.mine.workpeace: unknown key; did you mean workpiece?" in refusal(
+        capsys, "replay", str(tmp_path)
+    )
 
 
 @pytest.mark.parametrize("command", [("run",), ("replay", "LOG")])
@@ -265,31 +334,74 @@ def test_an_fmu_that_cannot_be_used_is_refused_in_one_line(
                 archive.writestr(name, text)
         return (tmp_path / "given.zip").read_bytes()
 
-    assert "given.fmu: modelDescription.xml is missing; this is no FMU" in refused(archived({"readme.txt": "hello"}))
+    assert "given.fmu: modelDescription.xml is missing; this is no FMU" in refused(
+        archived({"readme.txt": "hello"})
+    )
     outside = refused(archived({"modelDescription.xml": "<a/>", "../../escaped.txt": "gotcha"}))
     assert "given.fmu: ../../escaped.txt: this path leaves the folder" in outside
     assert "; do not trust this file" in outside
     assert not list(tmp_path.parent.rglob("escaped.txt"))
     valve = build_fmu("PneuGantry.Valve", out=tmp_path).path.read_bytes()
-    assert "given.fmu: u_x: is the FMU of PneuGantry.Valve, which has no such variable; give an FMU with" in refused(valve)
-    assert "absent.fmu: no such file; build it with" in refusal(capsys, *arguments, "--fmu", str(tmp_path / "absent.fmu"))
+    assert (
+        "given.fmu: u_x: is the FMU of PneuGantry.Valve, which has no such variable; "
+        "give an FMU with" in refused(valve)
+    )
+    assert "absent.fmu: no such file; build it with" in refusal(
+        capsys, *arguments, "--fmu", str(tmp_path / "absent.fmu")
+    )
 
 
 BAD_OPTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "unknown parameter": (("--set", "contact.Kc=1"), ("contact.Kc: no such variable; did you mean contact.K_c",)),
-    "no parameter of it": (("--set", "f_n=1"), ("f_n: a variable of causality output cannot be set; remove it",)),
-    "out of bounds": (("--set", "valve_z.tau=-1"), ("valve_z.tau: ", "= -1 is refused", "; choose a finite value within 0.001..100 s")),
-    "no number": (("--set", "valve_z.tau=fast"), ("--set: 'valve_z.tau=fast' is no PARAM=VALUE; write for example --set",)),
+    "unknown parameter": (
+        ("--set", "contact.Kc=1"),
+        ("contact.Kc: no such variable; did you mean contact.K_c",),
+    ),
+    "no parameter of it": (
+        ("--set", "f_n=1"),
+        ("f_n: a variable of causality output cannot be set; remove it",),
+    ),
+    "out of bounds": (
+        ("--set", "valve_z.tau=-1"),
+        ("valve_z.tau: ", "= -1 is refused", "; choose a finite value within 0.001..100 s"),
+    ),
+    "no number": (
+        ("--set", "valve_z.tau=fast"),
+        ("--set: 'valve_z.tau=fast' is no PARAM=VALUE; write for example --set",),
+    ),
     "no name": (("--set", "=1"), ("--set: '=1' is no PARAM=VALUE; write for example --set",)),
-    "NaN parameter": (("--set", "valve_z.tau=nan"), ("plant.valve_z.tau: is nan, expected a number; write a plain number",)),
-    "unknown controller": (("--controller", "pi_fw"), ("controller: unknown controller 'pi_fw'; nearest is 'pi_fv'",)),
-    "unknown workpiece": (("--workpiece", "incline_8"), ("workpiece: unknown workpiece 'incline_8'; did you mean incline_7?",)),
-    "absent profile": (("--workpiece", "nowhere/edge.csv"), ("nowhere/edge.csv: workpiece: no such file; check the path",)),
+    "NaN parameter": (
+        ("--set", "valve_z.tau=nan"),
+        ("plant.valve_z.tau: is nan, expected a number; write a plain number",),
+    ),
+    "unknown controller": (
+        ("--controller", "pi_fw"),
+        ("controller: unknown controller 'pi_fw'; nearest is 'pi_fv'",),
+    ),
+    "unknown workpiece": (
+        ("--workpiece", "incline_8"),
+        ("workpiece: unknown workpiece 'incline_8'; did you mean incline_7?",),
+    ),
+    "absent profile": (
+        ("--workpiece", "nowhere/edge.csv"),
+        ("nowhere/edge.csv: workpiece: no such file; check the path",),
+    ),
     "seed below 0": (("--seed", "-1"), ("--seed: is -1, expected >= 0; choose",)),
-    "seed that is none": (("--seed", "x"), ("run: argument --seed: invalid int value: 'x'; see pneugantry run --help",)),
-    "unknown option": (("--contoller", "pi_fv"), ("unrecognized arguments: --contoller", "; see pneugantry --help")),
-    "unknown kind of log": (("--out", "log.xls"), ("log.xls: unknown kind of log file '.xls'; end it in .parquet or .csv",)),
-    "unknown kind of picture": (("--plot", "run.xls"), ("run.xls: unknown kind of picture 'xls'; end it in .png",)),
+    "seed that is none": (
+        ("--seed", "x"),
+        ("run: argument --seed: invalid int value: 'x'; see pneugantry run --help",),
+    ),
+    "unknown option": (
+        ("--contoller", "pi_fv"),
+        ("unrecognized arguments: --contoller", "; see pneugantry --help"),
+    ),
+    "unknown kind of log": (
+        ("--out", "log.xls"),
+        ("log.xls: unknown kind of log file '.xls'; end it in .parquet or .csv",),
+    ),
+    "unknown kind of picture": (
+        ("--plot", "run.xls"),
+        ("run.xls: unknown kind of picture 'xls'; end it in .png",),
+    ),
     "absent scenario": (("nowhere.toml",), ("nowhere.toml: no such file; check the path",)),
 }
 
@@ -309,22 +421,48 @@ def test_an_option_that_cannot_be_used_is_refused_in_one_line(
 BAD_SCENARIOS = {
     "no TOML": ("name = [", "not valid TOML", "; correct that line"),
     "unknown key": ("workpeace = 'curved'", "workpeace: unknown key", "; did you mean workpiece?"),
-    "wrong type": ("seed = 'one'", "seed: is 'one', expected a whole number", "; write a whole number"),
-    "out of range": ("standoff = 5.0", "standoff: is 5.0, expected 0..0.101", "; choose a value within it"),
+    "wrong type": (
+        "seed = 'one'",
+        "seed: is 'one', expected a whole number",
+        "; write a whole number",
+    ),
+    "out of range": (
+        "standoff = 5.0",
+        "standoff: is 5.0, expected 0..0.101",
+        "; choose a value within it",
+    ),
     "gap between phases": (
         "phases = { contact = [1.0, 2.0], contour = [2.0, 3.0] }",
         "phases.contact: starts at 1 s, expected 0 s",
         "; leave no gap",
     ),
-    "jitter without delay": ("timing = { jitter = 0.0001 }", "timing: jitter of 0.0001 s RMS reaches", "; choose a value within it"),
-    "unknown workpiece": ("workpiece = 'bent'", "workpiece: unknown workpiece 'bent'", "; use straight"),
-    "profile that is not there": ("workpiece = 'edge.csv'", "workpiece: no such file", "; check the path"),
-    "unknown phase": ("clamped = ['x until landing']", "clamped: has 'x until landing', no phase 'landing'", '; write "x"'),
+    "jitter without delay": (
+        "timing = { jitter = 0.0001 }",
+        "timing: jitter of 0.0001 s RMS reaches",
+        "; choose a value within it",
+    ),
+    "unknown workpiece": (
+        "workpiece = 'bent'",
+        "workpiece: unknown workpiece 'bent'",
+        "; use straight",
+    ),
+    "profile that is not there": (
+        "workpiece = 'edge.csv'",
+        "workpiece: no such file",
+        "; check the path",
+    ),
+    "unknown phase": (
+        "clamped = ['x until landing']",
+        "clamped: has 'x until landing', no phase 'landing'",
+        '; write "x"',
+    ),
 }
 
 
 @pytest.mark.parametrize("case", BAD_SCENARIOS)
-def test_a_scenario_that_cannot_be_used_is_refused_in_one_line(case: str, capsys: Capture, tmp_path: Path) -> None:
+def test_a_scenario_that_cannot_be_used_is_refused_in_one_line(
+    case: str, capsys: Capture, tmp_path: Path
+) -> None:
     text, *words = BAD_SCENARIOS[case]
     path = tmp_path / "mine.toml"
     path.write_text(text + "\n")
@@ -335,21 +473,31 @@ def test_a_scenario_that_cannot_be_used_is_refused_in_one_line(case: str, capsys
 
 
 def test_a_profile_in_millimetres_is_refused_in_one_line(capsys: Capture, tmp_path: Path) -> None:
-    (tmp_path / "edge.csv").write_text("x,z_w\n" + "".join(f"{x},{0.01 * x}\n" for x in range(200, 1000, 50)))
+    (tmp_path / "edge.csv").write_text(
+        "x,z_w\n" + "".join(f"{x},{0.01 * x}\n" for x in range(200, 1000, 50))
+    )
     line = refusal(capsys, "run", "--workpiece", str(tmp_path / "edge.csv"))
     assert "edge.csv: x: spans 750 m, looks like millimetres; divide column x by 1000" in line
 
 
-def test_without_a_compiler_the_way_out_is_named(capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_compiler_the_way_out_is_named(
+    capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     find = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "ziglang" else find(name, *rest))
+    monkeypatch.setattr(
+        importlib.util,
+        "find_spec",
+        lambda name, *rest: None if name == "ziglang" else find(name, *rest),
+    )
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", "")
     line = refusal(capsys, "build", "--out", str(tmp_path))
     assert "no C compiler for " in line
     assert "; pip install ziglang, or install gcc or clang" in line
     monkeypatch.setenv("CC", "no-such-compiler")
-    assert "CC: no compiler 'no-such-compiler'; correct or unset the variable CC" in refusal(capsys, "build", "--out", str(tmp_path))
+    assert "CC: no compiler 'no-such-compiler'; correct or unset the variable CC" in refusal(
+        capsys, "build", "--out", str(tmp_path)
+    )
 
 
 @pytest.mark.parametrize(
@@ -361,22 +509,35 @@ def test_without_a_compiler_the_way_out_is_named(capsys: Capture, tmp_path: Path
         (("--fmi", "1.0"), "argument --fmi: invalid choice: '1.0'"),
     ],
 )
-def test_what_cannot_be_built_is_refused_in_one_line(arguments: tuple[str, ...], words: str, capsys: Capture, tmp_path: Path) -> None:
+def test_what_cannot_be_built_is_refused_in_one_line(
+    arguments: tuple[str, ...], words: str, capsys: Capture, tmp_path: Path
+) -> None:
     assert words in refusal(capsys, "build", *arguments, "--out", str(tmp_path))
 
 
-def test_modelica_that_cannot_be_compiled_names_file_and_line(capsys: Capture, tmp_path: Path) -> None:
+def test_modelica_that_cannot_be_compiled_names_file_and_line(
+    capsys: Capture, tmp_path: Path
+) -> None:
     model = tmp_path / "Bad.mo"
-    model.write_text("model Bad\n  Real x(start = 0, fixed = true);\nequation\n  der(x) = spatialDistribution(x);\nend Bad;\n")
-    assert f"{model}:4" in refusal(capsys, "build", "--model", str(model), "--class", "Bad", "--out", str(tmp_path))
+    model.write_text(
+        "model Bad\n  Real x(start = 0, fixed = true);\nequation\n  der(x) = "
+        "spatialDistribution(x);\nend Bad;\n"
+    )
+    assert f"{model}:4" in refusal(
+        capsys, "build", "--model", str(model), "--class", "Bad", "--out", str(tmp_path)
+    )
 
 
 @pytest.mark.parametrize("option", ["--json", "--out", "--plot"])
-def test_a_place_that_cannot_be_written_is_refused_in_one_line(option: str, capsys: Capture, tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_refused_in_one_line(
+    option: str, capsys: Capture, tmp_path: Path
+) -> None:
     (tmp_path / "file").write_text("in the way")
     (tmp_path / "short.toml").write_text(SCENARIO)
     suffix = {"--json": "json", "--out": "csv", "--plot": "png"}[option]
-    code, _, err = said(capsys, "run", str(tmp_path / "short.toml"), option, str(tmp_path / "file" / f"x.{suffix}"))
+    code, _, err = said(
+        capsys, "run", str(tmp_path / "short.toml"), option, str(tmp_path / "file" / f"x.{suffix}")
+    )
     assert code == 2
     assert err.count("\n") == 1
     assert f"x.{suffix}: cannot be written" in err

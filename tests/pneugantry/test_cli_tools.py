@@ -10,7 +10,10 @@ import pytest
 from pneugantry.cli import main
 
 Capture = pytest.CaptureFixture[str]
-SCENARIO = 'workpiece = "straight"\nstart = { x = 0.95, z = 0.038 }\nphases = { contact = [0.0, 1.0], contour = [1.0, 2.0] }\n'
+SCENARIO = (
+    'workpiece = "straight"\nstart = { x = 0.95, z = 0.038 }\nphases = { contact = [0.0, '
+    "1.0], contour = [1.0, 2.0] }\n"
+)
 
 
 def result(capture: Capture, *arguments: str) -> dict:
@@ -19,10 +22,14 @@ def result(capture: Capture, *arguments: str) -> dict:
     return json.loads(capture.readouterr().out)
 
 
-def test_a_controller_is_built_as_an_fmu_and_runs_like_the_native_one(capsys: Capture, tmp_path: Path) -> None:
+def test_a_controller_is_built_as_an_fmu_and_runs_like_the_native_one(
+    capsys: Capture, tmp_path: Path
+) -> None:
     built = result(capsys, "build", "--controller", "pi_fv", "--out", str(tmp_path))
     assert Path(built["fmu"]).name == "PneuGantry_Controllers_pi_fv.fmu"
-    assert result(capsys, "build", "--controller", "pi_fv", "--out", str(tmp_path))["rebuilt"] is False
+    assert (
+        result(capsys, "build", "--controller", "pi_fv", "--out", str(tmp_path))["rebuilt"] is False
+    )
     (tmp_path / "short.toml").write_text(SCENARIO)
     native = result(capsys, "run", str(tmp_path / "short.toml"))
     exported = result(capsys, "run", str(tmp_path / "short.toml"), "--controller", built["fmu"])

@@ -18,9 +18,16 @@ def offered(tmp_path: Path, *words: str) -> list[str]:
     """What bash offers for the last of `words`."""
     script = tmp_path / "completion"
     script.write_text(completion_script(parser(), "bash"))
-    line = f"source {script}; COMP_WORDS=({' '.join(repr(w) for w in words)}); COMP_CWORD={len(words) - 1}; _pneugantry; "
+    line = (
+        f"source {script}; COMP_WORDS=({' '.join(repr(w) for w in words)}); "
+        f"COMP_CWORD={len(words) - 1}; _pneugantry; "
+    )
     done = subprocess.run(
-        ["bash", "-c", line + 'printf "%s\\n" "${COMPREPLY[@]}"'], cwd=tmp_path, capture_output=True, text=True, check=True
+        ["bash", "-c", line + 'printf "%s\\n" "${COMPREPLY[@]}"'],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert done.stderr == ""
     return done.stdout.split()
@@ -30,7 +37,9 @@ def offered(tmp_path: Path, *words: str) -> list[str]:
 def test_bash_completes_commands_options_choices_and_files(tmp_path: Path) -> None:
     assert offered(tmp_path, "pneugantry", "") == list(COMMANDS)
     assert offered(tmp_path, "pneugantry", "ro") == ["rootlocus"]
-    assert {"--workpiece", "--controller", "--json"} <= set(offered(tmp_path, "pneugantry", "run", "--"))
+    assert {"--workpiece", "--controller", "--json"} <= set(
+        offered(tmp_path, "pneugantry", "run", "--")
+    )
     assert offered(tmp_path, "pneugantry", "build", "--fmi", "") == ["2.0", "3.0"]
     assert offered(tmp_path, "pneugantry", "completion", "f") == ["fish"]
     (tmp_path / "scenario.toml").touch()
@@ -38,7 +47,9 @@ def test_bash_completes_commands_options_choices_and_files(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_a_script_names_every_command_and_the_shell_takes_it(shell: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_script_names_every_command_and_the_shell_takes_it(
+    shell: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["completion", shell]) == 0
     script = capsys.readouterr().out
     assert all(name in script for name in COMMANDS)

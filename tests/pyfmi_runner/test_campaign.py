@@ -1,4 +1,6 @@
-"""Campaigns: folders and single logs, round trip, clamps, refusals, and leaving out what cannot be used."""
+"""Campaigns: folders and single logs, round trip, clamps, refusals, and leaving out what cannot be
+used.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +10,33 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup, read_campaign, scenario_setup, setup_from, setup_table
+from modelica_fmu.errors import InputError
+from pyfmi_runner.campaign import (
+    Campaign,
+    LoggedRun,
+    LogSetup,
+    read_campaign,
+    scenario_setup,
+    setup_from,
+    setup_table,
+)
 from pyfmi_runner.campaign import write_campaign as write
-from pyfmi_runner.errors import InputError
 from pyfmi_runner.log import REQUIRED, Log, write_log
 from pyfmi_runner.scenario import Scenario
 
 CAMPAIGNS = Path(__file__).resolve().parents[3] / "shared" / "campaigns"
 CONTOUR = LogSetup(
-    loop="closed", clamped=("x until contour",), workpiece="curved", standoff=0.09,
+    loop="closed",
+    clamped=("x until contour",),
+    workpiece="curved",
+    standoff=0.09,
     phases={"approach": (0.0, 0.1), "contact": (0.1, 0.3), "contour": (0.3, 0.5)},
-    approach_command=(0.0, 1.05), f_nd=30.0, v_td=-0.06, controller="pi_fv", gains={"Kp_vx": 1.0},
-)  # fmt: skip
+    approach_command=(0.0, 1.05),
+    f_nd=30.0,
+    v_td=-0.06,
+    controller="pi_fv",
+    gains={"Kp_vx": 1.0},
+)
 
 
 def resting_log(rows: int = 500, x: float = 0.95, z: float = 0.0) -> Log:
@@ -30,7 +47,10 @@ def resting_log(rows: int = 500, x: float = 0.95, z: float = 0.0) -> Log:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     rest = LogSetup(clamped=("x", "z"), start_x=0.5, start_z=0.05)
-    logs = {"contour": LoggedRun(CONTOUR, resting_log()), "rest": LoggedRun(rest, resting_log(x=0.5, z=0.05))}
+    logs = {
+        "contour": LoggedRun(CONTOUR, resting_log()),
+        "rest": LoggedRun(rest, resting_log(x=0.5, z=0.05)),
+    }
     write(Campaign("bench 3", tmp_path / "rig", logs), tmp_path / "rig")
     return tmp_path / "rig"
 
@@ -71,7 +91,9 @@ def test_a_scenarios_setup_survives_as_provenance() -> None:
     assert setup.z_0 == 0.092
 
 
-def test_a_single_log_takes_its_setup_from_what_lies_beside_it(folder: Path, tmp_path: Path) -> None:
+def test_a_single_log_takes_its_setup_from_what_lies_beside_it(
+    folder: Path, tmp_path: Path
+) -> None:
     assert read_campaign(folder / "contour.parquet").logs["contour"].setup == CONTOUR
     (folder / "contour.toml").write_text('workpiece = "straight"\nclamped = ["x"]\n')
     beside = read_campaign(folder / "contour.parquet").logs["contour"].setup
@@ -113,11 +135,17 @@ def test_a_log_that_contradicts_its_setup_is_noted(folder: Path) -> None:
         ("[log.rest]", "[lag.rest]", "lag: unknown key; did you mean log"),
         ('"x until contour"', '"x till contour"', "log.contour.clamped: has 'x till contour'"),
         ("start = { x = 0.95", 'start = { x = "far"', "log.contour.start.x: is 'far'"),
-        ("contour = [0.3, 0.5]", "contour = [0.5, 0.3]", "log.contour.phases.contour: ends at 0.3 s"),
+        (
+            "contour = [0.3, 0.5]",
+            "contour = [0.5, 0.3]",
+            "log.contour.phases.contour: ends at 0.3 s",
+        ),
         ("[log.contour]", "[log.contour", "not valid TOML"),
     ],
 )
-def test_unusable_tables_are_refused_naming_file_key_and_mend(folder: Path, old: str, new: str, words: str) -> None:
+def test_unusable_tables_are_refused_naming_file_key_and_mend(
+    folder: Path, old: str, new: str, words: str
+) -> None:
     index = folder / "campaign.toml"
     text = index.read_text()
     assert old in text

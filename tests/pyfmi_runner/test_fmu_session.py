@@ -14,11 +14,11 @@ import pytest
 from numba import njit, types
 from numba.extending import intrinsic
 
+from modelica_fmu.errors import InputError, RunError
 from pyfmi_runner import fmu_file
-from pyfmi_runner.errors import InputError, RunError
 from pyfmi_runner.fmu import LEGAL, FmuFile, FmuSession
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "build" / "stub"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "modelica_fmu" / "stub"))
 from stub_model import stub_fmu
 
 
@@ -44,10 +44,24 @@ def cache(tmp_path_factory, monkeypatch) -> Path:
 
 def test_the_description_is_read(file):
     d = file.description
-    assert (d.model, d.states, d.outputs) == ("Stub.Ball", ("ball.h", "ball.v"), ("y", "a", "bounces"))
-    assert (d.derivatives, d.n_indicators, d.default_stop) == (("der(ball.h)", "der(ball.v)"), 1, 3.0)
+    assert (d.model, d.states, d.outputs) == (
+        "Stub.Ball",
+        ("ball.h", "ball.v"),
+        ("y", "a", "bounces"),
+    )
+    assert (d.derivatives, d.n_indicators, d.default_stop) == (
+        ("der(ball.h)", "der(ball.v)"),
+        1,
+        3.0,
+    )
     mass, medium, force = (file.variables[name] for name in ("m", "medium", "f"))
-    assert (mass.unit, mass.min, mass.max, mass.start, mass.description) == ("kg", 0.1, 100.0, 1.0, "Mass")
+    assert (mass.unit, mass.min, mass.max, mass.start, mass.description) == (
+        "kg",
+        0.1,
+        100.0,
+        1.0,
+        "Mass",
+    )
     assert (mass.causality, mass.variability, mass.is_real) == ("parameter", "fixed", True)
     assert dict(medium.literals) == {"vacuum": 1, "air": 2}
     assert (force.causality, force.min, force.max, force.unit) == ("input", -50.0, 50.0, "N")
@@ -62,9 +76,14 @@ def test_it_is_unpacked_once_to_a_folder_named_by_its_content(file, cache):
     assert [p.name for p in folder.parent.iterdir() if p.name.startswith("unpack-")] == []
 
 
-def archive_with(path: Path, target: Path, changes: dict[str, bytes | None], **infos: zipfile.ZipInfo) -> Path:
+def archive_with(
+    path: Path, target: Path, changes: dict[str, bytes | None], **infos: zipfile.ZipInfo
+) -> Path:
     """A copy of an FMU with members added, replaced or (None) left out."""
-    with zipfile.ZipFile(path) as source, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as copy:
+    with (
+        zipfile.ZipFile(path) as source,
+        zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as copy,
+    ):
         for name in source.namelist():
             if name not in changes:
                 copy.writestr(name, source.read(name))
@@ -82,11 +101,11 @@ def described(path: Path, target: Path, old: str, new: str) -> Path:
 
 
 def refusal(path: Path) -> str:
-    """The one line an unusable file is refused with; it names the file and a mend."""
+    """The one line an unusable file is refused with; it names the file and a hint."""
     with pytest.raises(InputError) as caught:
         FmuFile.read(path).unpack()
     assert str(caught.value).startswith(f"{path}: ")
-    assert caught.value.mend
+    assert caught.value.hint
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -99,7 +118,9 @@ def test_a_missing_truncated_or_foreign_file_is_refused(path, tmp_path):
     for size in (100, len(data) // 2, len(data) - 1):
         (tmp_path / "cut.fmu").write_bytes(data[:size])
         assert "not a zip archive, or a truncated one" in refusal(tmp_path / "cut.fmu")
-    assert "modelDescription.xml is missing" in refusal(archive_with(path, tmp_path / "x.fmu", {"modelDescription.xml": None}))
+    assert "modelDescription.xml is missing" in refusal(
+        archive_with(path, tmp_path / "x.fmu", {"modelDescription.xml": None})
+    )
 
 
 def test_flipped_bytes_are_refused_or_harmless(path, tmp_path):
@@ -114,7 +135,9 @@ def test_flipped_bytes_are_refused_or_harmless(path, tmp_path):
             FmuFile.read(target).unpack()
 
 
-@pytest.mark.parametrize("name", ["../evil", "/etc/evil", "a/../../evil", "..\\evil", "C:/evil", "binaries/../../evil"])
+@pytest.mark.parametrize(
+    "name", ["../evil", "/etc/evil", "a/../../evil", "..\\evil", "C:/evil", "binaries/../../evil"]
+)
 def test_a_member_outside_the_folder_is_refused(path, tmp_path, name):
     bad = archive_with(path, tmp_path / "slip.fmu", {name: b"evil"})
     assert f"{name}: this path leaves the folder" in refusal(bad)
@@ -124,7 +147,9 @@ def test_a_member_outside_the_folder_is_refused(path, tmp_path, name):
 def test_links_duplicates_and_bombs_are_refused(path, tmp_path, monkeypatch):
     link = zipfile.ZipInfo("link")
     link.external_attr = (stat.S_IFLNK | 0o777) << 16
-    assert "symbolic links" in refusal(archive_with(path, tmp_path / "link.fmu", {"link": b"/etc/passwd"}, link=link))
+    assert "symbolic links" in refusal(
+        archive_with(path, tmp_path / "link.fmu", {"link": b"/etc/passwd"}, link=link)
+    )
     twice = tmp_path / "twice.fmu"
     with zipfile.ZipFile(twice, "w") as archive:
         archive.writestr("a", b"1")
@@ -141,7 +166,9 @@ def test_hostile_xml_is_refused_and_not_expanded(path, tmp_path):
     lol = "".join(f'<!ENTITY l{k + 1} "{f"&l{k};" * 10}">' for k in range(9))
     doctype = f'<!DOCTYPE x [<!ENTITY l0 "lol">{lol}<!ENTITY f SYSTEM "file:///etc/passwd">]>'
     for entity in ("&l9;", "&f;", ""):
-        bad = described(path, tmp_path / "x.fmu", "<fmiModelDescription", f"{doctype}<fmiModelDescription")
+        bad = described(
+            path, tmp_path / "x.fmu", "<fmiModelDescription", f"{doctype}<fmiModelDescription"
+        )
         bad = described(bad, tmp_path / "y.fmu", "<LogCategories>", f"<LogCategories>{entity}")
         assert "modelDescription.xml: " in refusal(bad)
 
@@ -149,25 +176,43 @@ def test_hostile_xml_is_refused_and_not_expanded(path, tmp_path):
 def test_a_wrong_description_names_what_is_wrong(path, tmp_path):
     target = tmp_path / "x.fmu"
     assert "not well-formed XML" in refusal(described(path, target, "</fmiModelDescription>", ""))
-    assert "fmiVersion: FMI version '1.0'" in refusal(described(path, target, "fmiVersion=", 'fmiVersion="1.0" x='))
+    assert "fmiVersion: FMI version '1.0'" in refusal(
+        described(path, target, "fmiVersion=", 'fmiVersion="1.0" x=')
+    )
     assert "m: line" in refusal(described(path, target, 'min="0.1"', 'min="low"'))
-    assert "modelIdentifier: '../../x' is no C identifier" in refusal(described(path, target, '"Stub_Ball"', '"../../x"'))
-    assert "ModelVariables: two variables have the same name" in refusal(described(path, target, 'name="e"', 'name="k"'))
-    assert "lacks the attribute modelName" in refusal(described(path, target, "modelName=", "model="))
+    assert "modelIdentifier: '../../x' is no C identifier" in refusal(
+        described(path, target, '"Stub_Ball"', '"../../x"')
+    )
+    assert "ModelVariables: two variables have the same name" in refusal(
+        described(path, target, 'name="e"', 'name="k"')
+    )
+    assert "lacks the attribute modelName" in refusal(
+        described(path, target, "modelName=", "model=")
+    )
 
 
 def test_an_fmu_without_a_binary_for_this_machine_says_what_it_has(path, tmp_path):
     file = FmuFile.read(path)
     with zipfile.ZipFile(path) as archive:
         (binary,) = (name for name in archive.namelist() if name.startswith("binaries/"))
-    other = archive_with(path, tmp_path / "x.fmu", {binary: None, "binaries/amiga/Stub_Ball.so": b"x"})
-    with pytest.raises(InputError, match=r"no binary for this machine.*the FMU has amiga; build it with"):
+    other = archive_with(
+        path, tmp_path / "x.fmu", {binary: None, "binaries/amiga/Stub_Ball.so": b"x"}
+    )
+    with pytest.raises(
+        InputError, match=r"no binary for this machine.*the FMU has amiga; build it with"
+    ):
         FmuFile.read(other).library("cs")
     broken = archive_with(path, tmp_path / "y.fmu", {binary: b"no library"})
-    with pytest.raises(InputError, match=r"the shared library cannot be loaded"), FmuSession(broken):
+    with (
+        pytest.raises(InputError, match=r"the shared library cannot be loaded"),
+        FmuSession(broken),
+    ):
         pass
     token = described(path, tmp_path / "z.fmu", file.description.token, "{other}")
-    with pytest.raises(InputError, match=r"cannot be instantiated: .*token {other} does not match"), FmuSession(token):
+    with (
+        pytest.raises(InputError, match=r"cannot be instantiated: .*token {other} does not match"),
+        FmuSession(token),
+    ):
         pass
 
 
@@ -187,7 +232,9 @@ def test_a_file_pickles(file):
 
 
 def test_a_session_steps_and_reads_every_type(file):
-    with FmuSession(file, parameters={"m": 2.0, "medium": "vacuum", "n": 2, "on": True, "f": 5.0}) as fmu:
+    with FmuSession(
+        file, parameters={"m": 2.0, "medium": "vacuum", "n": 2, "on": True, "f": 5.0}
+    ) as fmu:
         assert fmu.get("weight") == 19.62
         assert (fmu.get("medium"), fmu.get("n"), fmu.get("on")) == (1, 2, True)
         assert isinstance(fmu.get("on"), bool)
@@ -237,7 +284,9 @@ def test_the_table_of_legal_calls_is_kept(file):
 
 
 def check_illegal(fmu: FmuSession, method: str, phase: str, arguments: dict) -> None:
-    with pytest.raises(RunError, match=f"^{method} is not possible while the FMU session is {phase}; possible: "):
+    with pytest.raises(
+        RunError, match=f"^{method} is not possible while the FMU session is {phase}; possible: "
+    ):
         getattr(fmu, method)(*arguments.get(method, ()))
 
 
@@ -266,7 +315,9 @@ def test_names_are_checked_and_the_nearest_is_offered(file):
     with FmuSession(file) as fmu:
         with pytest.raises(InputError, match=r"wieght: no such variable; did you mean weight"):
             fmu.get("wieght")
-        with pytest.raises(InputError, match=r"m: cannot be set while the FMU runs; give it to reset\(parameters="):
+        with pytest.raises(
+            InputError, match=r"m: cannot be set while the FMU runs; give it to reset\(parameters="
+        ):
             fmu.set("m", 1.0)
         fmu.step(1e-3)  # none of this reached the FMU
 
@@ -312,7 +363,10 @@ def test_an_error_of_the_fmu_is_a_run_error_with_its_message_and_reset_mends_it(
     with FmuSession(file, stop_time=1.0) as fmu:
         fmu.step(0.5)
         saved = fmu.save_state()
-        with pytest.raises(RunError, match=r"Stub.fmu at t = 0.5 s: fmi\dDoStep: a step to 1.5 s passes the stop time"):
+        with pytest.raises(
+            RunError,
+            match=r"Stub.fmu at t = 0.5 s: fmi\dDoStep: a step to 1.5 s passes the stop time",
+        ):
             fmu.step(1.0)
         assert fmu.get("time") == 0.5
         fmu.load_state(saved)
@@ -427,9 +481,13 @@ def _call_do_step(typing_context, address, component, time, step):
 
         pointer = ir.IntType(8).as_pointer()
         kinds = [pointer, ir.DoubleType(), ir.DoubleType(), ir.IntType(32)]
-        function = builder.inttoptr(arguments[0], ir.FunctionType(ir.IntType(32), kinds).as_pointer())
+        function = builder.inttoptr(
+            arguments[0], ir.FunctionType(ir.IntType(32), kinds).as_pointer()
+        )
         component_pointer = builder.inttoptr(arguments[1], pointer)
-        return builder.call(function, [component_pointer, arguments[2], arguments[3], ir.IntType(32)(0)])
+        return builder.call(
+            function, [component_pointer, arguments[2], arguments[3], ir.IntType(32)(0)]
+        )
 
     return types.int32(types.int64, types.int64, types.float64, types.float64), generate
 
@@ -449,7 +507,10 @@ def test_compiled_code_steps_the_instance_through_its_addresses():
         for k in range(700):
             slow.step(1e-3, time=k * 1e-3)
         assert fmu.get("ball.h") == slow.get("ball.h")
-    with FmuSession(stub_fmu("3.0")) as fmu, pytest.raises(InputError, match=r"compiled loops need FMI 2.0"):
+    with (
+        FmuSession(stub_fmu("3.0")) as fmu,
+        pytest.raises(InputError, match=r"compiled loops need FMI 2.0"),
+    ):
         fmu.raw()
 
 

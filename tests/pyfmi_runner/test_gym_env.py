@@ -16,8 +16,8 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from controllers.interface import Reference, Sense  # noqa: E402
 from controllers.pi_fv import PiFv  # noqa: E402
+from modelica_fmu.errors import InputError, RunError  # noqa: E402
 from pyfmi_runner.build import build_fmu  # noqa: E402
-from pyfmi_runner.errors import InputError, RunError  # noqa: E402
 from pyfmi_runner.fmu import FmuFile  # noqa: E402
 from pyfmi_runner.gym_env import ENV_ID, GantryEnv  # noqa: E402
 from pyfmi_runner.log import MEASURED  # noqa: E402
@@ -25,8 +25,15 @@ from pyfmi_runner.run import run_scenario  # noqa: E402
 from pyfmi_runner.scenario import Scenario  # noqa: E402
 from pyfmi_runner.sensors import SensorParams  # noqa: E402
 
-PHASES = {"approach": (0.0, 0.3), "contact": (0.3, 0.6), "contour": (0.6, 1.0), "retreat": (1.0, 1.2)}
-QUIET = Scenario(workpiece="straight", start_z=0.039, phases=PHASES, sensors=SensorParams(noise=False))
+PHASES = {
+    "approach": (0.0, 0.3),
+    "contact": (0.3, 0.6),
+    "contour": (0.6, 1.0),
+    "retreat": (1.0, 1.2),
+}
+QUIET = Scenario(
+    workpiece="straight", start_z=0.039, phases=PHASES, sensors=SensorParams(noise=False)
+)
 
 
 @pytest.fixture
@@ -56,7 +63,9 @@ def test_gymnasium_makes_it_and_its_checker_passes() -> None:
     assert made.spec.id == ENV_ID
     with warnings.catch_warnings():
         warnings.filterwarnings("error")
-        warnings.filterwarnings("ignore", message=".*symmetric and normalized space.*")  # the action is volts
+        warnings.filterwarnings(
+            "ignore", message=".*symmetric and normalized space.*"
+        )  # the action is volts
         check_env(made.unwrapped)
     made.close()
 

@@ -1,4 +1,6 @@
-"""Logs: what is written comes back, what is wrong is refused in one line, what is suspicious is said."""
+"""Logs: what is written comes back, what is wrong is refused in one line, what is suspicious is
+said.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +13,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from modelica_fmu.errors import InputError
 from pyfmi_runner import log as log_module
-from pyfmi_runner.errors import InputError
-from pyfmi_runner.log import MEASURED, REQUIRED, SIGMA, Log, check_table, log_warnings, read_log, write_log
+from pyfmi_runner.log import (
+    MEASURED,
+    REQUIRED,
+    SIGMA,
+    Log,
+    check_table,
+    log_warnings,
+    read_log,
+    write_log,
+)
 
 CAMPAIGNS = Path(__file__).resolve().parents[3] / "shared" / "campaigns"
 
@@ -26,7 +37,10 @@ def sound_log(rows: int = 3000, seed: int = 1) -> Log:
     table["x"], table["v_x"] = 0.5 + 0.2 * np.cos(time), -0.2 * np.sin(time)
     table["z"], table["v_z"] = 0.05 - 0.04 * np.cos(2 * time), 0.08 * np.sin(2 * time)
     table["f_z"] = np.where(time > time[-1] / 2, 30.0, 0.0)
-    table["f_ax"], table["f_az"] = -30.0 * (1 - np.exp(-time / 0.3)), 40.0 * (1 - np.exp(-time / 0.15))
+    table["f_ax"], table["f_az"] = (
+        -30.0 * (1 - np.exp(-time / 0.3)),
+        40.0 * (1 - np.exp(-time / 0.15)),
+    )
     noise = np.random.default_rng(seed).standard_normal((rows, 8))
     for k, name in enumerate(MEASURED):
         table[name] += SIGMA[name] * noise[:, k]
@@ -34,12 +48,21 @@ def sound_log(rows: int = 3000, seed: int = 1) -> Log:
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".csv"])
-@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=15,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(
     st.lists(st.floats(0.0, 5.0), min_size=10, max_size=30),
     st.dictionaries(
-        st.text(st.characters(codec="utf-8"), min_size=1, max_size=12).filter(lambda key: key != "units"),
-        st.recursive(st.none() | st.booleans() | st.integers() | st.text(max_size=8), st.lists, max_leaves=4),
+        st.text(st.characters(codec="utf-8"), min_size=1, max_size=12).filter(
+            lambda key: key != "units"
+        ),
+        st.recursive(
+            st.none() | st.booleans() | st.integers() | st.text(max_size=8), st.lists, max_leaves=4
+        ),
         max_size=3,
     ),
 )
@@ -61,7 +84,9 @@ def test_unknown_columns_are_kept_and_phase_names_become_codes() -> None:
     assert (checked["phase"] == 2.0).all()
 
 
-def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_write_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = write_log(sound_log(), tmp_path / "a.parquet")
     before = path.read_bytes()
 
@@ -99,7 +124,10 @@ REFUSED: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], list[str]]] = {
     "double rate": (scaled("time", 0.5), ["time", "2000 Hz", "every 2"]),
     "milliseconds": (scaled("time", 1e3), ["time", "divide column time by 1000"]),
     "gap": (lambda t: t.drop(index=range(100, 150)), ["time", "row 100", "gap", "51 ms"]),
-    "repeated row": (lambda t: t.iloc[[*range(50), *range(49, 3000)]], ["time", "row 50", "increase"]),
+    "repeated row": (
+        lambda t: t.iloc[[*range(50), *range(49, 3000)]],
+        ["time", "row 50", "increase"],
+    ),
     "z in mm": (scaled("z", 1e3), ["z", "divide column z by 1000"]),
     "x in mm": (scaled("x", 1e3), ["x", "divide column x by 1000"]),
     "v_x in mm/s": (scaled("v_x", 1e3), ["v_x", "divide column v_x by 1000"]),
@@ -112,7 +140,10 @@ REFUSED: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], list[str]]] = {
     "x and z swapped": (lambda t: t.rename(columns={"x": "z", "z": "x"}), ["swap columns x and z"]),
     "too short": (lambda t: t.iloc[:3], ["3 rows"]),
     "column twice": (lambda t: pd.concat([t, t[["z"]]], axis=1), ["z", "twice"]),
-    "beyond a float": (lambda t: t.astype({"z": object}).pipe(put("z", 4, 10**400)), ["z", "row 4", "infinite"]),
+    "beyond a float": (
+        lambda t: t.astype({"z": object}).pipe(put("z", 4, 10**400)),
+        ["z", "row 4", "infinite"],
+    ),
     "lists": (lambda t: t.assign(phase=[[1.0]] * len(t)), ["phase", "row 0", "not a number"]),
 }
 
@@ -154,7 +185,9 @@ def test_unreadable_files_are_refused_in_one_line(tmp_path: Path) -> None:
     for name in ("a\0.csv", "a" * 300 + ".csv"):
         with pytest.raises(InputError, match="cannot be read"):
             read_log(tmp_path / name)
-    (tmp_path / "more.csv").write_text(",".join(REQUIRED) + "\n" + f'{"0," * len(REQUIRED)}"a",1\n' * 20)
+    (tmp_path / "more.csv").write_text(
+        ",".join(REQUIRED) + "\n" + f'{"0," * len(REQUIRED)}"a",1\n' * 20
+    )
     with pytest.raises(InputError, match="not a readable table"):
         read_log(tmp_path / "more.csv")
     with pytest.raises(InputError, match="is a folder"):
@@ -166,7 +199,9 @@ def test_unreadable_files_are_refused_in_one_line(tmp_path: Path) -> None:
 def test_semicolons_and_tabs_separate_too(tmp_path: Path) -> None:
     text = write_log(sound_log(), tmp_path / "a.csv").read_text()
     for mark in ";\t":
-        (tmp_path / "b.csv").write_text("".join(line.replace(",", mark) for line in text.splitlines(True)[2:]))
+        (tmp_path / "b.csv").write_text(
+            "".join(line.replace(",", mark) for line in text.splitlines(True)[2:])
+        )
         pd.testing.assert_frame_equal(read_log(tmp_path / "b.csv").table, sound_log().table)
 
 
@@ -174,17 +209,29 @@ SUSPICIOUS: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], str]] = {
     "stuck": (lambda t: t.assign(f_ax=t.f_ax.where(t.time < 2, t.f_ax[2000])), "f_ax holds"),
     "dead": (lambda t: t.assign(f_x=0.0), "f_x reads 0 N throughout"),
     "clipped": (lambda t: t.assign(f_z=t.f_z.clip(upper=25.0)), "f_z looks clipped at 25"),
-    "forces swapped": (lambda t: t.rename(columns={"f_x": "f_z", "f_z": "f_x"}), "f_x and f_z swapped"),
+    "forces swapped": (
+        lambda t: t.rename(columns={"f_x": "f_z", "f_z": "f_x"}),
+        "f_x and f_z swapped",
+    ),
     "force reversed": (lambda t: t.assign(f_z=-t.f_z), "f_z is negative"),
-    "actuators swapped": (lambda t: t.rename(columns={"f_ax": "f_az", "f_az": "f_ax"}), "f_ax and f_az swapped"),
+    "actuators swapped": (
+        lambda t: t.rename(columns={"f_ax": "f_az", "f_az": "f_ax"}),
+        "f_ax and f_az swapped",
+    ),
     "actuator reversed": (lambda t: t.assign(f_ax=-t.f_ax), "f_ax is positive"),
-    "speeds swapped": (lambda t: t.rename(columns={"v_x": "v_z", "v_z": "v_x"}), "v_x and v_z swapped"),
+    "speeds swapped": (
+        lambda t: t.rename(columns={"v_x": "v_z", "v_z": "v_x"}),
+        "v_x and v_z swapped",
+    ),
     "speed reversed": (lambda t: t.assign(v_x=-t.v_x), "v_x runs against"),
     "speed scaled": (lambda t: t.assign(v_z=2 * t.v_z), "v_z is 2 times"),
     "speed offset": (lambda t: t.assign(v_x=t.v_x + 0.03), "v_x reads +0.03"),
     "force offset": (lambda t: t.assign(f_x=t.f_x + 1.0), "f_x starts at"),
     "position offset": (lambda t: t.assign(z=t.z - 0.015), "z spans"),
-    "cut start": (lambda t: t.iloc[1000:].assign(time=t.time[:2000].to_numpy()).reset_index(drop=True), "at rest"),
+    "cut start": (
+        lambda t: t.iloc[1000:].assign(time=t.time[:2000].to_numpy()).reset_index(drop=True),
+        "at rest",
+    ),
 }
 
 

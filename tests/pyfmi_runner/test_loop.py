@@ -1,4 +1,6 @@
-"""Both loops: the same bits, replay from a saved state, a run that fails or is cancelled, provenance."""
+"""Both loops: the same bits, replay from a saved state, a run that fails or is cancelled,
+provenance.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ from numba.extending import register_jitable
 from controllers.catalogue import controller_names
 from controllers.interface import Command, Controller, Reference, Sense
 from controllers.pi_fv import PiFv
-from pyfmi_runner.errors import InputError
+from modelica_fmu.errors import InputError
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, Log, read_log, write_log
 from pyfmi_runner.plant import COMMANDS, OUTPUTS
@@ -28,9 +30,12 @@ from pyfmi_runner.timing import LoopTiming
 
 # In contact from 0.3 s on: the piston starts 2 mm off the edge
 SHORT = Scenario(
-    name="short", workpiece="straight", start_z=0.038, seed=3,
+    name="short",
+    workpiece="straight",
+    start_z=0.038,
+    seed=3,
     phases={"approach": (0.0, 0.4), "contact": (0.4, 0.7), "contour": (0.7, 1.2)},
-)  # fmt: skip
+)
 LONGER = {"approach": (0.0, 0.4), "contact": (0.4, 0.7), "contour": (0.7, 3.0)}
 RETREAT = replace(SHORT, phases={**SHORT.phases, "retreat": (1.2, 1.5)})
 
@@ -70,7 +75,13 @@ CASES = {
     "retreat": RETREAT,
     "z clamped, too": replace(SHORT, clamped=("x", "z until contour")),
     "other friction, play and transport delay": replace(
-        SHORT, plant={"axis_z.friction.law": 4.0, "axis_x.friction.law": 3.0, "valve_z.play": 0.05, "valve_x.delay_time": 0.012}
+        SHORT,
+        plant={
+            "axis_z.friction.law": 4.0,
+            "axis_x.friction.law": 3.0,
+            "valve_z.play": 0.05,
+            "valve_x.delay_time": 0.012,
+        },
     ),
 }
 
@@ -86,8 +97,21 @@ def test_the_compiled_loop_gives_the_bits_of_the_python_loop(case: str, gantry: 
 def test_the_loops_agree_on_a_profile_of_the_user(gantry: FmuFile, tmp_path: Path) -> None:
     x = np.linspace(0.2, 1.0, 81)
     edge = tmp_path / "edge.csv"
-    edge.write_text("x,z_w\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x.tolist(), (0.004 * np.sin(20 * x)).tolist(), strict=True)))
-    scenario = replace(SHORT, workpiece=str(edge), standoff=0.042, start_z=0.036, surface_finish=True, phases=LONGER)
+    edge.write_text(
+        "x,z_w\n"
+        + "".join(
+            f"{a!r},{b!r}\n"
+            for a, b in zip(x.tolist(), (0.004 * np.sin(20 * x)).tolist(), strict=True)
+        )
+    )
+    scenario = replace(
+        SHORT,
+        workpiece=str(edge),
+        standoff=0.042,
+        start_z=0.036,
+        surface_finish=True,
+        phases=LONGER,
+    )
     compiled, python = both(scenario, gantry)
     assert bits(compiled) == bits(python)
     contour = compiled["phase"] == 2
@@ -110,8 +134,12 @@ def test_the_seed_decides_the_run(gantry: FmuFile) -> None:
 
 
 def test_a_delay_shifts_what_acts(gantry: FmuFile) -> None:
-    """The log's command is the one that acts from t_k on: a delay of three samples shifts it by three."""
-    none, three = (run_scenario(replace(SHORT, timing=LoopTiming(delay=d)), gantry).log for d in (0.0, 0.003))
+    """The log's command is the one that acts from t_k on: a delay of three samples shifts it by
+    three.
+    """
+    none, three = (
+        run_scenario(replace(SHORT, timing=LoopTiming(delay=d)), gantry).log for d in (0.0, 0.003)
+    )
     start = 400  # the contact phase begins: up to there both are the same
     assert np.array_equal(none["u_z"][:start], three["u_z"][:start])
     assert none["u_z"][start] == three["u_z"][start + 3]
@@ -122,10 +150,24 @@ def test_a_delay_shifts_what_acts(gantry: FmuFile) -> None:
 
 
 @settings(max_examples=25, deadline=None)
-@given(steps=st.integers(0, 900), ahead=st.integers(1, 300), serialised=st.booleans(), seed=st.integers(0, 99))
-def test_a_loaded_state_replays_bit_for_bit(steps: int, ahead: int, serialised: bool, seed: int, gantry: FmuFile) -> None:
-    """After any number of steps, in memory and through bytes, with play, transport delay and displacement-dependent friction on."""
-    plant = {"contact.z_0": 0.001, "valve_z.play": 0.02, "valve_z.delay_time": 0.0075, "axis_z.friction.law": 3.0}
+@given(
+    steps=st.integers(0, 900),
+    ahead=st.integers(1, 300),
+    serialised=st.booleans(),
+    seed=st.integers(0, 99),
+)
+def test_a_loaded_state_replays_bit_for_bit(
+    steps: int, ahead: int, serialised: bool, seed: int, gantry: FmuFile
+) -> None:
+    """After any number of steps, in memory and through bytes, with play, transport delay and
+    displacement-dependent friction on.
+    """
+    plant = {
+        "contact.z_0": 0.001,
+        "valve_z.play": 0.02,
+        "valve_z.delay_time": 0.0075,
+        "axis_z.friction.law": 3.0,
+    }
     commands = np.random.default_rng(seed).uniform(0.6, 1.4, (steps + ahead, 2))
 
     def drive(fmu: FmuSession, start: int, stop: int) -> bytes:
@@ -156,7 +198,9 @@ class Nothing(NamedTuple):
 
 
 @register_jitable
-def faulty_kernel(params: Nothing, state: Count, reference: Reference, sense: Sense) -> tuple[Count, Command]:
+def faulty_kernel(
+    params: Nothing, state: Count, reference: Reference, sense: Sense
+) -> tuple[Count, Command]:
     return Count(state.samples + 1.0), Command(0.8, math.nan if state.samples == 100.0 else 1.0)
 
 
@@ -173,7 +217,9 @@ class Faulty(Controller[Nothing, Count]):
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-def test_a_failing_run_keeps_its_log_and_says_why(compiled: bool, gantry: FmuFile, tmp_path: Path) -> None:
+def test_a_failing_run_keeps_its_log_and_says_why(
+    compiled: bool, gantry: FmuFile, tmp_path: Path
+) -> None:
     result = run_scenario(SHORT, gantry, compiled=compiled, controller=Faulty())
     assert result.outcome == "failed"
     assert "u_z = nan is refused" in result.reason
@@ -185,13 +231,17 @@ def test_a_failing_run_keeps_its_log_and_says_why(compiled: bool, gantry: FmuFil
     assert np.isfinite(result.log.measured()).all()
     assert result.log.provenance["outcome"] == "failed"
     assert result.log.provenance["reason"] == result.reason
-    cut = Log(result.log.table[:500], "cut", result.log.provenance)  # without the NaN command the log reads back
+    cut = Log(
+        result.log.table[:500], "cut", result.log.provenance
+    )  # without the NaN command the log reads back
     assert len(read_log(write_log(cut, tmp_path / "cut.parquet"))) == 500
 
 
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_cancelled_run_keeps_its_log(compiled: bool, gantry: FmuFile) -> None:
-    long = replace(SHORT, phases={"approach": (0.0, 0.4), "contact": (0.4, 0.7), "contour": (0.7, 6.0)})
+    long = replace(
+        SHORT, phases={"approach": (0.0, 0.4), "contact": (0.4, 0.7), "contour": (0.7, 6.0)}
+    )
     told: list[tuple[int, int]] = []
 
     def until_half(done: int, total: int) -> bool:
@@ -214,14 +264,18 @@ class Undecorated(Faulty):
 
 
 def test_a_kernel_that_cannot_be_compiled_is_refused_by_name(gantry: FmuFile) -> None:
-    with pytest.raises(InputError, match=r"Undecorated: its kernel cannot be compiled .*register_jitable") as caught:
+    with pytest.raises(
+        InputError, match=r"Undecorated: its kernel cannot be compiled .*register_jitable"
+    ) as caught:
         run_scenario(SHORT, gantry, controller=Undecorated())
     assert "\n" not in str(caught.value)
     assert run_scenario(SHORT, gantry, controller=Undecorated(), compiled=False).outcome == "done"
 
 
 def test_a_scenario_that_names_something_wrongly_is_refused(gantry: FmuFile) -> None:
-    with pytest.raises(InputError, match=r"contact\.K_d: no such variable; did you mean contact\.K_c"):
+    with pytest.raises(
+        InputError, match=r"contact\.K_d: no such variable; did you mean contact\.K_c"
+    ):
         run_scenario(replace(SHORT, plant={"contact.K_d": 1.0}), gantry)
     with pytest.raises(InputError, match=r"controller: unknown controller 'pi_fw'"):
         run_scenario(replace(SHORT, controller="pi_fw"), gantry)
@@ -244,8 +298,19 @@ def test_a_log_says_all_that_its_run_came_from(gantry: FmuFile, tmp_path: Path) 
         again = scenario_from(tomllib.loads(said["scenario"]))
         assert again == scenario
         assert bits(run_scenario(again, gantry).log) == bits(back)
-    assert list(log.table.columns) == ["time", "u_x", "u_z", *MEASURED, "f_nd", "v_td", "theta", "phase"]
+    assert list(log.table.columns) == [
+        "time",
+        "u_x",
+        "u_z",
+        *MEASURED,
+        "f_nd",
+        "v_td",
+        "theta",
+        "phase",
+    ]
 
 
 def test_the_default_controller_is_the_thesis_own(gantry: FmuFile) -> None:
-    assert bits(run_scenario(SHORT, gantry).log) == bits(run_scenario(SHORT, gantry, controller=PiFv(gains="table_4_6")).log)
+    assert bits(run_scenario(SHORT, gantry).log) == bits(
+        run_scenario(SHORT, gantry, controller=PiFv(gains="table_4_6")).log
+    )

@@ -1,4 +1,6 @@
-"""Command replay and block replay: of the recorded campaigns, and of campaigns measured on the independent truth plant."""
+"""Command replay and block replay: of the recorded campaigns, and of campaigns measured on the
+independent truth plant.
+"""
 
 from __future__ import annotations
 
@@ -8,38 +10,58 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from modelica_fmu.errors import InputError
+from pneugantry.truth import campaign as truth
+from pneugantry.truth.case import plan_case
+from pneugantry.truth.parameters import Rig, nominal
+from pneugantry.truth.setups import campaign_setups
 from pyfmi_runner.blocks import BLOCKS, BlockReplayer, noisy_copy
-from pyfmi_runner.build import ROOT, build_fmu
+from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, read_campaign, setup_from
-from pyfmi_runner.errors import InputError
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED
 from pyfmi_runner.replay import SIGMAS, Gaps, Replayer, channel_gaps
 from pyfmi_runner.run import RunResult, run_scenario
 from pyfmi_runner.scenario import Scenario
-from studies.truth import campaign as truth
-from studies.truth.case import plan_case
-from studies.truth.parameters import Rig, nominal
-from studies.truth.setups import campaign_setups
+
+ROOT = Path(__file__).resolve().parents[2]
 
 SHARED = ROOT.parent / "shared" / "campaigns"
-recorded = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/campaigns is not on this machine")
+recorded = pytest.mark.skipif(
+    not SHARED.is_dir(), reason="../shared/campaigns is not on this machine"
+)
 FLOOR = 1.03  # of a correct plant, on every channel
-SEVEN = ("valve_steps_1000", "valve_steps_500", "valve_steps_0", "free_motion", "contact_steps", "contour_straight", "contour_curved")
+SEVEN = (
+    "valve_steps_1000",
+    "valve_steps_500",
+    "valve_steps_0",
+    "free_motion",
+    "contact_steps",
+    "contour_straight",
+    "contour_curved",
+)
 
 
 def gaps(campaign: Campaign, fmu: FmuFile) -> dict[str, Gaps]:
     with Replayer(fmu) as plant:
-        return {name: channel_gaps(run.log.measured(), plant.simulate(run)) for name, run in campaign.logs.items()}
+        return {
+            name: channel_gaps(run.log.measured(), plant.simulate(run))
+            for name, run in campaign.logs.items()
+        }
 
 
 def block_gaps(campaign: Campaign, fmu: FmuFile) -> dict[str, dict[str, dict[str, float]]]:
     with Replayer(fmu) as plant, BlockReplayer(fmu) as blocks:
-        return {name: blocks.gaps(run, noisy_copy(run, plant.simulate(run))) for name, run in campaign.logs.items()}
+        return {
+            name: blocks.gaps(run, noisy_copy(run, plant.simulate(run)))
+            for name, run in campaign.logs.items()
+        }
 
 
 def measured_on(rig: Rig, folder: Path, names: tuple[str, ...] = SEVEN, seed: int = 5) -> Campaign:
-    """A campaign taken on a rig of the truth plant, which shares no line with the FMU or the runner."""
+    """A campaign taken on a rig of the truth plant, which shares no line with the FMU or the
+    runner.
+    """
     setups = {name: campaign_setups()[name] for name in names}
     truth.write(folder, truth.generate(rig, seed, setups), setups)
     return read_campaign(folder)
@@ -58,7 +80,9 @@ def test_the_nominal_campaign_replays_to_the_noise_floor(gantry: FmuFile) -> Non
         assert min(gap.channels.values()) > 0.97, name
 
 
-def test_a_campaign_of_the_truth_plant_replays_to_the_noise_floor(gantry: FmuFile, tmp_path: Path) -> None:
+def test_a_campaign_of_the_truth_plant_replays_to_the_noise_floor(
+    gantry: FmuFile, tmp_path: Path
+) -> None:
     for name, gap in gaps(measured_on(nominal(), tmp_path), gantry).items():
         assert max(gap.channels.values()) <= FLOOR, name
 
@@ -80,10 +104,18 @@ def logged(result: RunResult) -> LoggedRun:
     return LoggedRun(setup_from(result.log.provenance["setup"]), result.log)
 
 
-def test_a_run_on_a_profile_of_the_user_replays_to_its_own_noise(gantry: FmuFile, tmp_path: Path) -> None:
+def test_a_run_on_a_profile_of_the_user_replays_to_its_own_noise(
+    gantry: FmuFile, tmp_path: Path
+) -> None:
     x = np.linspace(0.0, 1.0, 101)
     edge = tmp_path / "edge.csv"
-    edge.write_text("x,z_w\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x.tolist(), (0.004 * np.sin(12 * x)).tolist(), strict=True)))
+    edge.write_text(
+        "x,z_w\n"
+        + "".join(
+            f"{a!r},{b!r}\n"
+            for a, b in zip(x.tolist(), (0.004 * np.sin(12 * x)).tolist(), strict=True)
+        )
+    )
     result = run_scenario(Scenario(workpiece=str(edge), seed=4), gantry)
     run = logged(result)
     with Replayer(gantry) as plant:
@@ -104,7 +136,9 @@ def test_the_gap_is_the_rms_in_sigmas_over_channels_and_time() -> None:
 
 def test_a_foreign_fmu_is_refused(gantry: FmuFile, tmp_path: Path) -> None:
     valve = FmuFile.read(build_fmu("PneuGantry.Valve", out=tmp_path).path)
-    with pytest.raises(InputError, match=r"u_x: is the FMU of PneuGantry\.Valve, which has no such variable"):
+    with pytest.raises(
+        InputError, match=r"u_x: is the FMU of PneuGantry\.Valve, which has no such variable"
+    ):
         Replayer(valve)
 
 
@@ -124,7 +158,8 @@ def test_every_block_of_a_recorded_campaign_is_judged(name: str, gantry: FmuFile
 def test_on_the_nominal_rig_every_block_is_at_its_floor(gantry: FmuFile, tmp_path: Path) -> None:
     for name, entry in block_gaps(measured_on(nominal(), tmp_path), gantry).items():
         for block, found in entry.items():
-            # a window of the friction block that starts near break-away sticks or slides by the luck of its noise
+            # a window of the friction block that starts near break-away sticks or slides by the
+            # luck of its noise
             allowed = 3.0 if block.startswith("friction") else 1.25
             assert found["gap"] < allowed * found["floor"], (name, block)
 
@@ -138,7 +173,9 @@ def test_on_the_nominal_rig_every_block_is_at_its_floor(gantry: FmuFile, tmp_pat
         ("contact_stiffness", "", "contact", "contact_steps"),
     ],
 )
-def test_an_effect_shows_in_its_block_first(effect: str, axis: str, block: str, log: str, gantry: FmuFile, tmp_path: Path) -> None:
+def test_an_effect_shows_in_its_block_first(
+    effect: str, axis: str, block: str, log: str, gantry: FmuFile, tmp_path: Path
+) -> None:
     """Without tolerance the block with the largest gap over floor is the one that differs."""
     case = plan_case(11, effects=((effect, axis),), rms=0.0)
     (cause,) = case.causes

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pyfmi_runner.errors import InputError
+from modelica_fmu.errors import InputError
 from pyfmi_runner.scenario import Scenario, read_scenario, thesis_phases, write_scenario
 from pyfmi_runner.sensors import SensorParams
 from pyfmi_runner.timing import LoopTiming
@@ -26,14 +26,21 @@ SCENARIOS = st.builds(
     gains=TEXT | st.dictionaries(TEXT, VALUES, min_size=1, max_size=3),
     plant=st.dictionaries(TEXT, VALUES, max_size=3),
     sensors=st.tuples(st.booleans(), VALUES, st.floats(0.0, 1.0)).map(
-        lambda drawn: SensorParams(noise=drawn[0], bias_f_z=drawn[1], tau_v_x=drawn[2], quantum=(0.1,) * 8)
+        lambda drawn: SensorParams(
+            noise=drawn[0], bias_f_z=drawn[1], tau_v_x=drawn[2], quantum=(0.1,) * 8
+        )
     ),
     timing=st.floats(0.0, 0.01).map(lambda delay: LoopTiming(delay=delay)),
     seed=st.integers(0, 2**63),
 )
 
 
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=25,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(scenario=SCENARIOS)
 def test_a_scenario_survives_the_round_trip(tmp_path: Path, scenario: Scenario) -> None:
     write_scenario(scenario, tmp_path / "s.toml")
@@ -44,13 +51,19 @@ def test_an_empty_file_is_the_campaigns_curved_run(tmp_path: Path) -> None:
     (tmp_path / "plain.toml").write_text("")
     scenario = read_scenario(tmp_path / "plain.toml")
     assert scenario == Scenario(name="plain")
-    assert scenario.phases == {"approach": (0.0, 3.0), "contact": (3.0, 7.0), "contour": (7.0, 16.0)}
+    assert scenario.phases == {
+        "approach": (0.0, 3.0),
+        "contact": (3.0, 7.0),
+        "contour": (7.0, 16.0),
+    }
     assert (scenario.z_0, scenario.samples, scenario.noise) == (0.090, 16_000, True)
     assert scenario.windows("x")[0][1] == 7.0
     assert scenario.windows("z") == []
 
 
-@pytest.mark.parametrize(("workpiece", "length"), [("incline_16", 4.5), ("incline_30", 2.4), ("incline_7", 9.0)])
+@pytest.mark.parametrize(
+    ("workpiece", "length"), [("incline_16", 4.5), ("incline_30", 2.4), ("incline_7", 9.0)]
+)
 def test_contouring_ends_where_the_stroke_does(workpiece: str, length: float) -> None:
     start, end = Scenario(workpiece=workpiece).phases["contour"]
     assert end - start == pytest.approx(length)
@@ -93,8 +106,14 @@ def test_a_workpiece_file_is_taken_from_the_scenarios_folder(tmp_path: Path) -> 
         ('phases = "thesi"', "phases: unknown preset"),
         ("phases = { contour = [0, 3] }", "phases: contact is missing"),
         ("phases = { aproach = [0, 1] }", "phases.aproach: unknown key; did you mean approach"),
-        ("phases = { contact = [0, 3], contour = [4, 6] }", "phases.contour: starts at 4 s, expected 3 s"),
-        ("phases = { contact = [0, 3], contour = [2, 6] }", "phases.contour: starts at 2 s, before"),
+        (
+            "phases = { contact = [0, 3], contour = [4, 6] }",
+            "phases.contour: starts at 4 s, expected 3 s",
+        ),
+        (
+            "phases = { contact = [0, 3], contour = [2, 6] }",
+            "phases.contour: starts at 2 s, before",
+        ),
         ("phases = { contact = [3, 1] }", "phases.contact: ends at 1 s"),
         ('workpiece = "curvd"', "workpiece: unknown workpiece 'curvd'; did you mean curved"),
         ('workpiece = "no.csv"', "workpiece: no such file"),
@@ -102,7 +121,10 @@ def test_a_workpiece_file_is_taken_from_the_scenarios_folder(tmp_path: Path) -> 
         ('clamped = ["x until retreat"]', "clamped: .*no phase 'retreat'"),
         ("timing = { jitter = 0.0001 }", "timing: .*delay must be at least"),
         ("timing = { delay = 1e300 }", "timing: delay must be 0..600 s"),
-        ("timing = { period = 1e-6 }", "timing.period: gives 1.6e.07 samples, expected 5000000 or fewer"),
+        (
+            "timing = { period = 1e-6 }",
+            "timing.period: gives 1.6e.07 samples, expected 5000000 or fewer",
+        ),
         ("[sensors]\ntau_v_x = -1", "sensors: tau_v_x must be >= 0"),
         ("[sensors.sigma]\nq = 3", "sensors.sigma.q: unknown key"),
         ('[plant]\nm_x = "heavy"', "plant.m_x: is 'heavy'"),
@@ -112,7 +134,9 @@ def test_a_workpiece_file_is_taken_from_the_scenarios_folder(tmp_path: Path) -> 
         ("a = \nb = 1", "not valid TOML.*line 1"),
     ],
 )
-def test_unusable_scenarios_are_refused_naming_file_key_and_mend(tmp_path: Path, text: str, words: str) -> None:
+def test_unusable_scenarios_are_refused_naming_file_key_and_mend(
+    tmp_path: Path, text: str, words: str
+) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(text)
     with pytest.raises(InputError, match=words) as caught:

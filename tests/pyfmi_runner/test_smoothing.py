@@ -8,23 +8,35 @@ from pyfmi_runner.smoothing import smooth_axis
 DT = 1e-3
 
 
-def least_squares(position: np.ndarray, speed: np.ndarray, sigma_s: float, sigma_v: float) -> tuple[np.ndarray, np.ndarray]:
-    """Positions that fit all readings best, and their variances: each position read with sigma_s, each difference of neighbours with
-    sigma_v*dt as the mean of the two speeds says it. The first position is also known from its own reading, as the filter starts on it."""
+def least_squares(
+    position: np.ndarray, speed: np.ndarray, sigma_s: float, sigma_v: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions that fit all readings best, and their variances: each position read with sigma_s,
+    each difference of neighbours with sigma_v*dt as the mean of the two speeds says it. The first
+    position is also known from its own reading, as the filter starts on it.
+    """
     n = len(position)
     differences = (np.eye(n, k=1) - np.eye(n))[:-1]
     design = np.vstack([np.eye(n) / sigma_s, differences / (sigma_v * DT)])
-    seen = np.concatenate([position / sigma_s, 0.5 * DT * (speed[1:] + speed[:-1]) / (sigma_v * DT)])
+    seen = np.concatenate(
+        [position / sigma_s, 0.5 * DT * (speed[1:] + speed[:-1]) / (sigma_v * DT)]
+    )
     covariance = np.linalg.inv(design.T @ design)
     return covariance @ design.T @ seen, np.diag(covariance)
 
 
-def readings(n: int, sigma_s: float, sigma_v: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def readings(
+    n: int, sigma_s: float, sigma_v: float, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """True position, and both sensors; the motion is an oscillation of 3 mm."""
     rng = np.random.default_rng(seed)
     time = np.arange(n) * DT
     true = 0.003 * np.sin(20 * time)
-    return true, true + sigma_s * rng.standard_normal(n), 0.06 * np.cos(20 * time) + sigma_v * rng.standard_normal(n)
+    return (
+        true,
+        true + sigma_s * rng.standard_normal(n),
+        0.06 * np.cos(20 * time) + sigma_v * rng.standard_normal(n),
+    )
 
 
 @pytest.mark.parametrize(("sigma_s", "sigma_v"), [(1e-4, 5e-4), (3e-4, 1e-3), (1e-6, 0.1)])
@@ -42,7 +54,9 @@ def test_it_is_ten_times_as_exact_as_the_reading_and_says_so() -> None:
     found = smooth_axis(position, speed, sigma_s, sigma_v)
     error = float(np.std((found.position - true)[500:-500]))
     assert error < 0.1 * sigma_s
-    assert error == pytest.approx(found.sigma, rel=0.35)  # few independent samples: the correlation is long
+    assert error == pytest.approx(
+        found.sigma, rel=0.35
+    )  # few independent samples: the correlation is long
 
 
 def test_innovations_are_white_and_of_unit_size_where_the_sensors_agree() -> None:
@@ -54,7 +68,12 @@ def test_innovations_are_white_and_of_unit_size_where_the_sensors_agree() -> Non
 
 def test_a_tachometer_that_is_off_shows_in_the_innovations() -> None:
     _, position, speed = readings(8000, 1e-4, 5e-4, seed=2)
-    assert float(np.sqrt(np.mean(smooth_axis(position, speed + 0.005, 1e-4, 5e-4).innovation[200:] ** 2))) > 3
+    assert (
+        float(
+            np.sqrt(np.mean(smooth_axis(position, speed + 0.005, 1e-4, 5e-4).innovation[200:] ** 2))
+        )
+        > 3
+    )
 
 
 def test_an_axis_that_does_not_move_stays_where_it_is() -> None:

@@ -20,7 +20,9 @@ def test_fractions_of_a_millisecond_and_more_than_one_are_kept() -> None:
 
 @settings(max_examples=50, deadline=None, derandomize=True)
 @given(st.floats(0.0, 2.8e-4), st.floats(0.0, 0.003), st.integers(0, 2**32))
-def test_commands_keep_order_and_never_act_before_their_sample(jitter: float, extra: float, seed: int) -> None:
+def test_commands_keep_order_and_never_act_before_their_sample(
+    jitter: float, extra: float, seed: int
+) -> None:
     timing = LoopTiming(delay=np.sqrt(3) * jitter + extra, jitter=jitter)
     instants = action_instants(timing, 200, seed)
     assert instants.dtype == np.int64

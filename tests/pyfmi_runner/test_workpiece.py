@@ -10,8 +10,15 @@ import pytest
 from numba import njit
 from scipy.integrate import quad
 
-from pyfmi_runner.errors import InputError
-from pyfmi_runner.workpiece import STANDOFF, WORKPIECES, default_standoff, local_profile, read_profile, workpiece
+from modelica_fmu.errors import InputError
+from pyfmi_runner.workpiece import (
+    STANDOFF,
+    WORKPIECES,
+    default_standoff,
+    local_profile,
+    read_profile,
+    workpiece,
+)
 
 X = np.random.default_rng(2).uniform(0.0, 1.0, 200)
 
@@ -32,7 +39,11 @@ def local_compiled(coefficients, x0, dx, x):  # type: ignore[no-untyped-def]
 def test_curved_height_is_the_integral_of_its_slope() -> None:
     def rise(x: float) -> float:
         breaks = [edge for edge in (0.78, 0.62, 0.52, 0.42) if min(x, 0.95) < edge < max(x, 0.95)]
-        return float(quad(lambda s: math.tan(slope_angle(s)), 0.95, x, points=breaks or None, epsabs=1e-13)[0])
+        return float(
+            quad(lambda s: math.tan(slope_angle(s)), 0.95, x, points=breaks or None, epsabs=1e-13)[
+                0
+            ]
+        )
 
     assert workpiece("curved").height(X) == pytest.approx([rise(x) for x in X], abs=1e-9)
 
@@ -44,7 +55,9 @@ def test_curved_slope_and_curvature_are_those_of_theta() -> None:
     assert profile.curvature(X) == pytest.approx(bent, abs=1e-5)
 
 
-@pytest.mark.parametrize(("name", "angle"), [("straight", 0), ("incline_7", 7), ("incline_16", 16), ("incline_30", 30)])
+@pytest.mark.parametrize(
+    ("name", "angle"), [("straight", 0), ("incline_7", 7), ("incline_16", 16), ("incline_30", 30)]
+)
 def test_inclines_rise_from_the_datum(name: str, angle: float) -> None:
     profile, slope = workpiece(name), math.tan(math.radians(angle))
     assert profile.height(X) == pytest.approx(slope * (X - 0.95), abs=1e-13)
@@ -66,19 +79,28 @@ def test_kernel_and_arrays_and_compiled_kernel_agree(name: str) -> None:
     for x in (*X[:50].tolist(), -0.2, 1.3):
         local = local_profile(*grid, x)
         assert local == local_compiled(*grid, x)
-        assert local == tuple(float(of(x)) for of in (profile.height, profile.slope, profile.curvature))
-    assert all(math.isnan(compute(*grid, math.nan)[0]) for compute in (local_profile, local_compiled))
+        assert local == tuple(
+            float(of(x)) for of in (profile.height, profile.slope, profile.curvature)
+        )
+    assert all(
+        math.isnan(compute(*grid, math.nan)[0]) for compute in (local_profile, local_compiled)
+    )
 
 
 def test_a_users_profile_runs_through_its_points_and_straight_on(tmp_path: Path) -> None:
     path = tmp_path / "wave.csv"
     x = np.linspace(1.0, 0.3, 141)  # falling, as the tracking runs
     z_w = 0.01 * np.sin(2 * np.pi * (x - 0.3) / 0.35)
-    path.write_text("# my edge\nx,z_w\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x.tolist(), z_w.tolist(), strict=True)))
+    path.write_text(
+        "# my edge\nx,z_w\n"
+        + "".join(f"{a!r},{b!r}\n" for a, b in zip(x.tolist(), z_w.tolist(), strict=True))
+    )
     profile = workpiece(str(path))
     assert profile.height(x) == pytest.approx(z_w, abs=1e-9)
     inner = np.linspace(0.31, 0.99, 1000)
-    assert profile.height(inner) == pytest.approx(0.01 * np.sin(2 * np.pi * (inner - 0.3) / 0.35), abs=1e-6)
+    assert profile.height(inner) == pytest.approx(
+        0.01 * np.sin(2 * np.pi * (inner - 0.3) / 0.35), abs=1e-6
+    )
     before, beyond = profile.height([0.25, 0.20]) - profile.height(0.3)
     assert beyond == pytest.approx(2 * before)
     assert default_standoff(path) == pytest.approx(0.090 - z_w.max())

@@ -1,1 +1,0 @@
-"""Identification of the plant from a campaign: the thesis' own tests, and one joint fit by command replay."""

@@ -1,0 +1,1 @@
+"""Studies and checks that are not commands: solver, importers, soak, coverage."""

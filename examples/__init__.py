@@ -1,0 +1,1 @@
+"""Plants of other rigs, each with its study."""

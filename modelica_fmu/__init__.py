@@ -1,0 +1,118 @@
+"""Modelica → FMU: compiled and packaged, and built again only when the sources have changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from modelica_fmu.description import FmiVersion
+from modelica_fmu.toolchain import find_compiler, find_platform, flags_for, host_platform
+
+if TYPE_CHECKING:
+    from modelica_fmu.compiled import CompiledModel
+
+__all__ = ["BuildResult", "build_class", "build_compiled", "fmu_path", "source_key"]
+
+COMPILER = Path(__file__).parent
+
+
+class BuildResult(NamedTuple):
+    path: Path
+    manifest: Path
+    rebuilt: bool
+
+
+def fmu_path(class_name: str, fmi: FmiVersion, out: Path) -> Path:
+    """File of a class's FMU: "Drive_Motor.fmu", and "..._fmi3.fmu" for FMI 3.0."""
+    suffix = "_fmi3" if fmi == "3.0" else ""
+    return out / f"{class_name.replace('.', '_')}{suffix}.fmu"
+
+
+def build_class(
+    class_name: str,
+    model: Path,
+    out: Path | Callable[[str], Path],
+    fmi: FmiVersion = "2.0",
+    platforms: Sequence[str] | None = None,
+    force: bool = False,
+    starts: Mapping[str, float] | None = None,
+) -> BuildResult:
+    """Builds the FMU of a Modelica class into the folder `out`, or `out(source_key)`.
+
+    starts: values of parameters in place of the model's own. It is rebuilt only if the Modelica
+    file, the compiler, its libraries, the C compiler, its flags or the platforms differ from those
+    that the manifest beside it names. Raises InputError for unusable Modelica, an unknown parameter
+    or platform and a missing C compiler.
+    """
+    of_starts = repr(sorted(starts.items())) if starts else ""
+    files = [model] if model.is_file() else []
+    key = source_key(files, class_name + of_starts, fmi, platforms)
+
+    def compiled() -> CompiledModel:
+        from modelica_fmu.compiler import compile_model  # rumoca and CasADi load slowly
+
+        return compile_model(model, class_name, starts)
+
+    def provenance() -> dict[str, str]:
+        return {
+            "modelica_sha256": _sha256(model.read_bytes()),
+            "modelica_file": model.name,
+            "rumoca": version("rumoca"),
+            "casadi": version("casadi"),
+        }
+
+    folder = out(key) if callable(out) else out
+    return build_compiled(
+        compiled, fmu_path(class_name, fmi, folder), key, fmi, platforms, provenance, force
+    )
+
+
+def build_compiled(
+    compiled: Callable[[], CompiledModel],
+    path: Path,
+    key: str,
+    fmi: FmiVersion,
+    platforms: Sequence[str] | None,
+    provenance: Callable[[], dict[str, str]],
+    force: bool = False,
+) -> BuildResult:
+    """Packages what `compiled()` returns at `path`, unless the manifest there has the same key."""
+    manifest = path.with_suffix(".manifest.json")
+    if not force and _fresh(path, manifest, key):
+        return BuildResult(path, manifest, rebuilt=False)
+    from modelica_fmu.package import package_fmu
+
+    made = compiled()
+    package_fmu(made, fmi, path, platforms, provenance={"source_key": key, **provenance()})
+    return BuildResult(path, manifest, rebuilt=True)
+
+
+def source_key(models: Sequence[Path], what: str, fmi: str, platforms: Sequence[str] | None) -> str:
+    """Hash of all that decides what the FMU will be: `models` and the compiler's own files."""
+    targets = [find_platform(name) for name in platforms] if platforms else [host_platform()]
+    versions = f"{version('rumoca')} {version('casadi')} {version('fmpy')}"
+    digest = hashlib.sha256(f"{what} {fmi} {versions}".encode())
+    for target in targets:
+        compiler = find_compiler(target, portable=bool(platforms))
+        digest.update(f"{target.fmi3} {compiler.version} {flags_for(compiler, target)}".encode())
+    files = sorted(p for p in COMPILER.rglob("*") if p.suffix in (".py", ".c", ".h"))
+    for file in [*models, *files]:
+        digest.update(f"\0{file.name}\0{_sha256(file.read_bytes())}".encode())
+    return digest.hexdigest()
+
+
+def _fresh(path: Path, manifest: Path, key: str) -> bool:
+    try:
+        made = json.loads(manifest.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(made, dict) and made.get("source_key") == key and zipfile.is_zipfile(path)
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

@@ -1,0 +1,421 @@
+"""Modelica → CompiledModel: flatten, translate, sort, differentiate, print C."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import casadi as ca
+
+from modelica_fmu import generate
+from modelica_fmu.compiled import BaseType, CompiledModel, Variable
+from modelica_fmu.errors import InputError
+from modelica_fmu.expressions import Translator
+from modelica_fmu.frontend import FlatModel, Tree, flatten
+from modelica_fmu.functions import FunctionLibrary
+from modelica_fmu.generate import Expressions, Layout
+from modelica_fmu.hybrid import HybridSystem, build_system
+from modelica_fmu.sorting import solve
+from modelica_fmu.symbols import PlainScope, Scalar, constant
+
+CORE = ("core.h", "core.c")
+
+
+def compile_model(
+    path: Path, class_name: str, starts: Mapping[str, float] | None = None
+) -> CompiledModel:
+    """Compiles `class_name` of the Modelica file `path` to C. `starts`: values of parameters in
+    place of the model's own.
+
+    Raises InputError, with file and line, for what is not Modelica or not supported, and for a
+    start of what is no free parameter.
+    """
+    try:
+        return _compiled(flatten(path, class_name), starts or {})
+    except RecursionError:
+        hint = "split it over several variables"
+        raise InputError(
+            "an expression is nested too deeply, or has too many terms", file=path, hint=hint
+        ) from None
+
+
+def _compiled(model: FlatModel, starts: Mapping[str, float]) -> CompiledModel:
+    system = build_system(model)
+    solved = solve(system)
+    layout = _layout(system)
+    _restart(layout.parameters, starts, model)
+    expressions = _expressions(system, layout, solved)
+    variables = _variables(system, layout)
+    states = [v.index_reference for v in variables if v.variable.kind == "state"]
+    derivatives = [v.index_reference for v in variables if v.variable.kind == "derivative"]
+    plain = tuple(v.variable for v in variables)
+    h, c = generate.source(
+        system,
+        layout,
+        expressions,
+        plain,
+        (model.name, {"states": states, "derivatives": derivatives}),
+    )
+    outputs = tuple(i for i, v in enumerate(plain) if v.causality == "output")
+    return CompiledModel(
+        name=model.name,
+        identifier=model.name.replace(".", "_"),
+        description=model.description,
+        variables=plain,
+        states=tuple(states),
+        derivatives=tuple(derivatives),
+        outputs=outputs,
+        dependencies=_dependencies(layout, expressions, plain),
+        initial_unknowns=_initial_unknowns(layout, expressions, plain),
+        n_indicators=len(system.relations),
+        enumerations=model.enumerations,
+        sources={"model.h": h, "model.c": c},
+    )
+
+
+def _restart(parameters: Sequence[Scalar], starts: Mapping[str, float], model: FlatModel) -> None:
+    known = {s.name: s for s in parameters}
+    for name, value in starts.items():
+        if name not in known:
+            raise InputError(
+                f"{model.name} has no free parameter {name}",
+                file=model.source.path,
+                field=name,
+                hint="give one that it has",
+            )
+        known[name].value = ca.SX(value)
+
+
+class _Placed:
+    def __init__(self, variable: Variable, reference: int) -> None:
+        self.variable, self.index_reference = variable, reference
+
+
+def _layout(system: HybridSystem) -> Layout:
+    table = system.table
+    algebraics = [s for s in table.of("algebraic") if not s.variable.protected]
+    outputs = [s for s in algebraics if s.variable.causality == "output"]
+    rest = [s for s in algebraics if s.variable.causality != "output"]
+    return Layout(
+        states=table.of("state"),
+        inputs=table.of("input"),
+        parameters=table.of("parameter"),
+        calculated=_ordered(system, table.of("calculated")),
+        memories=system.memories,
+        algebraics=outputs + rest,
+        n_outputs=len(outputs),
+    )
+
+
+def _ordered(system: HybridSystem, scalars: list[Scalar]) -> list[Scalar]:
+    """Calculated parameters, each after those it depends on."""
+    for scalar in scalars:
+        if scalar.value is not None and any(_is_moving(system, v) for v in ca.symvar(scalar.value)):
+            raise system.table.model.source.refuse(
+                f"the parameter {scalar.name} depends on a variable",
+                scalar.variable.tree,
+                hint="let it depend on parameters only",
+            )
+    names = {s.name for s in scalars}
+    done: list[Scalar] = []
+    waiting = list(scalars)
+    while waiting:
+        ready = [s for s in waiting if not (_symbols_in(s.value) & names) - {d.name for d in done}]
+        if not ready:
+            circle = f"parameters that depend on one another: {', '.join(s.name for s in waiting)}"
+            raise system.table.model.source.refuse(
+                circle, waiting[0].variable.tree, hint="break the circle"
+            )
+        done += ready
+        waiting = [s for s in waiting if s not in ready]
+    return done
+
+
+def _symbols_in(value: ca.SX | None) -> set[str]:
+    return set() if value is None else {v.name() for v in ca.symvar(value)}
+
+
+def _expressions(system: HybridSystem, layout: Layout, solved: dict[str, ca.SX]) -> Expressions:
+    algebraic = list(system.table.of("algebraic"))
+    old = [s.symbol for s in algebraic] + list(system.derivatives.values())
+    new = [solved[s.name] for s in algebraic] + [
+        solved[f"der({name})"] for name in system.derivatives
+    ]
+
+    def put(items: list[ca.SX]) -> list[ca.SX]:
+        return [ca.densify(v) for v in (ca.substitute(items, old, new) if old and items else items)]
+
+    memory = {s.name: s.symbol for s in layout.memories}
+    updates = {
+        s.name: (solved[s.name] if s.kind == "algebraic" else s.symbol) for s in layout.memories
+    }
+    states = {s.name: s.symbol for s in layout.states}
+    for branch in reversed(system.branches):
+        new_values = _sequential(branch.assigns, memory)
+        for name, value in new_values.items():
+            updates[name] = ca.if_else(branch.fired, value, updates[name])
+        for name, value in branch.reinits.items():
+            states[name] = ca.if_else(branch.fired, value, states[name])
+    for scalar in layout.states + layout.memories:
+        if scalar.value is not None and any(_is_moving(system, v) for v in ca.symvar(scalar.value)):
+            raise system.table.model.source.refuse(
+                f"the start value of {scalar.name} depends on a variable",
+                scalar.variable.tree,
+                hint="let it depend on parameters only",
+            )
+    return Expressions(
+        derivatives=put([solved[f"der({s.name})"] for s in layout.states]),
+        algebraics=put([s.symbol for s in layout.algebraics]),
+        indicators=put([r.indicator for r in system.relations]),
+        conditions=put([b.condition for b in system.branches]),
+        memory_updates=put([updates[s.name] for s in layout.memories]),
+        state_updates=put([states[s.name] for s in layout.states]),
+        assertions=put([a.condition for a in system.assertions]),
+        delays=put([d.expression for d in system.delays]),
+        delay_times=put([d.time for d in system.delays]),
+        delay_maxima=put([d.maximum for d in system.delays]),
+        calculated=[s.value for s in layout.calculated if s.value is not None],
+        starts=[s.value if s.value is not None else ca.SX(0) for s in layout.states],
+        memory_starts=[s.value if s.value is not None else ca.SX(0) for s in layout.memories],
+        sample_starts=[s.start for s in system.samples],
+        sample_intervals=[s.interval for s in system.samples],
+    )
+
+
+def _is_moving(system: HybridSystem, symbol: ca.SX) -> bool:
+    scalar = system.table.scalars.get(symbol.name())
+    return scalar is None or scalar.kind not in ("parameter", "calculated", "constant")
+
+
+def _sequential(assigns: dict[str, ca.SX], memory: dict[str, ca.SX]) -> dict[str, ca.SX]:
+    """Within one branch a variable that another assignment uses stands for its new value."""
+    result = dict(assigns)
+    for _ in assigns:
+        changed = False
+        for name, value in result.items():
+            others = [n for n in assigns if n != name and ca.depends_on(value, memory[n])]
+            if others:
+                result[name] = ca.substitute(
+                    [value], [memory[n] for n in others], [result[n] for n in others]
+                )[0]
+                changed = True
+        if not changed:
+            break
+    return result
+
+
+def _variables(system: HybridSystem, layout: Layout) -> list[_Placed]:
+    """All FMI variables; their order is that of the value references."""
+    model = system.table.model
+    translate = Translator(
+        model.source,
+        PlainScope(system.table, FunctionLibrary(model.source, {}, model.literals)),
+        events=False,
+    )
+    fixed = _fixed_parameters(system, layout)
+    made: list[Variable] = [
+        Variable(
+            "time",
+            "time",
+            "Real",
+            "independent",
+            "continuous",
+            None,
+            0,
+            unit="s",
+            description="Simulation time",
+        )
+    ]
+    for i, s in enumerate(layout.parameters):
+        variability = "fixed" if s.discrete_valued or s.name in fixed else "tunable"
+        made.append(
+            _variable(
+                s,
+                "parameter",
+                i,
+                translate,
+                "parameter",
+                variability,
+                "exact",
+                generate.constant_start(s),
+            )
+        )
+    for i, s in enumerate(layout.calculated):
+        variability = "fixed" if s.name in fixed else "tunable"
+        made.append(
+            _variable(
+                s,
+                "calculated",
+                len(layout.parameters) + i,
+                translate,
+                "calculatedParameter",
+                variability,
+                "calculated",
+            )
+        )
+    for i, s in enumerate(layout.inputs):
+        variability = "discrete" if s.discrete_valued else "continuous"
+        made.append(
+            _variable(
+                s, "input", i, translate, "input", variability, None, generate.constant_start(s)
+            )
+        )
+    first = len(made)
+    for i, s in enumerate(layout.states):
+        exact = s.value is None or s.value.is_constant()
+        start = generate.constant_start(s) if exact else None
+        made.append(
+            _variable(
+                s,
+                "state",
+                i,
+                translate,
+                "local",
+                "continuous",
+                "exact" if exact else "calculated",
+                start,
+            )
+        )
+    for i, s in enumerate(layout.states):
+        unit = _rate_unit(s.variable.unit)
+        made.append(
+            Variable(
+                f"der({s.name})",
+                "derivative",
+                "Real",
+                "local",
+                "continuous",
+                "calculated",
+                i,
+                unit=unit,
+                description=f"Rate of {s.name}",
+                derivative_of=first + i,
+            )
+        )
+    for i, s in enumerate(layout.algebraics):
+        causality = "output" if s.variable.causality == "output" else "local"
+        made.append(
+            _variable(
+                s,
+                "algebraic",
+                i,
+                translate,
+                causality,
+                "discrete" if s.discrete_valued else "continuous",
+                "calculated",
+            )
+        )
+    for i, s in enumerate(layout.memories):
+        if s.kind == "discrete" and not s.variable.protected:
+            made.append(_variable(s, "discrete", i, translate, "local", "discrete", "calculated"))
+    return [_Placed(v, i) for i, v in enumerate(made)]
+
+
+def _fixed_parameters(system: HybridSystem, layout: Layout) -> set[str]:
+    """Parameters that start values or sample times depend on cannot be tuned while running."""
+    expressions = [s.value for s in layout.states + layout.memories if s.value is not None]
+    expressions += [v for s in system.samples for v in (s.start, s.interval)] + [
+        d.maximum for d in system.delays
+    ]
+    names = {v.name() for e in expressions for v in ca.symvar(e)}
+    for s in reversed(layout.calculated):
+        if s.name in names and s.value is not None:
+            names |= {v.name() for v in ca.symvar(s.value)}
+    return names
+
+
+def _variable(
+    s: Scalar,
+    kind: str,
+    index: int,
+    translate: Translator,
+    causality: str,
+    variability: str,
+    initial: str | None,
+    start: float | None = None,
+) -> Variable:
+    v = s.variable
+    low, high, nominal = (
+        _bound(tree, s, translate)
+        for tree in (v.min, v.max, v.nominal if kind == "state" else None)
+    )
+    for what, number in (("value", start), ("min", low), ("max", high), ("nominal", nominal)):
+        if number is not None and not math.isfinite(number):
+            raise translate.source.refuse(
+                f"the {what} of {s.name} is {number}", v.tree, hint="give a finite number"
+            )
+    base: BaseType = v.type if v.type in ("Real", "Integer", "Boolean") else "Enumeration"  # type: ignore[assignment]
+    return Variable(
+        name=s.name,
+        kind=kind,  # type: ignore[arg-type]
+        type=base,
+        causality=causality,  # type: ignore[arg-type]
+        variability=variability,  # type: ignore[arg-type]
+        initial=initial,  # type: ignore[arg-type]
+        index=index,
+        start=start,  # type: ignore[arg-type]
+        unit=v.unit if base == "Real" else None,
+        description=v.description or None,
+        min=low,
+        max=high,
+        nominal=nominal,
+        enumeration=v.type if base == "Enumeration" else None,
+    )
+
+
+def _bound(tree: Tree | None, s: Scalar, translate: Translator) -> float | None:
+    if tree is None:
+        return None
+    value = translate(tree)
+    for subscript in s.subscripts:
+        value = value[subscript - 1] if isinstance(value, list) else value
+    number = constant(value)
+    if number is None:
+        raise translate.source.refuse(
+            f"a bound of {s.name} is not constant", s.variable.tree, hint="give a number"
+        )
+    return number
+
+
+def _rate_unit(unit: str | None) -> str | None:
+    """Unit of the time derivative."""
+    known = {"m": "m/s", "m/s": "m/s2", "N": "N/s", "1": "1/s", "V": "V/s", "rad": "rad/s"}
+    return None if unit is None else known.get(unit, f"{unit}/s" if "/" not in unit else None)
+
+
+def _dependencies(
+    layout: Layout, e: Expressions, variables: tuple[Variable, ...]
+) -> dict[int, tuple[int, ...]]:
+    known = [(i, v) for i, v in enumerate(variables) if v.kind in ("state", "input")]
+    symbols = generate.column(
+        [(layout.states if v.kind == "state" else layout.inputs)[v.index].symbol for _, v in known]
+    )
+    result = {}
+    for i, v in enumerate(variables):
+        if v.kind == "derivative" or v.causality == "output":
+            expression = e.derivatives[v.index] if v.kind == "derivative" else e.algebraics[v.index]
+            pattern = ca.jacobian_sparsity(expression, symbols)
+            result[i] = tuple(known[j][0] for j in sorted(set(pattern.get_triplet()[1])))
+    return result
+
+
+def _initial_unknowns(
+    layout: Layout, e: Expressions, variables: tuple[Variable, ...]
+) -> dict[int, tuple[int, ...]]:
+    """Unknowns of initialisation with everything they may depend on (conservative: all knowns)."""
+    known = tuple(
+        i
+        for i, v in enumerate(variables)
+        if v.kind == "input" or (v.kind in ("parameter", "state") and v.initial == "exact")
+    )
+    return {
+        i: known
+        for i, v in enumerate(variables)
+        if v.causality in ("output", "calculatedParameter")
+        or v.kind == "derivative"
+        or (v.kind == "state" and v.initial == "calculated")
+    }
+
+
+__all__ = ["CORE", "FlatModel", "compile_model"]

@@ -1,0 +1,363 @@
+"""Generates model.h and model.c: sizes, the variable table and the functions that core.c calls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from modelica_fmu.compiled import Variable
+from modelica_fmu.emit import Emitter, Hoist
+from modelica_fmu.hybrid import TIME, HybridSystem
+from modelica_fmu.symbols import Scalar
+
+KIND = {
+    "time": "VK_TIME",
+    "parameter": "VK_PARAMETER",
+    "calculated": "VK_CALCULATED",
+    "input": "VK_INPUT",
+    "state": "VK_STATE",
+    "derivative": "VK_DERIVATIVE",
+    "algebraic": "VK_ALGEBRAIC",
+    "discrete": "VK_DISCRETE",
+}
+TYPE = {
+    "Real": "VT_REAL",
+    "Integer": "VT_INTEGER",
+    "Boolean": "VT_BOOLEAN",
+    "Enumeration": "VT_ENUMERATION",
+}
+
+
+@dataclass
+class Layout:
+    """Order of the scalars within each C array."""
+
+    states: list[Scalar]
+    inputs: list[Scalar]
+    parameters: list[Scalar]
+    calculated: list[Scalar]  # sorted so that each depends on earlier ones only
+    memories: list[Scalar]
+    algebraics: list[Scalar]  # the exposed ones, outputs first
+    n_outputs: int
+
+
+@dataclass
+class Expressions:
+    """Explicit expressions of everything the solver needs."""
+
+    derivatives: list[ca.SX]
+    algebraics: list[ca.SX]
+    indicators: list[ca.SX]
+    conditions: list[ca.SX]
+    memory_updates: list[ca.SX]
+    state_updates: list[ca.SX]
+    assertions: list[ca.SX]
+    delays: list[ca.SX]
+    delay_times: list[ca.SX]
+    calculated: list[ca.SX]  # in free parameters and earlier calculated ones
+    starts: list[ca.SX]
+    memory_starts: list[ca.SX]
+    sample_starts: list[ca.SX]
+    sample_intervals: list[ca.SX]
+    delay_maxima: list[ca.SX]
+
+
+def column(items: list[ca.SX]) -> ca.SX:
+    return ca.vertcat(*items) if items else ca.SX.zeros(0, 1)
+
+
+def groups(system: HybridSystem, layout: Layout) -> dict[str, ca.SX]:
+    return {
+        "q->time": TIME,
+        "q->x": column([s.symbol for s in layout.states]),
+        "q->u": column([s.symbol for s in layout.inputs]),
+        "q->p": column([s.symbol for s in layout.parameters + layout.calculated]),
+        "q->m": column([r.symbol for r in system.relations]),
+        "q->d": column([s.symbol for s in layout.memories]),
+        "q->pre": column([system.pre[s.name] for s in layout.memories]),
+        "q->late": column([d.symbol for d in system.delays]),
+        "q->tick": column([s.symbol for s in system.samples]),
+        "q->fired": column([b.fired for b in system.branches]),
+        "q->initial": system.initial,
+    }
+
+
+def header(system: HybridSystem, layout: Layout, hoisted: int) -> str:
+    sizes = {
+        "N_STATES": len(layout.states),
+        "N_INPUTS": len(layout.inputs),
+        "N_PARAMETERS": len(layout.parameters),
+        "N_CALCULATED": len(layout.calculated),
+        "N_RELATIONS": len(system.relations),
+        "N_MEMORIES": len(layout.memories),
+        "N_ALGEBRAICS": len(layout.algebraics),
+        "N_OUTPUTS": layout.n_outputs,
+        "N_BRANCHES": len(system.branches),
+        "N_SAMPLES": len(system.samples),
+        "N_DELAYS": len(system.delays),
+        "N_ASSERTIONS": len(system.assertions),
+        "N_HOISTED": hoisted,
+        "N_SEEDS": len(layout.states) + len(layout.inputs) + len(layout.parameters),
+    }
+    defines = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
+    return f"""/* Generated from a Modelica model: sizes and functions of the model. */
+#ifndef MODEL_H
+#define MODEL_H
+#include "core.h"
+
+{defines}
+#define AT_LEAST_1(n) ((n) > 0 ? (n) : 1)
+
+typedef struct {{
+    double time;
+    double x[AT_LEAST_1(N_STATES)];
+    double u[AT_LEAST_1(N_INPUTS)];
+    double p[AT_LEAST_1(N_PARAMETERS + N_CALCULATED)];
+    double m[AT_LEAST_1(N_RELATIONS)];  /* frozen relations */
+    double d[AT_LEAST_1(N_MEMORIES)];   /* discrete variables */
+    double pre[AT_LEAST_1(N_MEMORIES)]; /* their values before the event */
+    double late[AT_LEAST_1(N_DELAYS)];  /* delayed values */
+    double tick[AT_LEAST_1(N_SAMPLES)];
+    double fired[AT_LEAST_1(N_BRANCHES)];
+    double initial;
+    double h[AT_LEAST_1(N_HOISTED)];    /* whatever depends on parameters alone */
+}} ModelData;
+
+typedef struct {{
+    const char *message;
+    int warning;
+}} ModelAssertion;
+
+extern const double model_parameter_starts[], model_input_starts[], model_nominals[];
+extern const unsigned char model_inclusive[];   /* relation i is true at 0 */
+extern const int model_chain[];                 /* when chain of a branch */
+extern const ModelAssertion model_assertions[];
+
+void model_calculated(ModelData *q);            /* calculated parameters, in place */
+void model_prepare(ModelData *q);               /* hoisted values */
+void model_starts(const ModelData *q, double *x);
+void model_memory_starts(const ModelData *q, double *d);
+void model_rates(const ModelData *q, double *dx, double *z);
+void model_outputs(const ModelData *q, double *y);
+void model_locals(const ModelData *q, double *y);
+void model_conditions(const ModelData *q, double *c);
+void model_updates(const ModelData *q, double *d, double *x);
+void model_delays(const ModelData *q, double *value, double *delay, double *maximum);
+void model_delays_used(const ModelData *q, double *used); /* by the parameters alone: does anything read the delayed value? */
+void model_samples(const ModelData *q, double *start, double *interval);
+void model_check(const ModelData *q, double *ok);
+void model_directional(const ModelData *q, const double *seed, double *dx, double *y);
+#endif
+"""
+
+
+def source(
+    system: HybridSystem,
+    layout: Layout,
+    e: Expressions,
+    variables: tuple[Variable, ...],
+    identity: tuple[str, dict[str, list[int]]],
+) -> tuple[str, str]:
+    """(model.h, model.c); `identity`: model name, and value references of states and derivatives."""
+    hoist = Hoist()
+    inputs = groups(system, layout)
+    emitter = Emitter(inputs, ("q->p",), hoist)
+    q = "const ModelData *q"
+    functions = [
+        emitter.function("model_starts", {"x": column(e.starts)}, f"{q}, double *x"),
+        emitter.function("model_memory_starts", {"d": column(e.memory_starts)}, f"{q}, double *d"),
+        emitter.function(
+            "model_rates",
+            {"dx": column(e.derivatives), "z": column(e.indicators)},
+            f"{q}, double *dx, double *z",
+        ),
+        emitter.function(
+            "model_outputs", {"y": column(e.algebraics[: layout.n_outputs])}, f"{q}, double *y"
+        ),
+        emitter.function("model_locals", {"y": column(e.algebraics)}, f"{q}, double *y"),
+        emitter.function("model_conditions", {"c": column(e.conditions)}, f"{q}, double *c"),
+        emitter.function(
+            "model_updates",
+            {"d": column(e.memory_updates), "x": column(e.state_updates)},
+            f"{q}, double *d, double *x",
+        ),
+        emitter.function(
+            "model_delays",
+            {
+                "value": column(e.delays),
+                "delay": column(e.delay_times),
+                "maximum": column(e.delay_maxima),
+            },
+            f"{q}, double *value, double *delay, double *maximum",
+        ),
+        emitter.function(
+            "model_samples",
+            {"start": column(e.sample_starts), "interval": column(e.sample_intervals)},
+            f"{q}, double *start, double *interval",
+        ),
+        emitter.function("model_check", {"ok": column(e.assertions)}, f"{q}, double *ok"),
+        _directional(inputs, layout, e, hoist),
+    ]
+    functions.append(_delays_used(system, hoist))
+    calculated = _calculated(layout, e)
+    prepare = (
+        "void model_prepare(ModelData *q) {\n    (void)q;\n" + "\n".join(hoist.statements) + "\n}\n"
+    )
+    text = "\n".join(
+        [_preamble(), _tables(system, layout, variables, identity), calculated, prepare, *functions]
+    )
+    return header(system, layout, len(hoist.slots)), _silence_unused(text)
+
+
+def _delays_used(system: HybridSystem, hoist: Hoist) -> str:
+    """Where every reader of a delayed value stands inside an `if` on parameters, the delay is used
+    only while one of these holds.
+    """
+    lines = []
+    for i in range(len(system.delays)):
+        readers = hoist.readers.get(f"q->late[{i}]", set())
+        weakest = [
+            r for r in readers if not any(other < r for other in readers)
+        ]  # a && b || a is a
+        used = (
+            " || ".join(
+                sorted(f"({' && '.join(sorted(conditions)) or '1'})" for conditions in weakest)
+            )
+            or "0"
+        )
+        lines.append(f"    used[{i}] = {used};")
+    return (
+        "void model_delays_used(const ModelData *q, double *used) {\n" + "\n".join(lines) + "\n}\n"
+    )
+
+
+def _directional(inputs: dict[str, ca.SX], layout: Layout, e: Expressions, hoist: Hoist) -> str:
+    """Forward mode: seeds of states, inputs and free parameters, in that order."""
+    free = column([s.symbol for s in layout.parameters])
+    calculated = [s.symbol for s in layout.calculated]
+    known = ca.vertcat(inputs["q->x"], inputs["q->u"], free)
+    seed = ca.SX.sym("seed", known.numel())
+    unknown = column(e.derivatives + e.algebraics)
+    if calculated:
+        closed = close(layout, e)
+        unknown_closed = ca.substitute([unknown], [column(calculated)], [column(closed)])[0]
+    else:
+        unknown_closed = unknown
+    product = ca.jtimes(unknown_closed, known, seed)
+    n = len(e.derivatives)
+    emitter = Emitter({**inputs, "seed": seed}, ("q->p",), hoist)
+    return emitter.function(
+        "model_directional",
+        {"dx": product[:n], "y": product[n:]},
+        "const ModelData *q, const double *seed, double *dx, double *y",
+    )
+
+
+def close(layout: Layout, e: Expressions) -> list[ca.SX]:
+    """Calculated parameters as functions of the free ones alone."""
+    closed: list[ca.SX] = []
+    for expression in e.calculated:
+        known = [s.symbol for s in layout.calculated[: len(closed)]]
+        closed.append(ca.substitute([expression], known, closed)[0] if known else expression)
+    return closed
+
+
+def _calculated(layout: Layout, e: Expressions) -> str:
+    lines = []
+    p = column([s.symbol for s in layout.parameters + layout.calculated])
+    for i, expression in enumerate(e.calculated):
+        emitter = Emitter({"q->p": p}, (), Hoist())
+        target = len(layout.parameters) + i
+        text = (
+            emitter.function("inner", {"out": expression}, "")
+            .split("{\n", 1)[1]
+            .rsplit("\n}", 1)[0]
+        )
+        lines.append("    {\n" + text.replace("out[0]", f"q->p[{target}]") + "\n    }")
+    return "void model_calculated(ModelData *q) {\n    (void)q;\n" + "\n".join(lines) + "\n}\n"
+
+
+def _preamble() -> str:
+    return """/* Generated from a Modelica model. */
+#include "model.h"
+#include <math.h>
+
+static inline double model_min(double a, double b) { return a < b ? a : b; }
+static inline double model_max(double a, double b) { return a > b ? a : b; }
+"""
+
+
+def _tables(
+    system: HybridSystem,
+    layout: Layout,
+    variables: tuple[Variable, ...],
+    identity: tuple[str, dict[str, list[int]]],
+) -> str:
+    name, references = identity
+    rows = ",\n".join(_row(v) for v in variables)
+    starts = [constant_start(s) for s in layout.parameters]
+    nominals = [_attribute(system, s, s.variable.nominal, 1.0) for s in layout.states]
+    messages = [f"{{{_quoted(a.message)}, {int(a.warning)}}}" for a in system.assertions]
+    return f"""const char model_name[] = {_quoted(name)};
+const size_t model_n_variables = {len(variables)}, model_n_states = N_STATES, model_n_indicators = N_RELATIONS;
+const ModelVariable model_variables[] = {{
+{rows}
+}};
+const unsigned model_state_references[] = {_list(references["states"])};
+const unsigned model_derivative_references[] = {_list(references["derivatives"])};
+const double model_parameter_starts[] = {_list(starts)};
+const double model_input_starts[] = {_list([constant_start(s) for s in layout.inputs])};
+const double model_nominals[] = {_list(nominals)};
+const unsigned char model_inclusive[] = {_list([int(r.inclusive) for r in system.relations])};
+const int model_chain[] = {_list([b.chain for b in system.branches])};
+const ModelAssertion model_assertions[] = {{{", ".join(messages) or "{0, 0}"}}};
+"""
+
+
+def _row(v: Variable) -> str:
+    settable = "SET_NEVER"
+    if v.kind == "input" or (v.kind == "parameter" and v.variability == "tunable"):
+        settable = "SET_ALWAYS"
+    elif v.kind == "parameter" or (v.kind == "state" and v.initial == "exact"):
+        settable = "SET_BEFORE_START"
+    low = "-HUGE_VAL" if v.min is None else repr(v.min)
+    high = "HUGE_VAL" if v.max is None else repr(v.max)
+    return (
+        f"    {{{_quoted(v.name)}, {KIND[v.kind]}, {TYPE[v.type]}, {settable}, {v.index}, "
+        f"{low}, {high}}}"
+    )
+
+
+def constant_start(scalar: Scalar) -> float:
+    return float(scalar.value) if scalar.value is not None and scalar.value.is_constant() else 0.0
+
+
+def _attribute(system: HybridSystem, scalar: Scalar, tree: dict | None, default: float) -> float:
+    if tree is None:
+        return default
+    kind, node = next(iter(tree.items()))
+    return float(next(iter(node["value"].values()))) if kind == "Literal" else default
+
+
+def _list(values: list) -> str:
+    return "{" + (", ".join(repr(v) for v in values) or "0") + "}"
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _silence_unused(text: str) -> str:
+    """Functions of an empty group leave arguments unused; say so to the compiler."""
+    lines = []
+    for line in text.split("\n"):
+        lines.append(line)
+        if line.startswith("void ") and line.endswith("{"):
+            names = [
+                a.strip().split()[-1].lstrip("*")
+                for a in line[line.index("(") + 1 : line.rindex(")")].split(",")
+            ]
+            if names != ["q"]:
+                lines.append("    " + " ".join(f"(void){n};" for n in names))
+    return "\n".join(lines)

@@ -1,0 +1,97 @@
+"""Figures of the identification: lags by step, the friction loop, intervals of the fit. Results in,
+a Figure out; no computing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pneugantry.analysis.identify.hysteresis import Hysteresis
+from pneugantry.analysis.identify.joint_fit import JointFit
+from pneugantry.analysis.identify.valve import Step
+from pneugantry.analysis.plots import AUGMENTED, MEASURED, NOMINAL, REFERENCE, axes_grid
+
+__all__ = ["hysteresis_figure", "interval_figure", "lag_figure"]
+
+
+def lag_figure(steps: Mapping[str, Sequence[Step]]) -> Figure:
+    """tau over position by axis, one point a step: 65 % rule (open) and fit (filled), filling and
+    exhausting apart; 95 % bars.
+    """
+    figure, axes = axes_grid(1, 2, width=9.0, height=3.2)
+    for ax, axis in zip(axes[0], "xz", strict=True):
+        for filling, colour, word in ((True, MEASURED, "filling"), (False, NOMINAL, "exhausting")):
+            of_kind = [s for s in steps.get(axis, ()) if s.filling == filling]
+            for by_fit, face in ((False, "none"), (True, colour)):
+                found = [s.tau if by_fit else s.tau_65 for s in of_kind]
+                ax.errorbar(
+                    [1000 * s.position for s in of_kind],
+                    [e.value for e in found],
+                    [e.reach * e.sigma for e in found],
+                    fmt="o",
+                    color=colour,
+                    markerfacecolor=face,
+                    capsize=2,
+                    linestyle="none",
+                    label=f"{word}, {'fit' if by_fit else '65 % rule'}",
+                )
+        ax.set_xlabel(f"{axis} [mm]")
+        ax.set_ylabel(f"tau of the {axis} valve [s]")
+    axes[0, 0].legend(loc="best")
+    return figure
+
+
+def hysteresis_figure(found: Hysteresis) -> Figure:
+    """Friction over displacement from the reversal, and the fitted Eq. 4-8 (Fig. 4.17)."""
+    figure, axes = axes_grid(1, 1, width=6.0, height=3.2)
+    ax, part = axes[0, 0], found.branch
+    ax.plot(
+        1e3 * part.displacement, part.friction, ".", color=MEASURED, label=f"{part.log}, measured"
+    )
+    order = np.argsort(part.displacement)
+    law = f"beta {found.beta:.1f} N, sigma {found.sigma:.2e} N/m"
+    ax.plot(1e3 * part.displacement[order], part.fitted[order], color=NOMINAL, label=law)
+    ax.set_xlabel("displacement from the reversal [mm]")
+    ax.set_ylabel("friction of z [N]")
+    ax.legend(loc="best")
+    return figure
+
+
+def interval_figure(joint: JointFit, truth: Mapping[str, float] | None = None) -> Figure:
+    """Deviation of every parameter that the logs tell from the plant sheet [%], with its 95 %
+    interval magnified; truth as crosses.
+    """
+    names = [u for u in joint.coordinates.unknowns if joint.sources[u.name] == "logs"]
+    estimates = joint.estimates()
+    figure, axes = axes_grid(1, 2, width=10.0, height=0.24 * len(names) + 1.0)
+    deviation, width = axes[0]
+    place = np.arange(len(names))
+    deviation.barh(
+        place, [100 * (estimates[u.name].value / u.nominal - 1) for u in names], color=MEASURED
+    )
+    if truth is not None:
+        deviation.plot(
+            [100 * (truth[u.name] / u.nominal - 1) for u in names],
+            place,
+            "x",
+            color=NOMINAL,
+            label="truth",
+        )
+        deviation.legend(loc="best")
+    deviation.axvline(0.0, color=REFERENCE, linewidth=0.8)
+    deviation.set_xlabel("off the plant sheet [%]")
+    width.barh(
+        place,
+        [100 * estimates[u.name].reach * estimates[u.name].sigma / abs(u.nominal) for u in names],
+        color=AUGMENTED,
+    )
+    width.set_xscale("log")
+    width.set_xlabel("half-width of the 95 % interval [%]")
+    for ax in axes[0]:
+        ax.set_yticks(place, [u.name for u in names])
+        ax.set_ylabel("parameter")
+        ax.invert_yaxis()
+    return figure

@@ -1,0 +1,59 @@
+"""Figures of the thesis' argument: panels of named curves. Arrays in, a Figure out; no computing
+here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from pneugantry.analysis.plots import AUGMENTED, MEASURED, NOMINAL, REFERENCE, axes_grid
+
+__all__ = ["Curve", "Panel", "panels_figure"]
+
+Curve = tuple[NDArray, NDArray]  # x, y
+COLOURS = (MEASURED, NOMINAL, AUGMENTED, "#c98a1b", "#6a4c93", "#888888")
+WANTED = "wanted"  # a curve of this name is drawn dashed and grey
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes."""
+
+    x_label: str
+    y_label: str
+    curves: dict[str, Curve]
+    marks: Curve | None = None  # points that are circled
+    x_range: tuple[float, float] | None = None
+    y_range: tuple[float, float] | None = None
+    note: str = field(default="")
+
+
+def panels_figure(panels: list[Panel], title: str, columns: int = 1, height: float = 2.0) -> Figure:
+    """Panels row by row."""
+    rows = -(-len(panels) // columns)
+    figure, axes = axes_grid(rows, columns, height=height)
+    for ax, panel in zip(axes.ravel(), panels, strict=False):
+        colours = iter(COLOURS * 3)
+        for name, (x, y) in panel.curves.items():
+            if name == WANTED:
+                ax.plot(x, y, "--", color=REFERENCE, label=name)
+            else:
+                ax.plot(x, y, color=next(colours), label=name)
+        if panel.marks is not None:
+            ax.plot(*panel.marks, "o", mfc="none", mec=NOMINAL, ms=9)
+        ax.set(xlabel=panel.x_label, ylabel=panel.y_label)
+        if panel.x_range:
+            ax.set_xlim(panel.x_range)
+        if panel.y_range:
+            ax.set_ylim(panel.y_range)
+        if panel.note:
+            ax.set_title(panel.note, fontsize=8)
+        if len(panel.curves) > 1:
+            ax.legend(loc="best")
+    for ax in axes.ravel()[len(panels) :]:
+        ax.remove()
+    figure.suptitle(title)
+    return figure

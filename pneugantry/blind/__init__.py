@@ -1,0 +1,1 @@
+"""The blind check on sealed cases of the independent truth plant."""

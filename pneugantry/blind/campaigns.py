@@ -1,0 +1,124 @@
+"""Many campaigns diagnosed in worker processes: `diagnosis.json` beside each as soon as it exists,
+and a rerun takes it from there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pneugantry.diagnosis.catalogue import FOLDER, read_catalogue
+from pneugantry.diagnosis.diagnose import diagnose, report_json
+from pneugantry.diagnosis.report import write_report
+from pneugantry.jobs.job import Function, Job
+from pneugantry.jobs.run import run_jobs
+from pyfmi_runner.campaign import read_campaign
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import write_atomically
+
+__all__ = ["RESULT", "campaign_folders", "diagnose_campaigns"]
+
+RESULT = "diagnosis.json"
+FAILED: dict[str, Any] = {
+    "verdict": "failed",
+    "where": [],
+    "causes": [],
+    "answer_set": [],
+    "gap": None,
+    "seconds": float("nan"),
+}
+
+
+@dataclass(frozen=True)
+class Diagnoser:
+    """Reads FMU and catalogue once in a worker, then diagnoses folder by folder."""
+
+    fmu: str
+    catalogue: Path | None
+    strict: bool
+    pages: bool
+
+    def __call__(self) -> Function:
+        return partial(self._diagnose, FmuFile.read(self.fmu), read_catalogue(self.catalogue))
+
+    def _diagnose(self, fmu: FmuFile, catalogue: Any, folder: Path) -> str:
+        result = diagnose(read_campaign(folder, strict=self.strict), fmu, catalogue)
+        if self.pages:
+            write_report(result, folder / "diagnosis.html")
+        return json.dumps(report_json(result), default=float)
+
+
+def campaign_folders(folder: Path) -> list[Path]:
+    """The campaigns in a folder that is none itself; empty where it is one, or no folder."""
+    if not folder.is_dir() or (folder / "campaign.toml").is_file():
+        return []
+    return sorted(path.parent for path in folder.glob("*/campaign.toml"))
+
+
+def diagnose_campaigns(
+    folders: Sequence[Path],
+    fmu: Path,
+    *,
+    workers: int = 2,
+    catalogue: Path | None = None,
+    strict: bool = True,
+    pages: bool = False,
+    done: Callable[[str], object] | None = None,
+) -> dict[Path, dict[str, Any]]:
+    """JSON of each campaign's diagnosis; what is on disk already, by the same FMU and catalogue, is
+    taken from there.
+
+    A campaign whose diagnosis fails, or takes its worker with it three times, has the verdict
+    "failed" and a reason; nothing of it goes to disk, so that the next call tries it again. strict:
+    as in `read_campaign`; pages: a report as HTML beside each result; done: told the name of each
+    campaign as it ends.
+    """
+    by = {"fmu": FmuFile.read(fmu).sha256, "catalogue": _catalogue_hash(catalogue)}
+    results = {
+        folder: found for folder in folders if (found := _on_disk(folder / RESULT, by)) is not None
+    }
+    by_name = {str(folder): folder for folder in folders if folder not in results}
+    jobs = [Job(name, folder) for name, folder in by_name.items()]
+    for ended in run_jobs(Diagnoser(str(fmu), catalogue, strict, pages), jobs, workers=workers):
+        folder = by_name[str(ended.key)]
+        if ended.failure:
+            results[folder] = FAILED | {"reason": ended.failure}
+        else:
+            results[folder] = json.loads(ended.value) | {"diagnosed_by": by}
+            text = json.dumps(results[folder])
+            write_atomically(folder / RESULT, partial(_write, text))
+        if done is not None:
+            done(folder.name)
+    return {folder: results[folder] for folder in folders}
+
+
+def _on_disk(path: Path, by: dict[str, str]) -> dict[str, Any] | None:
+    """A finished diagnosis; None where there is none or another FMU or catalogue made it."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) and found.get("diagnosed_by", by) == by else None
+
+
+def _catalogue_hash(source: Path | None) -> str:
+    files = [
+        *sorted(FOLDER.glob("*.toml")),
+        *(
+            sorted(source.glob("*.toml"))
+            if source and source.is_dir()
+            else [source]
+            if source
+            else []
+        ),
+    ]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+def _write(text: str, path: Path) -> None:
+    path.write_text(text, encoding="utf-8")

@@ -1,0 +1,133 @@
+"""The augmented plant as Modelica and as an FMU: the nominal one extended with what was fitted, for
+other tools.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from modelica_fmu.errors import InputError
+from pyfmi_runner.build import build_fmu, default_model
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import write_atomically
+
+__all__ = ["augmented_model", "outside_the_plant", "write_augmented"]
+
+CLASS = "AugmentedGantry"
+
+
+def augmented_model(
+    gantry: FmuFile, values: Mapping[str, float], remarks: Sequence[str] = (), name: str = CLASS
+) -> str:
+    """Modelica text of a model that extends the FMU's class with `values`, by the FMU's names;
+    values equal to its own are left out.
+
+    Sensor errors and loop delay are no part of a plant: they stand in comments
+    (`outside_the_plant`).
+    """
+    tree: dict[str, object] = {}
+    for path, value in sorted(values.items()):
+        if not _is_parameter(gantry, path) or gantry.variables[path].start == value:
+            continue
+        *parents, leaf = re.sub(r"\[\d+\]$", "", path).split(".")
+        node = tree
+        for parent in parents:
+            node = node.setdefault(parent, {})  # type: ignore[assignment]
+        node[leaf] = (
+            _array(gantry, values, path) if path.endswith("]") else _literal(gantry, path, value)
+        )
+    comments = "".join(f"  // {line}\n" for line in [*remarks, *outside_the_plant(values)])
+    modifiers = _modifiers(tree, 4)
+    base = gantry.description.model
+    return (
+        f'model {name} "{base} as fitted to a measured campaign"\n{comments}  extends '
+        f"{base}{modifiers};\nend {name};\n"
+    )
+
+
+def outside_the_plant(values: Mapping[str, float]) -> list[str]:
+    """Sentences on fitted values that act outside the plant."""
+    said = [
+        f"sensor: {name.removeprefix('sensors.')} = {value:.6g}"
+        for name, value in values.items()
+        if name.startswith("sensors.")
+    ]
+    delay = sum(value for name, value in values.items() if name.startswith("timing."))
+    return [*said, f"controller: loop delay of {1e3 * delay:.4g} ms"] if delay else said
+
+
+def write_augmented(
+    folder: Path,
+    gantry: FmuFile,
+    values: Mapping[str, float],
+    remarks: Sequence[str] = (),
+    model: Path | None = None,
+) -> tuple[Path, Path]:
+    """Writes AugmentedGantry.mo and the FMU built from it into a folder; returns both paths.
+
+    The values reach the FMU as start values, for rumoca 0.10.2 binds modified arrays wrongly and
+    lets a modifier of a nested component drop those beside it. `model`: the Modelica file of the
+    nominal class (the project's own). Raises InputError where the folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{CLASS}.mo"
+        text = augmented_model(gantry, values, remarks)
+        write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"cannot be written ({error.strerror})", file=folder, hint="name a folder that can"
+        ) from None
+    starts = {name: float(value) for name, value in values.items() if _is_parameter(gantry, name)}
+    with TemporaryDirectory() as temporary:
+        whole = Path(temporary) / path.name  # the compiler takes one file
+        whole.write_text(
+            (model or default_model()).read_text(encoding="utf-8")
+            + "\n"
+            + augmented_model(gantry, {}, remarks),
+            encoding="utf-8",
+        )
+        return path, build_fmu(CLASS, whole, out=folder, starts=starts).path
+
+
+def _is_parameter(gantry: FmuFile, path: str) -> bool:
+    variable = gantry.variables.get(path)
+    return variable is not None and variable.causality == "parameter"
+
+
+def _literal(gantry: FmuFile, path: str, value: float) -> str:
+    variable = gantry.variables[path]
+    if variable.type == "Boolean":
+        return "true" if value else "false"
+    if variable.literals:
+        literal = next(name for name, number in variable.literals.items() if number == int(value))
+        return f"PneuGantry.Types.{_enumeration(path)}.{literal}" if "." not in literal else literal
+    return str(int(value)) if variable.type in ("Integer", "Enumeration") else repr(float(value))
+
+
+def _enumeration(path: str) -> str:
+    return {"law": "FrictionLaw", "shape": "EdgeShape"}[path.rsplit(".", 1)[-1]]
+
+
+def _array(gantry: FmuFile, values: Mapping[str, float], path: str) -> str:
+    stem = path[: path.rindex("[")]
+    names = [n for n in gantry.variables if re.fullmatch(re.escape(stem) + r"\[\d+\]", n)]
+    names.sort(key=lambda n: int(n[len(stem) + 1 : -1]))
+    return (
+        "{"
+        + ", ".join(repr(float(values.get(n, gantry.variables[n].start or 0.0))) for n in names)
+        + "}"
+    )
+
+
+def _modifiers(tree: Mapping[str, object], indent: int) -> str:
+    if not tree:
+        return ""
+    entries = [
+        f"{' ' * indent}{name}{_modifiers(sub, indent + 2) if isinstance(sub, Mapping) else f' = {sub}'}"
+        for name, sub in tree.items()
+    ]
+    return "(\n" + ",\n".join(entries) + ")"

@@ -1,0 +1,221 @@
+"""The catalogue of effects: data, one small TOML file per effect. A user adds an effect by adding a
+file.
+
+name = "valve_delay"; block = "valve"; axes = ["x", "z"] [[form]]
+one or several functional forms; the best one stands for the effect [form.settings]
+"axis_{axis}.friction.law" = 3           switched on with the form
+[form.parameters."valve_{axis}.delay_time"]              what is fitted: parameters of the FMU, or
+`sensors.*`, `timing.*` neutral = 0.0 (value without the effect; relative = true: the nominal
+value), scale (a usual size), low, high, unit, starts = [..] (further starting values), positive =
+true (fitted as its logarithm); "table[1:11]" stands for eleven parameters; multiplies =
+["axis_{axis}.friction.F_s"]  parameters that this one is an exact factor of outside = true
+optional: a rough form of what the catalogue lacks; where it leads the verdict is "unknown" refines
+= ["viscous_friction"]             optional: effects that it shapes, and that a user's own plant is
+offered first
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from modelica_fmu.errors import InputError
+from pyfmi_runner.scenario import Fields, parse_toml
+
+__all__ = ["AXIS_BLOCKS", "Effect", "Form", "Parameter", "read_catalogue"]
+
+FOLDER = Path(__file__).parent / "effects"
+AXIS_BLOCKS = ("valve", "friction")  # blocks that each axis has of its own
+EFFECT_KEYS = ("name", "block", "axes", "summary", "refines", "outside", "form")
+FORM_KEYS = ("name", "parameters", "settings", "estimator")
+PARAMETER_KEYS = (
+    "neutral",
+    "scale",
+    "low",
+    "high",
+    "unit",
+    "relative",
+    "positive",
+    "starts",
+    "multiplies",
+)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One fitted quantity of an effect. A relative one has the nominal value as its neutral, its
+    scale and bounds as shares of it.
+    """
+
+    name: str
+    neutral: float
+    scale: float
+    low: float
+    high: float
+    unit: str = "1"
+    relative: bool = False
+    positive: bool = False  # fitted as its logarithm
+    starts: tuple[float, ...] = ()
+    multiplies: tuple[
+        str, ...
+        # nominal parameters that it is an exact factor of: only their tolerance tells it from them
+    ] = ()
+
+
+@dataclass(frozen=True)
+class Form:
+    """One functional form of an effect."""
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    settings: Mapping[str, float] = field(default_factory=dict)
+    # "waviness", "delays": the data themselves give the parameters (`diagnosis.candidates`);
+    # "converter": elsewhere
+    estimator: str = ""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect on one axis (or on none), with the forms that may serve it."""
+
+    name: str
+    axis: str  # "x", "z" or ""
+    block: str  # where it sits: "valve_x", "contact", ...
+    summary: str
+    forms: tuple[Form, ...]
+    refines: tuple[
+        str, ...
+    ] = ()  # names of the effects without which it is nothing (`diagnosis.own_search`)
+    outside: bool = False  # no cause of its own: a rough form of what the catalogue lacks
+
+    @property
+    def key(self) -> str:
+        """ "presliding/z", or "loop_delay" where there is no axis."""
+        return f"{self.name}/{self.axis}" if self.axis else self.name
+
+
+def read_catalogue(source: Path | None = None) -> dict[str, Effect]:
+    """Effects by key from a folder of TOML files, or from one file with [[effect]] tables added to
+    the built-in ones.
+
+    Raises InputError naming file, field and hint.
+    """
+    effects: dict[str, Effect] = {}
+    folder = source if source is not None and source.is_dir() else FOLDER
+    for path in sorted(folder.glob("*.toml")):
+        effects.update(_effects(path, [parse_toml(path)]))
+    if source is not None and not source.is_dir():
+        tables = parse_toml(source)
+        effects.update(_effects(source, tables.get("effect", [tables])))
+    if not effects:
+        raise InputError("holds no effect", file=source, hint="add one TOML file per effect")
+    return effects
+
+
+def _effects(path: Path, tables: object) -> dict[str, Effect]:
+    if not isinstance(tables, list):
+        raise InputError(
+            f"is {tables!r}, expected tables", file=path, field="effect", hint="write [[effect]]"
+        )
+    found = {}
+    for table in tables:
+        fields = Fields(table, EFFECT_KEYS, path)
+        name, block = _given(fields, "name", str), _given(fields, "block", str)
+        forms, axes = _given(fields, "form", list), _texts(fields, "axes") or ("",)
+        summary, refines, outside = (
+            fields.of_type("summary", str, ""),
+            _texts(fields, "refines"),
+            fields.of_type("outside", bool, False),
+        )
+        for axis in axes:
+            at = f"{block}_{axis}" if axis and block in AXIS_BLOCKS else block
+            effect = Effect(
+                name,
+                axis,
+                at,
+                summary,
+                tuple(_form(path, form, axis) for form in forms),
+                refines,
+                outside,
+            )
+            found[effect.key] = effect
+    return found
+
+
+def _given(fields: Fields, key: str, kind: type) -> Any:
+    """What must be there and not be empty."""
+    if key not in fields:
+        fields.refuse(key, "is missing", f"write {key} = ...")
+    return fields.of_type(key, kind, None) or fields.refuse(key, "is empty", f"write {key} = ...")
+
+
+def _texts(fields: Fields, key: str) -> tuple[str, ...]:
+    texts = fields.of_type(key, list, [])
+    if not all(isinstance(text, str) for text in texts):
+        fields.refuse(key, f"is {texts!r}, expected texts", 'write for example ["x", "z"]')
+    return tuple(texts)
+
+
+def _members(name: str) -> list[str]:
+    """A parameter's name, or those that a range of indices stands for."""
+    span = re.fullmatch(r"(.*)\[(\d{1,3}):(\d{1,3})\]", name)
+    return [f"{span[1]}[{i}]" for i in range(int(span[2]), int(span[3]) + 1)] if span else [name]
+
+
+def _form(path: Path, table: object, axis: str) -> Form:
+    fields = Fields(table, FORM_KEYS, path, "form.")
+    parameters = [
+        replace(
+            parameter,
+            name=member,
+            multiplies=tuple(name.replace("{axis}", axis) for name in parameter.multiplies),
+        )
+        for parameter in (
+            _parameter(fields, name)
+            for name in fields.sub("parameters", fields.table.get("parameters", {})).table
+        )
+        for member in _members(parameter.name.replace("{axis}", axis))
+    ]
+    estimator = fields.of_type("estimator", str, "")
+    if not parameters and not estimator:
+        raise InputError(
+            "has no parameters", file=path, field="form", hint="name at least one parameter to fit"
+        )
+    settings = {
+        name.replace("{axis}", axis): value for name, value in fields.numbers("settings").items()
+    }
+    return Form(fields.of_type("name", str, "form"), tuple(parameters), settings, estimator)
+
+
+def _parameter(form: Fields, name: str) -> Parameter:
+    fields = Fields(form.table["parameters"][name], PARAMETER_KEYS, form.file, f"{name}.")
+    scale, low, high = (fields.number(key) for key in ("scale", "low", "high"))
+    for key, value in (("scale", scale), ("low", low), ("high", high)):
+        if value is None:
+            fields.refuse(key, "must be a number", f"write {key} = 0.1")
+    relative, positive = (fields.of_type(key, bool, False) for key in ("relative", "positive"))
+    if not low < high or scale <= 0.0 or (positive and low <= 0.0):
+        fields.refuse(
+            "low",
+            f"is {low:g}, high {high:g}, scale {scale:g}",
+            "let low < high and scale > 0; positive needs low > 0",
+        )
+    starts = fields.of_type("starts", list, [])
+    for start in starts:
+        Fields({"starts": start}, ("starts",), form.file, f"{name}.").number("starts")
+    neutral, unit = fields.number("neutral", 0.0), fields.of_type("unit", str, "1")
+    return Parameter(
+        name,
+        neutral,
+        scale,
+        low,
+        high,
+        unit,
+        relative,
+        positive,
+        tuple(map(float, starts)),
+        _texts(fields, "multiplies"),
+    )

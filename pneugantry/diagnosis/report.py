@@ -1,0 +1,210 @@
+"""The diagnosis as one self-contained HTML page: verdict, where, which, how far, parameters,
+limits, next experiment.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
+
+from pneugantry.diagnosis.diagnose import Diagnosis, report_json
+from pneugantry.diagnosis.report_pictures import (
+    CURVES,
+    gap_svg,
+    packed,
+    panel_svg,
+    plant_svg,
+    unit_of,
+)
+from pneugantry.diagnosis.report_words import (
+    number,
+    percent,
+    rivals,
+    runner_up,
+    shrink_words,
+    shrinkable,
+    verdict_sentence,
+)
+from pyfmi_runner.log import MEASURED, SIGMA, write_atomically
+
+__all__ = ["write_report"]
+
+TEMPLATE = Path(__file__).with_name("report_template.html")
+STRAINED = 3.0  # standard deviations of tolerance that are worth a mark
+
+
+def write_report(d: Diagnosis, path: Path) -> Path:
+    """Writes the page, whole or not at all; returns its path. Raises InputError where the file
+    system refuses.
+    """
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    environment.filters |= {"number": number, "percent": percent}
+    text = environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(_context(d))
+    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    return path
+
+
+def _context(d: Diagnosis) -> dict[str, Any]:
+    facts = report_json(d)
+    after = "tolerance fitted" if d.decision.verdict == "none" else "augmented"
+    return {
+        "campaign": d.campaign.name,
+        "verdict": d.decision.verdict,
+        "sentence": verdict_sentence(d, facts),
+        "after": after,
+        "where": facts["where"],
+        "plant": plant_svg({w["block"]: w["share"] for w in facts["where"]}),
+        "rivals": rivals(d.decision),
+        "runner_up": runner_up(d),
+        "causes": facts["causes"],
+        "answer_set": [" + ".join(keys) or "no effect" for keys in facts["answer_set"]],
+        "unexplained": (min(d.decision.unexplained, 1.0), d.decision.unknown_view)
+        if d.decision.unknown_view
+        else None,
+        "gap": facts["gap"],
+        "shrinks": shrinkable(facts["gap"]),
+        "shrink_words": shrink_words(facts["gap"]),
+        "closed": facts["closed_loop"],
+        "channels": _channels(d),
+        "gap_picture": _gap_picture(d, after),
+        "parameters": _parameters(facts["causes"], _chosen(d)),
+        "tolerance": _tolerance(d),
+        "limits": d.limits,
+        "notes": facts["notes"],
+        "next": facts["next_experiment"],
+        "logs": _logs(d),
+        "single": len(d.campaign.logs) == 1,
+        "stages": facts["stages"],
+        "seconds": facts["seconds"],
+        "styles": CURVES,
+    } | _overlay(d)
+
+
+def _chosen(d: Diagnosis) -> tuple[str, ...]:
+    return d.decision.best.choice.keys if d.decision.best is not None else ()
+
+
+def _channels(d: Diagnosis) -> list[dict[str, Any]]:
+    """Table of the held-out log by channel."""
+    if d.gap is None:
+        return []
+    rows = []
+    for name, (nominal, augmented) in d.gap.channels.items():
+        unit, factor = unit_of(name)
+        sigma = SIGMA[name] * factor
+        rows.append(
+            {"name": name, "unit": unit, "sigma": sigma, "nominal": nominal, "augmented": augmented}
+        )
+    return rows
+
+
+def _gap_picture(d: Diagnosis, after: str) -> str:
+    if d.gap is None:
+        return ""
+    rows = [(name, *pair) for name, pair in d.gap.channels.items()]
+    return gap_svg(
+        [*rows, ("all", float(d.gap.nominal), float(d.gap.augmented))], d.gap.floor, after
+    )
+
+
+def _parameters(causes: list[dict[str, Any]], chosen: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Fitted parameters of the effects that the diagnosis names first."""
+    rows = []
+    for cause in causes:
+        key = f"{cause['effect']}/{cause['axis']}" if cause["axis"] else cause["effect"]
+        for name, entry in cause["parameters"].items():
+            low, high = entry["ci95"]
+            wide = not math.isfinite(high - low) or high - low > max(abs(entry["value"]), 1e-300)
+            rows.append(
+                {
+                    "effect": key,
+                    "name": name,
+                    "chosen": key in chosen,
+                    "low": low,
+                    "high": high,
+                    "wide": wide,
+                    **entry,
+                }
+            )
+    return rows
+
+
+def _tolerance(d: Diagnosis) -> list[dict[str, Any]]:
+    """Nominal parameters as the augmented model has them: how far off, and in standard deviations
+    of the tolerance.
+    """
+    coordinates: dict[str, Any] = {}
+    outcomes = [
+        *d.found.null.values(),
+        *([d.decision.best.outcome] if d.decision.best is not None else []),
+    ]
+    for outcome in outcomes:
+        coordinates |= {
+            c.name: c for c in outcome.fit.coordinates if not c.effect and c.name in d.values
+        }
+    rows = []
+    for name, c in sorted(coordinates.items()):
+        deviations = c.theta(d.values[name]) / c.spread
+        off = d.values[name] / c.neutral - 1.0 if c.neutral else math.nan
+        rows.append(
+            {
+                "name": name,
+                "nominal": c.neutral,
+                "value": d.values[name],
+                "off": off,
+                "deviations": deviations,
+                "strained": abs(deviations) > STRAINED,
+            }
+        )
+    return rows
+
+
+def _logs(d: Diagnosis) -> list[dict[str, Any]]:
+    single = len(d.campaign.logs) == 1
+    rows = []
+    for name, run in d.campaign.logs.items():
+        use = "fit and gap" if single else "held out: gap" if name == d.held_out else "fit"
+        s = run.setup
+        rows.append(
+            {
+                "name": name,
+                "seconds": float(run.log.time[-1] - run.log.time[0]),
+                "loop": s.loop,
+                "clamped": ", ".join(s.clamped) or "none",
+                "workpiece": s.workpiece,
+                "use": use,
+            }
+        )
+    return rows
+
+
+def _overlay(d: Diagnosis) -> dict[str, Any]:
+    """Panels and data of the held-out log's signals."""
+    run = d.campaign.logs.get(d.held_out)
+    if run is None or d.gap is None or len(run.log) < 2:
+        return {"panels": [], "data": "", "curves": []}
+    time = run.log.time
+    curves: Mapping[str, NDArray[np.float64]] = {
+        "measured": run.log.measured(),
+        **{name: d.gap.curves[name] for name in ("nominal", "augmented")},
+    }
+    phases = [(name, float(start), float(end)) for name, (start, end) in run.setup.phases.items()]
+    panels = [
+        panel_svg(channel, time, {name: values[:, i] for name, values in curves.items()}, phases)
+        for i, channel in enumerate(MEASURED)
+    ]
+    data = json.dumps(packed(time, curves, phases), allow_nan=False).replace("<", "\\u003c")
+    return {
+        "panels": list(zip(MEASURED, panels, strict=True)),
+        "data": data,
+        "curves": list(curves),
+    }

@@ -1,0 +1,3 @@
+"""Parameter studies: a grid or a sample of scenarios, run anywhere, each result on disk as soon as
+it exists.
+"""

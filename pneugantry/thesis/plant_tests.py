@@ -1,0 +1,174 @@
+"""Conclusions 9, 14 and 15, from tests on the plant alone: stationary z force, root locus, lag
+identification.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneugantry.analysis.force_loop import force_loop
+from pneugantry.analysis.root_locus import root_locus
+from pneugantry.thesis.conclusions import Conclusion
+from pneugantry.thesis.conditions import Choice
+from pyfmi_runner.fmu import FmuFile, FmuSession
+
+__all__ = ["Hysteresis", "friction_conclusion", "hysteresis", "lag_conclusion", "locus_conclusion"]
+
+Array = NDArray[np.float64]
+STEP, HOLD = 0.1, 6.0  # V, s: the staircase of the constrained open-loop test, §4.2.2
+FIRST, LAST = 0.8, 1.6  # V
+READ_OFF_SPAN = 22.0  # N, F_z of the experiment from -12 to +10 (Fig. 4.14)
+LAG_BY_POSITION = {
+    "valve_x.tau": 0.25,
+    "valve_x.lag_low": 0.49 / 0.25,
+    "valve_x.lag_high": 0.145 / 0.25,
+}  # Tables 4.1-4.3
+SHARE = 0.65  # of the steady force, §4.1.3
+
+
+@dataclass(frozen=True)
+class Hysteresis:
+    """Constrained open-loop test on z, every 10 ms: command up and down in steps, piston against
+    the straight edge.
+    """
+
+    time: Array  # s
+    u_z: Array  # V
+    z: Array  # m
+    v_z: Array  # m/s
+    f_z: Array  # N
+    f_az: Array  # N
+    friction: Array  # N, f_az - f_z - F_w as Eq. 4-6 finds it, > 0 against +z
+
+    @property
+    def span(self) -> float:
+        """Largest less smallest friction in contact [N]."""
+        return float(np.ptp(self.friction[self.f_z > 1.0]))
+
+    @property
+    def creep(self) -> float:
+        """Share of the steps that move the piston by more than 1 um: a displacement dependent
+        friction yields at each.
+        """
+        ends = self.z[self.f_z > 1.0][:: round(HOLD / 0.01)]
+        return float(np.mean(np.abs(np.diff(ends)) > 1e-6)) if len(ends) > 1 else 0.0
+
+
+def staircase() -> Array:
+    """u_z [V] at each step of the test."""
+    up = np.arange(FIRST, LAST + 0.5 * STEP, STEP)
+    return np.concatenate([up, up[-2::-1]])
+
+
+def hysteresis(fmu: FmuFile, law: float, choice: Choice, **parameters: float) -> Hysteresis:
+    """The test with a friction law on z; x clamped."""
+    plant = (
+        choice.plant()
+        | {"contact.z_0": 0.04, "axis_z.s_start": 0.04, "axis_z.friction.law": law}
+        | parameters
+    )
+    levels, period = staircase(), 0.01
+    names = ("z", "v_z", "f_z", "f_az")
+    rows, commands = [], np.repeat(levels, round(HOLD / period))
+    with FmuSession(fmu, parameters=plant) as session:
+        session.set("clamp_x", True)
+        for level in commands.tolist():
+            rows.append(session.get(names))
+            session.set("u_z", level)
+            session.step(period)
+    z, v_z, f_z, f_az = np.array(rows, dtype=np.float64).T
+    time = period * np.arange(len(z), dtype=np.float64)
+    return Hysteresis(time, commands, z, v_z, f_z, f_az, f_az - f_z - choice.cable_z)
+
+
+def friction_conclusion(ddfm: Hysteresis, vdfm: Hysteresis) -> Conclusion:
+    """Conclusion 9, against what Fig. 4.14 shows of the experiment: span of F_z, and motion at
+    every step.
+    """
+    off = {
+        name: abs(test.span - READ_OFF_SPAN) / READ_OFF_SPAN
+        for name, test in (("DDFM", ddfm), ("VDFM", vdfm))
+    }
+    numbers = {
+        "span, experiment (Fig. 4.14)": READ_OFF_SPAN,
+        "span, DDFM": ddfm.span,
+        "span, VDFM": vdfm.span,
+        "off, DDFM": off["DDFM"],
+        "off, VDFM": off["VDFM"],
+        "steps that move it, DDFM": ddfm.creep,
+        "steps that move it, VDFM": vdfm.creep,
+    }
+    holds = off["DDFM"] < 0.5 * off["VDFM"] and ddfm.creep > vdfm.creep
+    return Conclusion(
+        9, "the DDFM matches the stationary z-force test much better than the VDFM", holds, numbers
+    )
+
+
+def locus_conclusion(fmu: FmuFile) -> Conclusion:
+    """Conclusion 14, on the campaigns' nominal plant (the poles of Fig. 5.7)."""
+    without = root_locus(force_loop(fmu, "z", "none"))
+    numbers: dict[str, float] = {"limits without lag": float(without.limit is not None)}
+    limits = []
+    for lag in ("z", "x"):
+        limit = root_locus(force_loop(fmu, "z", lag)).limit
+        limits.append(limit)
+        numbers[f"limit gain [V/N], lag of {lag}"] = float("inf") if limit is None else limit.gain
+    holds = without.limit is None and all(limit is not None for limit in limits)
+    return Conclusion(
+        14,
+        "z force loop: stable for every gain without lag, unstable above a finite gain with it",
+        holds,
+        numbers,
+    )
+
+
+def lag_conclusion(fmu: FmuFile) -> Conclusion:
+    """Conclusion 15: the steps of Tables 4.1-4.5 on the plant with the position dependent tau_x
+    (off in the nominal).
+    """
+    numbers = {}
+    for axis, where, first, high in (
+        ("x", 1.0, 0.65, 1.35),
+        ("x", 0.5, 0.65, 1.35),
+        ("x", 0.0, 0.65, 1.35),
+        ("z", 0.1, 0.85, 1.6),
+        ("z", 0.0, 0.85, 1.6),
+    ):
+        for way, (u_0, u_1) in (("filling", (first, high)), ("exhausting", (high, first))):
+            numbers[f"tau_{axis} at {where:g} m, {way}"] = _lag_of_step(fmu, axis, where, u_0, u_1)
+    x = [value for name, value in numbers.items() if name.startswith("tau_x")]
+    z = [value for name, value in numbers.items() if name.startswith("tau_z")]
+    ways = max(abs(a / b - 1.0) for a, b in zip((x + z)[::2], (x + z)[1::2], strict=True))
+    numbers |= {
+        "spread over x": max(x) / min(x) - 1.0,
+        "spread over z": max(z) / min(z) - 1.0,
+        "filling against exhausting": ways,
+    }
+    holds = numbers["spread over x"] > 0.30 and numbers["spread over z"] < 0.30 and ways < 0.30
+    return Conclusion(
+        15,
+        "tau_x depends on position, tau_z does not; neither on filling or exhausting",
+        holds,
+        numbers,
+    )
+
+
+def _lag_of_step(fmu: FmuFile, axis: str, where: float, u_0: float, u_1: float) -> float:
+    """Time [s] to 65 % of a step of the command with the piston clamped."""
+    with FmuSession(
+        fmu, parameters=LAG_BY_POSITION | {f"axis_{axis}.s_start": where, "contact.present": 0.0}
+    ) as session:
+        session.set(f"clamp_{axis}", True)
+        session.set(f"u_{axis}", u_0)
+        session.step(6.0)
+        before = session.get(f"f_a{axis}")
+        session.set(f"u_{axis}", u_1)
+        force = []
+        for _ in range(6000):
+            session.step(1e-3)
+            force.append(session.get(f"f_a{axis}"))
+    risen = (np.array(force) - before) / (force[-1] - before)
+    return float(np.argmax(risen >= SHARE) + 1) * 1e-3

@@ -1,0 +1,143 @@
+"""Runs of the study in worker processes: grouped by controller, so that each process compiles a
+controller's loop once.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from controllers.catalogue import make_controller
+from controllers.interface import Controller
+from controllers.wrong_angle import WrongAngle
+from modelica_fmu.errors import RunError
+from pneugantry.thesis.conditions import TIME_SHIFT, Run, scenario_of
+from pneugantry.thesis.scores import Scores, Trace, score_log, trace_log
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.run import run_scenario
+
+__all__ = ["Done", "Job", "Results", "Workers", "run_one"]
+
+BATCH = 30  # runs a task
+Tell = Callable[[int, int], None]  # (jobs done, jobs in all)
+Job = tuple[
+    Callable[..., Any], tuple[Any, ...]
+]  # a function that the workers can import, and its arguments
+
+
+@dataclass(frozen=True)
+class Done:
+    """A run's scores, and its trace where asked for."""
+
+    scores: Scores
+    trace: Trace | None = None
+
+
+@dataclass
+class Results:
+    """Finished runs."""
+
+    done: dict[Run, Done] = field(default_factory=dict)
+
+    def __getitem__(self, run: Run) -> Scores:
+        return self.done[run].scores
+
+    def trace(self, run: Run) -> Trace:
+        trace = self.done[run].trace
+        if trace is None:
+            raise KeyError(f"{run} was run without a trace")
+        return trace
+
+
+def run_one(run: Run, fmu: FmuFile, *, trace: bool = False) -> Done:
+    """Raises RunError where the FMU fails: a table with a hole is no table."""
+    scenario = scenario_of(run)
+    controller: Controller = (
+        WrongAngle(run.angle_error)
+        if run.angle_error
+        else make_controller(run.controller, **_options(run))
+    )
+    result = run_scenario(scenario, fmu, controller=controller)
+    if result.outcome != "done":
+        raise RunError(f"{scenario.name}: {result.reason}")
+    scores = score_log(result.log, quiet=run.choice.quiet, v_td=run.v_td, f_nd=scenario.f_nd)
+    return Done(scores, trace_log(result.log, TIME_SHIFT) if trace else None)
+
+
+def _options(run: Run) -> dict[str, Any]:
+    return {"gains": run.gains} if run.gains else {}
+
+
+def run_batch(runs: list[Run], fmu: str, traced: frozenset[Run]) -> dict[Run, Done]:
+    file = FmuFile.read(fmu)
+    return {run: run_one(run, file, trace=run in traced) for run in runs}
+
+
+def batches(runs: Iterable[Run], size: int = BATCH) -> list[list[Run]]:
+    """Each run once; a batch holds one controller. Large batches first."""
+    by_controller: dict[str, list[Run]] = {}
+    for run in dict.fromkeys(runs):
+        by_controller.setdefault(run.controller, []).append(run)
+    groups = sorted(by_controller.values(), key=len, reverse=True)
+    return [group[i : i + size] for group in groups for i in range(0, len(group), size)]
+
+
+class Workers:
+    """Worker processes that live for the study, so that what they compiled serves again; count 1:
+    this process.
+    """
+
+    def __init__(self, fmu: Path, count: int = 2, tell: Tell | None = None) -> None:
+        self.fmu, self.tell = str(fmu), tell
+        self.pool = (
+            ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"))
+            if count > 1
+            else None
+        )
+        self.waiting: list[Future[Any]] = []
+        self.done = 0
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.pool is not None:
+            self.pool.shutdown(cancel_futures=True)
+
+    def start(self, jobs: Sequence[Job]) -> list[Future[Any]]:
+        """The jobs' results, to be asked for with `result()`."""
+        return [self._submit(function, *arguments) for function, arguments in jobs]
+
+    def start_runs(
+        self, runs: Iterable[Run], traced: frozenset[Run] = frozenset()
+    ) -> list[Future[Any]]:
+        return self.start(
+            [(run_batch, (batch, self.fmu, traced & frozenset(batch))) for batch in batches(runs)]
+        )
+
+    def collect(self, futures: Sequence[Future[Any]]) -> Results:
+        """Results of `start_runs`."""
+        wait(futures)
+        results = Results()
+        for future in futures:
+            results.done |= future.result()
+        return results
+
+    def _submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        if self.pool is None:
+            future: Future[Any] = Future()
+            future.set_result(function(*arguments))
+        else:
+            future = self.pool.submit(function, *arguments)
+        self.waiting.append(future)
+        future.add_done_callback(self._finished)
+        return future
+
+    def _finished(self, _: Future[Any]) -> None:
+        self.done += 1
+        if self.tell is not None:
+            self.tell(self.done, len(self.waiting))

@@ -1,0 +1,72 @@
+"""Scores of a run over the scored window: errors against the printed set points f_nd and v_td."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneugantry.analysis.metrics import task_frame
+from pyfmi_runner.log import PHASES, Log
+
+__all__ = ["Scores", "Trace", "score_log", "trace_log"]
+
+Array = NDArray[np.float64]
+
+
+class Scores(NamedTuple):
+    """In the order of the tables' columns."""
+
+    me_fn: float  # N
+    me_vt: float  # m/s
+    rmse_fn: float  # N
+    rmse_vt: float  # m/s
+
+
+class Trace(NamedTuple):
+    """What the figures draw, every tenth sample of the contact and contouring phases."""
+
+    time: Array  # s, the thesis': the speed is asked for at 22 s
+    x: Array  # m
+    z: Array  # m
+    f_n: Array  # N
+    v_t: Array  # m/s
+    theta: Array  # rad, of the edge
+    u_x: Array  # V
+    u_z: Array  # V
+    f_az: Array  # N
+
+
+def score_log(log: Log, *, quiet: float, v_td: float, f_nd: float) -> Scores:
+    """Errors over the window that begins `quiet` seconds before the speed is asked for and ends
+    with the contouring phase.
+    """
+    contour = log["phase"] == PHASES.index("contour")
+    begin = float(log.time[contour][0]) - quiet
+    window = (log.time >= begin - 1e-9) & (log["phase"] <= PHASES.index("contour"))
+    f_n, v_t, _ = task_frame(log)
+    e_f, e_v = (f_nd - f_n)[window], (v_td - v_t)[window]
+    return Scores(float(np.abs(e_f).max()), float(np.abs(e_v).max()), _rms(e_f), _rms(e_v))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def trace_log(log: Log, shift: float, every: int = 10) -> Trace:
+    """The log from the contact phase on, thinned; shift: s, added to its time."""
+    task = task_frame(log)
+    rows = np.flatnonzero(log["phase"] >= PHASES.index("contact"))[::every]
+    columns = (
+        log.time + shift,
+        log["x"],
+        log["z"],
+        task.f_n,
+        task.v_t,
+        log["theta"],
+        log["u_x"],
+        log["u_z"],
+        log["f_az"],
+    )
+    return Trace(*(np.asarray(column)[rows] for column in columns))

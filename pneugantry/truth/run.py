@@ -1,0 +1,72 @@
+"""Run one log on one rig: by its own programme and controller, or by replay of recorded commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneugantry.truth.controller import gain_array
+from pneugantry.truth.integrate import Accuracy
+from pneugantry.truth.loop import NEVER, Luck, Task, run_loop
+from pneugantry.truth.parameters import SIGMA, Rig
+from pneugantry.truth.plant import Plant
+from pneugantry.truth.setups import Setup
+from pneugantry.truth.workpiece import edge_table
+
+FAR = 1e3  # m, stand-off of a workpiece that is not there
+TOLERANCE = 1.0  # times the error scales of `integrate`
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """true, readings: (rows, 8) in the order of CHANNELS; commands: (rows, 2) [V]; events: located
+    mode changes.
+    """
+
+    true: np.ndarray
+    readings: np.ndarray
+    commands: np.ndarray
+    events: int
+
+
+def draws(rows: int, seed: int | np.random.SeedSequence | None) -> Luck:
+    """Noise and chance of a log; without a seed no noise, and chances that never strike."""
+    if seed is None:
+        return Luck(np.zeros((rows, 8)), np.full((rows, 10), 0.999999))
+    rng = np.random.default_rng(seed)
+    return Luck(rng.standard_normal((rows, 8)) * SIGMA, rng.random((rows, 10)))
+
+
+def run(
+    rig: Rig,
+    setup: Setup,
+    *,
+    draw: Luck | None = None,
+    commands: np.ndarray | None = None,
+    edge: np.ndarray | None = None,
+    tolerance: float = TOLERANCE,
+    max_step: float = 1e-3,
+) -> Outcome:
+    """Simulate a log. `commands` (rows, 2) [V]: replay these, whatever the loop was. `edge`: ready
+    table of the workpiece, else made from the setup.
+    """
+    replay = commands is not None
+    u = np.ascontiguousarray(commands, dtype=float) if replay else setup.commands()
+    draw = draws(setup.rows, None) if draw is None else draw
+    if edge is None:
+        edge = edge_table(setup.workpiece, rig)
+    standoff = FAR if setup.workpiece == "none" else setup.standoff
+    row = NEVER if replay else setup.contact_row
+    task = Task(
+        np.array(setup.start),
+        setup.release_rows(),
+        u,
+        setup.references(),
+        row,
+        gain_array(setup.gains),
+    )
+    plant = Plant(rig.axis, rig.contact, rig.profile, edge, standoff)
+    return Outcome(
+        *run_loop(task, draw, rig.sensor, rig.timing, Accuracy(tolerance, max_step), plant)
+    )

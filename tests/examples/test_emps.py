@@ -1,0 +1,104 @@
+"""The measured axis: rungs beside the published ones, and a short diagnosis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from examples.emps import closed_loop, idim
+from examples.emps.__main__ import DATA, PLANT, PUBLISHED_PARAMETERS
+from pneugantry.diagnosis.catalogue import read_catalogue
+from pneugantry.diagnosis.own_diagnose import diagnose_own, own_json
+from pneugantry.diagnosis.own_plant import read_own_plant
+from pyfmi_runner.block_fmu import BlockFmu
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.fmu import FmuFile
+
+ROOT = Path(__file__).resolve().parents[2]
+
+measured = pytest.mark.skipif(
+    not DATA.is_dir(), reason="../shared/real/emps is not on this machine"
+)
+
+
+def test_the_nominal_axis_is_a_mass_in_its_loop_without_friction() -> None:
+    file = FmuFile.read(build_fmu("EMPS.Axis", ROOT / "models" / "EMPS.mo").path)
+    reference = np.full((3000, 1), 0.01)
+    with BlockFmu(file) as fmu:
+        nominal = fmu.run({}, ["q_ref"], reference, ["q", "u", "friction.F"])
+        pushed = fmu.run({"offset": 10.0}, ["q_ref"], reference, ["q", "u"])
+    assert nominal[-1, :2] == pytest.approx([0.01, 0.0], abs=1e-6)
+    assert not nominal[:, 2].any()
+    assert pushed[-1, 1] == pytest.approx(10.0 / 35.1507, rel=1e-4)  # the loop holds the force
+    assert 0.01 - pushed[-1, 0] == pytest.approx(10.0 / 35.1507 / 160.18 / 243.45, rel=1e-3)
+
+
+def test_every_effect_names_parameters_of_the_model_and_sits_at_its_neutral() -> None:
+    variables = FmuFile.read(build_fmu("EMPS.Axis", ROOT / "models" / "EMPS.mo").path).variables
+    for effect in read_catalogue(PLANT.parent / "effects").values():
+        for form in effect.forms:
+            assert set(form.settings) <= set(variables)
+            for p in form.parameters:
+                assert p.name in variables
+                assert (
+                    p.relative or p.positive or float(variables[p.name].start or 0.0) == p.neutral
+                ), p.name
+
+
+@measured
+def test_the_inverse_models_rungs_are_the_published_ones() -> None:
+    rungs = idim.ladder(
+        *(idim.read_axis(DATA / f"{name}.mat") for name in ("DATA_EMPS", "DATA_EMPS_PULSES"))
+    )
+    assert [rungs[r].train for r in ("offset", "asymmetric")] == pytest.approx(
+        [0.04083, 0.03112], abs=1e-3
+    )
+    assert rungs["offset"].pulses == pytest.approx(0.05982, abs=0.003)
+    assert rungs["offset"].parameters == pytest.approx(PUBLISHED_PARAMETERS["offset"], rel=5e-3)
+    errors = [rungs[r].pulses for r in idim.RUNGS]
+    assert errors == sorted(errors, reverse=True)
+
+
+@measured
+def test_the_loops_rungs_fall_on_both_records(tmp_path: Path) -> None:
+    plant = read_own_plant(PLANT, out=tmp_path)
+    rungs = closed_loop.ladder(plant, read_catalogue(PLANT.parent / "effects"))
+    for log, last in (("train", 0.03), ("pulses", 0.04)):
+        errors = [rungs[r].errors[log] for r in idim.RUNGS]
+        assert errors == sorted(errors, reverse=True)
+        assert errors[-1] < last
+
+
+@measured
+def test_half_the_record_shows_viscous_coulomb_offset_and_then_the_asymmetry(
+    tmp_path: Path,
+) -> None:
+    plant = read_own_plant(PLANT, out=tmp_path)
+    short = tuple(
+        replace(log, inputs=log.inputs[:12600], measured=log.measured[:12600]) for log in plant.logs
+    )
+    some = (
+        "viscous_friction",
+        "coulomb_friction",
+        "offset",
+        "friction_direction",
+        "payload",
+        "cable_spring",
+    )
+    catalogue = {
+        key: effect
+        for key, effect in read_catalogue(PLANT.parent / "effects").items()
+        if key in some
+    }
+    found = own_json(diagnose_own(replace(plant, logs=short), catalogue))
+    assert [step["effect"] for step in found["path"]][:4] == list(some[:4])
+    assert found["where"][0]["block"] == "friction"
+    assert found["gap"]["log"] == "pulses"
+    assert found["gap"]["shrink"] > 0.99
+    direction = next(c for c in found["causes"] if c["effect"] == "friction_direction")
+    assert direction["parameters"]["friction.direction_v"]["value"] == pytest.approx(
+        -0.18, abs=0.04
+    )  # 166.71 against 240.42

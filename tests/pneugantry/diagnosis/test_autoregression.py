@@ -1,0 +1,31 @@
+"""Whitening of noise of unknown colour."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from pneugantry.diagnosis.autoregression import LONGEST, whitener_of
+
+NOISE = np.random.default_rng(5).normal(0, 3.0, (3, 4000))
+
+
+def test_coloured_noise_becomes_white_of_size_one() -> None:
+    series = [np.asarray(lfilter([1.0], [1.0, -1.4, 0.5], n)) for n in NOISE]
+    whiten = whitener_of(series)
+    assert whiten.coefficients[:2] == pytest.approx([1.4, -0.5], abs=0.05)
+    assert whiten.sigma == pytest.approx(3.0, rel=0.03)
+    white = whiten(series[0])
+    assert len(white) == 4000 - LONGEST
+    assert np.std(white) == pytest.approx(1.0, rel=0.05)
+    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.05
+
+
+def test_white_noise_pays_for_no_order() -> None:
+    assert len(whitener_of(list(NOISE)).coefficients) == 0
+
+
+def test_a_constant_error_is_left_in_where_noise_is_white() -> None:
+    whiten = whitener_of([n + 0.5 for n in NOISE])
+    assert np.mean(whiten(NOISE[0] + 0.5) - whiten(NOISE[0])) > 0.1
