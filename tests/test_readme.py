@@ -48,7 +48,7 @@ def file_map_module() -> ModuleType:
 def test_a_python_snippet_runs(
     number: int, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    build_fmu()
+    build_fmu(out=ROOT / "fmus")
     monkeypatch.chdir(ROOT)
     assert len(blocks("python")) == 3
     module = ModuleType("snippet")  # a kernel's compilation looks its globals up there

@@ -130,8 +130,8 @@ def test_fmu_manipulation_toolbox_opens_and_packs_it_again(tmp_path: Path) -> No
 
 @pytest.fixture(scope="module")
 def snippets() -> list[str]:
-    build_fmu()
-    build_controller_fmu("pi_fv")
+    build_fmu(out=ROOT / "fmus")
+    build_controller_fmu("pi_fv", out=ROOT / "fmus")
     return re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
 
 
