@@ -30,7 +30,7 @@ def read_mat(file: Path) -> dict[str, NDArray[np.generic]]:
     """
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "columns.npz"
-        command = [sys.executable, "-m", "diagnosis.mat_file", str(file), str(out)]
+        command = [sys.executable, "-m", "pneugantry.diagnosis.mat_file", str(file), str(out)]
         try:
             done = subprocess.run(command, capture_output=True, timeout=LONGEST, check=False)
         except subprocess.TimeoutExpired:

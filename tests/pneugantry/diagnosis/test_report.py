@@ -426,7 +426,8 @@ def test_the_next_experiment_is_shown(tmp_path: Path, monkeypatch: pytest.Monkey
         "separation": 41.0,
     }
     monkeypatch.setattr(
-        "diagnosis.report.report_json", lambda d: report_json(d) | {"next_experiment": experiment}
+        "pneugantry.diagnosis.report.report_json",
+        lambda d: report_json(d) | {"next_experiment": experiment},
     )
     said = words(page("ambiguous", tmp_path))
     assert (

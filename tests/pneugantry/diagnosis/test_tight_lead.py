@@ -77,7 +77,7 @@ def test_every_law_of_friction_is_led_tightly_not_only_the_plain_one(
         tried.append(c.choice.effects[-1][1].name)
         return whole(bench, c)
 
-    monkeypatch.setattr("diagnosis.tight_lead.first_fit", noted)
+    monkeypatch.setattr("pneugantry.diagnosis.tight_lead.first_fit", noted)
     ranked = tightly_led(
         bench, list(additions(bench, presliding, Search({VIEW: null}, {VIEW}), None)), [VIEW], None
     )
