@@ -1,5 +1,7 @@
-"""The command line: `pneugantry COMMAND`. One file per command under `commands/`; here parsing,
-exit codes and JSON.
+"""The command line: `pneugantry COMMAND`.
+
+One file per command under `commands/`, imported only when it is called; here the table of
+commands, parsing, exit codes and JSON.
 """
 
 from __future__ import annotations
@@ -9,27 +11,29 @@ import importlib
 import json
 import os
 import sys
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from modelica_fmu.errors import InputError, RunError
-from pyfmi_runner.log import write_atomically
 
-# each a module of `commands` with HELP, add_arguments, execute
-COMMANDS = (
-    "demo",
-    "build",
-    "run",
-    "replay",
-    "diagnose",
-    "blind",
-    "identify",
-    "linearize",
-    "rootlocus",
-    "thesis",
-    "sweep",
-    "bench",
-    "completion",
-)
+# command: its line in the list of commands. Each is a module of `commands` with HELP,
+# add_arguments and execute.
+COMMANDS = {
+    "demo": "build the FMU, track five edges, diagnose a rig with a hidden effect",
+    "build": "compile a Modelica class, or a controller, to an FMU",
+    "run": "closed-loop run at 1 ms; RMSE and maximum error of f_n and v_t",
+    "replay": "measured logs against the FMU: gap per log, channel and block",
+    "diagnose": "which block and which effect make a measured campaign differ",
+    "blind": "draw sealed cases on the truth plant, diagnose, unseal, score",
+    "identify": "plant parameters with 95 % intervals from measured logs",
+    "linearize": "state space of the FMU at an operating point",
+    "rootlocus": "poles, zeros, stability limit and margins of a force loop",
+    "thesis": "every table and conclusion of the thesis, ours beside the printed",
+    "sweep": "parameter studies on cores or a Dask cluster, resumable",
+    "benchmark": "speed of every path that steps the FMU, and what a run costs",
+    "completion": "completion script for bash, zsh or fish",
+}
+ALIASES = {"bench": "benchmark"}  # names of earlier versions
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -41,37 +45,64 @@ class OneLineParser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {' '.join(message.split())}; see {self.prog} --help\n")
 
 
-def parser() -> argparse.ArgumentParser:
+class PrintVersion(argparse.Action):
+    """`--version`: read from the installed package only when asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from pneugantry import __version__
+
+        print(f"pneugantry {__version__}")
+        parser.exit()
+
+
+def parser(only: str | None = None) -> argparse.ArgumentParser:
+    """The parser of all commands, or with the options of one command alone (`only`), so that no
+    other command is imported.
+    """
     top = OneLineParser(
         prog="pneugantry",
         description="Pneumatic gantry robot: Modelica model, FMU, closed-loop co-simulation, "
         "diagnosis of the sim-to-real gap.",
-        epilog="Exit codes: 0 done, 1 a failed check or a run that could not finish, 2 unusable "
-        "input.",
+        epilog="`pneugantry COMMAND --help` says more. Exit codes: 0 done, 1 a failed check or a "
+        "run that could not finish, 2 unusable input.",
     )
+    top.add_argument("--version", action=PrintVersion, nargs=0, help="print the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name in COMMANDS:
-        module = importlib.import_module(f"pneugantry.commands.{name}")
-        text = module.HELP.replace("%", "%%")  # argparse formats it
-        summary = text.strip().splitlines()[0]
+    for name, summary in COMMANDS.items():
+        aliases = [alias for alias, meant in ALIASES.items() if meant == name]
         command = commands.add_parser(
             name,
-            help=summary,
-            description=text,
+            help=summary.replace("%", "%%"),  # argparse formats it
+            aliases=aliases,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        command.add_argument(
-            "--json", metavar="FILE", help="write the result as JSON, - for standard output"
-        )
-        module.add_arguments(command)
-        command.set_defaults(execute=module.execute)
+        if only is None or only in (name, *aliases):
+            _add_options(command, name)
     return top
+
+
+def _add_options(command: argparse.ArgumentParser, name: str) -> None:
+    module = importlib.import_module(f"pneugantry.commands.{name}")
+    command.description = module.HELP.replace("%", "%%")
+    command.add_argument(
+        "--json", metavar="FILE", help="write the result as JSON, - for standard output"
+    )
+    module.add_arguments(command)
+    command.set_defaults(execute=module.execute)
+
+
+def _named_command(arguments: Sequence[str]) -> str:
+    """The command among the arguments: the first that is no option (none of ours comes before it
+    with a value); "" where there is none.
+    """
+    return next((word for word in arguments if not word.startswith("-")), "")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs one command; returns its exit code."""
+    words = sys.argv[1:] if arguments is None else arguments
     try:
-        options = parser().parse_args(arguments)
+        options = parser(only=_named_command(words)).parse_args(words)
     except SystemExit as end:  # --help, or a wrong option
         return int(end.code or 0)
     to_stdout = options.json == "-"
@@ -113,6 +144,8 @@ def _write_json(result: dict[str, Any], target: str, stdout: Any) -> None:
         stdout.write(text)
         stdout.flush()
         return
+    from pyfmi_runner.log import write_atomically  # pandas: only where a file is written
+
     write_atomically(target, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 

@@ -32,8 +32,8 @@ def _commands(
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             about = {choice.dest: choice.help or "" for choice in action._choices_actions}
-            for name, command in action.choices.items():
-                yield name, _plain(about.get(name, "")), command
+            for name, text in about.items():  # aliases are not offered
+                yield name, _plain(text), action.choices[name]
 
 
 def _options(command: argparse.ArgumentParser) -> Iterator[Option]:

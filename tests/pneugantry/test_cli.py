@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import importlib.util
 import json
+import subprocess
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pneugantry.cli import COMMANDS, main
+from pneugantry.cli import ALIASES, COMMANDS, main
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED, Log, read_log, write_log
@@ -231,6 +234,49 @@ def test_help_is_printed_and_names_the_command(command: str, capsys: Capture) ->
     code, out, err = said(capsys, *([command] if command else []), "--help")
     assert (code, err) == (0, "")
     assert out.startswith(f"usage: pneugantry {command}".strip())
+
+
+HEAVY = {"numpy", "scipy", "pandas", "numba", "casadi", "control", "matplotlib", "rumoca", "fmpy"}
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["fly"], []])
+def test_the_list_of_commands_imports_no_library(arguments: list[str]) -> None:
+    code = (
+        "import sys; from pneugantry.cli import main; "
+        f"main({arguments}); print(*sys.modules, file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = {name.split(".")[0] for name in done.stderr.split()}
+    assert "pneugantry" in loaded
+    assert not loaded & HEAVY
+
+
+def test_a_command_imports_no_other_command() -> None:
+    code = (
+        "import sys; from pneugantry.cli import main; main(['completion', '--help']); "
+        "print(*sys.modules, file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    commands = [name for name in done.stderr.split() if name.startswith("pneugantry.commands.")]
+    assert commands == ["pneugantry.commands.completion"]
+
+
+def test_the_table_names_every_command_and_no_other() -> None:
+    folder = Path(importlib.util.find_spec("pneugantry.commands").submodule_search_locations[0])
+    assert {path.stem for path in folder.glob("[a-z]*.py")} == set(COMMANDS)
+    assert set(ALIASES.values()) <= set(COMMANDS)
+
+
+def test_the_version_is_that_of_the_package(capsys: Capture) -> None:
+    code, out, _ = said(capsys, "--version")
+    assert (code, out) == (0, f"pneugantry {importlib.metadata.version('pneugantry')}\n")
+
+
+@pytest.mark.parametrize(("alias", "command"), ALIASES.items())
+def test_a_former_name_still_calls_its_command(alias: str, command: str, capsys: Capture) -> None:
+    code, out, err = said(capsys, alias, "--help")
+    assert (code, err) == (0, "")
+    assert out.startswith(f"usage: pneugantry {command}")
 
 
 # ---- what cannot be used

@@ -1,4 +1,4 @@
-"""`pneugantry bench`."""
+"""`pneugantry benchmark`."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ HELP = """Speed of every path that steps the FMU, side by side in one run, and w
 
 CPU time of the stepping, set-up left out; median over the rounds, and ratio to a master loop in C that does the same.
 
-  pneugantry bench                     paths, costs and the profile of a step: some 40 s
-  pneugantry bench --rounds 3 --only-paths --json out/bench.json"""
+  pneugantry benchmark                 paths, costs and the profile of a step: some 40 s
+  pneugantry benchmark --rounds 3 --only-paths --json out/benchmark.json"""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
