@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow lint map lock clean
+.PHONY: demo test test-slow lint wheel lock clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -21,6 +21,9 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+wheel: $(READY) ## the wheel in a clean environment outside the checkout
+	$(BIN)/python -m benchmarks.clean_install
+
 $(READY): pyproject.toml requirements.lock
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed: make PYTHON=/path/to/python3.11 ...")'
 	$(PYTHON) -m venv $(VENV)
@@ -29,9 +32,6 @@ $(READY): pyproject.toml requirements.lock
 	@command -v $${CC:-cc} >/dev/null 2>&1 || { echo "no C compiler found: installing ziglang (411 MB)"; $(BIN)/python -m pip install --quiet "ziglang>=0.13"; }
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
 	@touch $@
-
-map: $(READY) ## renew the file map of README.md
-	$(BIN)/python docs/file_map.py
 
 lock: ## renew requirements.lock from pyproject.toml
 	$(BIN)/python -m pip install --quiet uv

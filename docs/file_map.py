@@ -1,5 +1,5 @@
-"""Writes the file map of README.md: one line a module, its docstring's first sentence. `python
-docs/file_map.py`, or `make map`.
+"""The file map: one line a module, its docstring's first sentence. `python docs/file_map.py` prints
+it; the documentation site holds it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("modelica_fmu", "controllers", "pyfmi_runner", "pneugantry", "benchmarks", "examples")
-BEGIN, END = "<!-- file map: written by docs/file_map.py -->", "<!-- end of file map -->"
 OTHERS = {  # what holds no docstring
     "models/PneuGantry.mo": "The plant, one block per component; `Validation`: a model with a "
     "known answer per component",
@@ -42,8 +41,7 @@ def file_map() -> str:
     """The map as Markdown: a list per folder; files without a summary (empty `__init__.py`) are
     left out.
     """
-    lines = [BEGIN]
-    lines += [f"- `{name}`: {text}" for name, text in OTHERS.items()]
+    lines = [f"- `{name}`: {text}" for name, text in OTHERS.items()]
     for package in PACKAGES:
         files = sorted(p for p in (ROOT / package).rglob("*") if p.suffix in (".py", ".c", ".h"))
         for folder in sorted({p.parent for p in files}):
@@ -56,15 +54,8 @@ def file_map() -> str:
                 if effects
                 else []
             )
-    return "\n".join([*lines, END])
-
-
-def with_map(readme: str) -> str:
-    """README's text with the present map in its place."""
-    before, _, rest = readme.partition(BEGIN)
-    return before + file_map() + rest.partition(END)[2]
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    target = ROOT / "README.md"
-    target.write_text(with_map(target.read_text(encoding="utf-8")), encoding="utf-8")
+    print(file_map())
