@@ -18,6 +18,7 @@ from modelica_fmu.generate import Expressions, Layout
 from modelica_fmu.hybrid import HybridSystem, build_system
 from modelica_fmu.sorting import solve
 from modelica_fmu.symbols import PlainScope, Scalar, constant
+from modelica_fmu.units import rate_unit
 
 CORE = ("core.h", "core.c")
 
@@ -278,7 +279,7 @@ def _variables(system: HybridSystem, layout: Layout) -> list[_Placed]:
             )
         )
     for i, s in enumerate(layout.states):
-        unit = _rate_unit(s.variable.unit)
+        unit = rate_unit(s.variable.unit)
         made.append(
             Variable(
                 f"der({s.name})",
@@ -376,12 +377,6 @@ def _bound(tree: Tree | None, s: Scalar, translate: Translator) -> float | None:
             f"a bound of {s.name} is not constant", s.variable.tree, hint="give a number"
         )
     return number
-
-
-def _rate_unit(unit: str | None) -> str | None:
-    """Unit of the time derivative."""
-    known = {"m": "m/s", "m/s": "m/s2", "N": "N/s", "1": "1/s", "V": "V/s", "rad": "rad/s"}
-    return None if unit is None else known.get(unit, f"{unit}/s" if "/" not in unit else None)
 
 
 def _dependencies(

@@ -29,6 +29,9 @@ TYPE = {
 }
 
 
+SOLVER = {"solver.max_step": "P_MAX_STEP", "solver.tolerance": "P_TOLERANCE"}  # places in q->p
+
+
 @dataclass
 class Layout:
     """Order of the scalars within each C array."""
@@ -100,6 +103,8 @@ def header(system: HybridSystem, layout: Layout, hoisted: int) -> str:
         "N_HOISTED": hoisted,
         "N_SEEDS": len(layout.states) + len(layout.inputs) + len(layout.parameters),
     }
+    position = {s.name: i for i, s in enumerate(layout.parameters)}
+    sizes |= {define: position[name] for name, define in SOLVER.items()}
     defines = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
     return f"""/* Generated from a Modelica model: sizes and functions of the model. */
 #ifndef MODEL_H
@@ -297,7 +302,7 @@ def _tables(
     name, references = identity
     rows = ",\n".join(_row(v) for v in variables)
     starts = [constant_start(s) for s in layout.parameters]
-    nominals = [_attribute(system, s, s.variable.nominal, 1.0) for s in layout.states]
+    nominals = [abs(variables[i].nominal or 1.0) for i in references["states"]]
     messages = [f"{{{_quoted(a.message)}, {int(a.warning)}}}" for a in system.assertions]
     return f"""const char model_name[] = {_quoted(name)};
 const size_t model_n_variables = {len(variables)}, model_n_states = N_STATES, model_n_indicators = N_RELATIONS;
@@ -331,13 +336,6 @@ def _row(v: Variable) -> str:
 
 def constant_start(scalar: Scalar) -> float:
     return float(scalar.value) if scalar.value is not None and scalar.value.is_constant() else 0.0
-
-
-def _attribute(system: HybridSystem, scalar: Scalar, tree: dict | None, default: float) -> float:
-    if tree is None:
-        return default
-    kind, node = next(iter(tree.items()))
-    return float(next(iter(node["value"].values()))) if kind == "Literal" else default
 
 
 def _list(values: list) -> str:

@@ -18,6 +18,8 @@ from modelica_fmu.frontend import FlatModel, Tree
 from modelica_fmu.functions import FunctionLibrary
 from modelica_fmu.symbols import TIME, Scalar, Table, build_table, names_under_pre
 
+DEEPEST = 1_000_000  # operations down to which two indicators are compared
+
 
 @dataclass
 class Relation:
@@ -86,7 +88,7 @@ class HybridScope:
     def __init__(self, system: HybridSystem, functions: FunctionLibrary) -> None:
         self.system, self.table, self.functions = system, system.table, functions
         self.source = system.table.model.source
-        self._known_relations: dict[str, ca.SX] = {}
+        self._known_relations: dict[str, list[Relation]] = {}
         self._by_symbol = {s.symbol.__hash__(): s for s in self.table.scalars.values()}
 
     def name(self, name: str, tree: Tree) -> Value:
@@ -100,12 +102,15 @@ class HybridScope:
         if not event or not any(self._moves(symbol) for symbol in ca.symvar(difference)):
             return compare(op, lhs, rhs)
         inclusive = op in ("Ge", "Le")
-        key = f"{difference}|{inclusive}"
-        if key not in self._known_relations:
-            symbol = ca.SX.sym(f"relation_{len(self.system.relations)}")
-            self.system.relations.append(Relation(symbol, difference, inclusive))
-            self._known_relations[key] = symbol
-        return self._known_relations[key]
+        # CasADi prints six digits: the text finds candidates, the expressions themselves decide
+        alike = self._known_relations.setdefault(f"{difference}|{inclusive}", [])
+        for known in alike:
+            if ca.is_equal(known.indicator, difference, DEEPEST):
+                return known.symbol
+        symbol = ca.SX.sym(f"relation_{len(self.system.relations)}")
+        alike.append(Relation(symbol, difference, inclusive))
+        self.system.relations.append(alike[-1])
+        return symbol
 
     def _moves(self, symbol: ca.SX) -> bool:
         """Whether a symbol changes between events."""

@@ -11,7 +11,8 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.frontend import Source, Tree
-from modelica_fmu.hybrid import HybridSystem
+from modelica_fmu.hybrid import Assertion, HybridSystem
+from modelica_fmu.symbols import literal
 
 MOST_UNKNOWNS = 2000  # a minute of compilation
 LARGEST_BLOCK = 6  # linear algebraic loops up to this size are solved symbolically
@@ -54,12 +55,10 @@ def solve(system: HybridSystem) -> dict[str, ca.SX]:
         members = columns[column_starts[block] : column_starts[block + 1]]
         present = [residuals[i] for i in equations]
         present = ca.substitute(present, old, new) if old else present
-        values = _solve_block(
-            source,
-            present,
-            [unknowns[j] for j in members],
-            [system.residuals[i][1] for i in equations],
-        )
+        trees = [system.residuals[i][1] for i in equations]
+        block_unknowns = [unknowns[j] for j in members]
+        values = _solve_block(source, present, block_unknowns, trees)
+        _watch_pivot(system, present, block_unknowns, trees)
         for j, value in zip(members, values, strict=True):
             name, symbol = unknowns[j]
             solved[name] = value
@@ -80,6 +79,39 @@ def _singular(system: HybridSystem, pattern: ca.Sparsity, names: list[str]) -> I
         system.residuals[int(np.argmax(unknown_of_equation < 0))][1],
         hint="write an equation for each unknown",
     )
+
+
+def _watch_pivot(
+    system: HybridSystem, residuals: list[ca.SX], unknowns: list[tuple[str, ca.SX]], trees: list
+) -> None:
+    """A run stops where the factor of a block's unknowns, which the block is divided by, is 0.
+
+    Nothing is watched where that cannot be. Raises InputError where it is 0 always.
+    """
+    source = system.table.model.source
+    pivot = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*(symbol for _, symbol in unknowns)))
+    factor = pivot if len(unknowns) == 1 else ca.det(pivot)
+    names = ", ".join(name for name, _ in unknowns)
+    if factor.is_constant():
+        if float(factor) == 0:
+            raise source.refuse(
+                f"the equations for {names} are singular", trees[0], hint="correct the equations"
+            )
+        return
+    if not _keeps_its_sign(system, factor):
+        line = source.line(trees[0])
+        message = f"the equation of line {line} cannot be solved for {names}: its factor is 0"
+        system.assertions.append(Assertion(factor != 0, message, warning=False))
+
+
+def _keeps_its_sign(system: HybridSystem, factor: ca.SX) -> bool:
+    """Whether a factor is a parameter, or minus one, that is bounded away from 0."""
+    symbol = factor if factor.is_symbolic() else -factor
+    scalar = system.table.scalars.get(symbol.name()) if symbol.is_symbolic() else None
+    if scalar is None or scalar.kind != "parameter":
+        return False
+    low, high = (literal(bound) for bound in (scalar.variable.min, scalar.variable.max))
+    return (low is not None and low > 0) or (high is not None and high < 0)
 
 
 def _solve_block(

@@ -110,7 +110,7 @@ def build_table(model: FlatModel, functions: FunctionLibrary) -> tuple[Table, Pl
 
 
 def _solver_parameters() -> list[FlatVariable]:
-    """Settings of the internal solver, as the model's last parameters (core.c reads them there)."""
+    """Settings of the internal solver; `generate.SOLVER` tells core.c where they are."""
     return [
         _parameter(
             "solver.max_step", 1e-3, 1e-6, 1.0, "s", "Longest internal step in co-simulation"
@@ -262,3 +262,10 @@ def constant(value: Value) -> float | None:
     """The number that a value is, or None."""
     items = flatten(value)
     return float(items[0]) if len(items) == 1 and items[0].is_constant() else None
+
+
+def literal(tree: Tree | None) -> float | None:
+    """The number that an attribute is written as, or None."""
+    node = (tree or {}).get("Literal")
+    number = next(iter(node["value"].values())) if node else None
+    return float(number) if isinstance(number, int | float) else None

@@ -113,3 +113,19 @@ def base_unit(text: str) -> BaseUnit | None:
         return None
     exponents = tuple(a - b for a, b in zip(top.exponents, bottom.exponents, strict=True))
     return BaseUnit(exponents, top.factor / bottom.factor)
+
+
+def rate_unit(text: str | None) -> str | None:
+    """Unit of the time derivative: "m/s2" for "m/s", "N/s" for "N", "1/s" for "1"; None where the
+    unit is not understood.
+    """
+    if text is None or base_unit(text) is None:
+        return None
+    numerator, _, denominator = text.strip().partition("/")
+    inside = denominator.removeprefix("(").removesuffix(")")
+    factors = [part for part in inside.split(".") if part not in ("", "1")]
+    seconds = [part for part in factors if re.fullmatch(r"s\d*", part)]
+    power = sum(int(part[1:] or 1) for part in seconds) + 1
+    factors = [part for part in factors if part not in seconds]
+    factors.append("s" if power == 1 else f"s{power}")
+    return f"{numerator}/" + (factors[0] if len(factors) == 1 else f"({'.'.join(factors)})")

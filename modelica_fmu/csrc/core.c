@@ -307,7 +307,7 @@ static void evaluate(Instance *s, double time, const double *x, double *dx, doub
 /* One Runge-Kutta step of length h from (time, x0, k1) with frozen modes. */
 static void attempt(Instance *s, double time, const double *x0, const double *k1, double h, Trial *trial) {
     double k2[AT_LEAST_1(N_STATES)], k3[AT_LEAST_1(N_STATES)], k4[AT_LEAST_1(N_STATES)], x[AT_LEAST_1(N_STATES)];
-    const double tolerance = s->c.q.p[N_PARAMETERS - 1];
+    const double tolerance = s->c.q.p[P_TOLERANCE];
     for (int i = 0; i < N_STATES; i++) x[i] = x0[i] + 0.5 * h * k1[i];
     evaluate(s, time + 0.5 * h, x, k2, trial->z);
     for (int i = 0; i < N_STATES; i++) x[i] = x0[i] + 0.5 * h * k2[i];
@@ -365,7 +365,7 @@ static double locate(Instance *s, double time, const double *x0, const double *k
 static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     Core *c = &s->c;
     double x0[AT_LEAST_1(N_STATES)], k1[AT_LEAST_1(N_STATES)], z0[AT_LEAST_1(N_RELATIONS)];
-    const double time = c->q.time, longest = c->q.p[N_PARAMETERS - 2];
+    const double time = c->q.time, longest = c->q.p[P_MAX_STEP];
     memcpy(x0, c->q.x, sizeof x0);
     memcpy(k1, c->dx, sizeof k1);
     memcpy(z0, c->z, sizeof z0);

@@ -1,0 +1,91 @@
+"""Silent miscompiles that an audit found, one test each."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from tiny import library_of
+
+from modelica_fmu.compiler import compile_model
+from modelica_fmu.errors import InputError
+from modelica_fmu.units import rate_unit
+
+
+def test_relations_that_differ_in_the_seventh_digit_are_two_events(tmp_path: Path) -> None:
+    model = library_of(
+        """model M
+  output Boolean early = time > 100000.1;
+  output Boolean late = time > 100000.4;
+  Real x(start = 0, fixed = true);
+equation
+  der(x) = if late then 1 else 0;
+end M;
+""",
+        tmp_path,
+    ).start(100_000.0)
+    t, early, late, x = model.run(100_000.98, "early", "late", "x", step=0.07)
+    assert (early == (t > 100_000.1)).all()
+    assert (late == (t > 100_000.4)).all()
+    assert x[-1] == pytest.approx(0.58, abs=1e-8)
+
+
+def test_a_nominal_that_is_computed_is_the_same_in_solver_and_description(tmp_path: Path) -> None:
+    file = tmp_path / "m.mo"
+    file.write_text(
+        "model M\n  Real x(start = 1, fixed = true, nominal = 2*1000);\nequation\n"
+        "  der(x) = -x;\nend M;\n"
+    )
+    compiled = compile_model(file, "M")
+    assert [v.nominal for v in compiled.variables if v.name == "x"] == [2000.0]
+    assert "model_nominals[] = {2000.0}" in compiled.sources["model.c"]
+
+
+PIVOT = "model M\n  parameter Real k = 1;\n  output Real x;\nequation\n  k*x = time;\nend M;\n"
+
+
+def test_an_equation_whose_factor_is_zero_stops_the_run(tmp_path: Path) -> None:
+    good = library_of(PIVOT, tmp_path).start()
+    assert good.step(0.5) == 0
+    assert good.get("x") == pytest.approx(0.5)
+    bad = good.twin().set(k=0)
+    assert bad.library.core_initialise(bad.core, 0.0) == 3
+    assert any("line 5 cannot be solved for x: its factor is 0" in m for _, m in bad.messages)
+
+
+def test_equations_that_are_singular_whatever_the_parameters_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "m.mo"
+    file.write_text("model M\n  Real x, y;\nequation\n  x + y = time;\n  2*x + 2*y = 1;\nend M;\n")
+    with pytest.raises(InputError, match=r"m\.mo:[45]: .*singular"):
+        compile_model(file, "M")
+
+
+def test_the_solver_is_told_where_its_settings_are(tmp_path: Path) -> None:
+    file = tmp_path / "m.mo"
+    file.write_text(PIVOT)
+    compiled = compile_model(file, "M")
+    places = {v.name: v.index for v in compiled.variables if v.kind == "parameter"}
+    told = dict(re.findall(r"#define (P_\w+) (\d+)", compiled.sources["model.h"]))
+    assert int(told["P_MAX_STEP"]) == places["solver.max_step"]
+    assert int(told["P_TOLERANCE"]) == places["solver.tolerance"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "rate"),
+    [
+        ("m", "m/s"),
+        ("m/s", "m/s2"),
+        ("N", "N/s"),
+        ("N/s", "N/s2"),
+        ("1", "1/s"),
+        ("N/(m.s)", "N/(m.s2)"),
+        ("N.s/m", "N.s/(m.s)"),
+        ("K", "K/s"),
+        ("mol/m3", "mol/(m3.s)"),
+        ("furlong", None),
+        (None, None),
+    ],
+)
+def test_the_unit_of_a_rate_follows_from_the_unit(unit: str | None, rate: str | None) -> None:
+    assert rate_unit(unit) == rate
