@@ -50,6 +50,11 @@ def controller_names() -> list[str]:
     return list(CATALOGUE)
 
 
+def controller_named(name: str) -> bool:
+    """Whether the catalogue has a controller of this name."""
+    return ALIASES.get(name, name) in CATALOGUE
+
+
 def make_controller(name: str, **options: Any) -> Controller:
     """Controller by catalogue name; options are those of its class (``gains="table_3_7"`` and so
     on).

@@ -19,7 +19,6 @@ import pandas as pd
 from numba import njit
 from numpy.typing import NDArray
 
-from controllers.catalogue import make_controller
 from controllers.interface import Reference, Sense
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import LoggedRun
@@ -27,6 +26,7 @@ from pyfmi_runner.compiled_loop import FMI_WARNING, native_values
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA, Log
 from pyfmi_runner.native import call_step
+from pyfmi_runner.own_controller import controller_of, is_known_controller
 from pyfmi_runner.plant import PROFILE, own_profile, plant_parameters
 from pyfmi_runner.sensors import noise_rows
 from pyfmi_runner.smoothing import smooth_axis
@@ -274,18 +274,18 @@ def _timing(run: LoggedRun) -> Array | None:
 
 def recomputed_commands(run: LoggedRun, measured: Array) -> Array | None:
     """Commands (N, 2) of the log's controller for measured signals (N, 8); NaN before its contact
-    phase; None without a controller.
+    phase; None without a controller that is known.
     """
     setup = run.setup
     if (
         setup.loop != "closed"
         or setup.controller is None
+        or not is_known_controller(setup.controller)
         or "contact" not in setup.phases
         or "contour" not in setup.phases
     ):
         return None
-    options = {} if setup.gains is None else {"gains": setup.gains}
-    controller = make_controller(setup.controller, **options)
+    controller = controller_of(setup.controller, setup.gains)
     contact, contour = (
         round((setup.phases[name][0] - run.log.time[0]) / PERIOD) for name in ("contact", "contour")
     )

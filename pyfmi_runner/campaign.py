@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from modelica_fmu.errors import InputError
 from pyfmi_runner.log import PERIOD, STROKE_X, STROKE_Z, Log, read_log, write_atomically, write_log
+from pyfmi_runner.own_controller import is_known_controller
 from pyfmi_runner.scenario import (
     Fields,
     Phases,
@@ -227,6 +228,11 @@ def _misfits(name: str, run: LoggedRun) -> Iterator[str]:
         first = float(np.mean(run.log[axis][:10]))
         if abs(first - said) > slack:
             yield f"{name} starts at {axis} = {first:.4g} m, its setup says {said:.4g} m"
+    if run.setup.controller and not is_known_controller(run.setup.controller):
+        yield (
+            f"{name} was recorded with the controller {run.setup.controller!r}, which is none of "
+            f"ours: its loop is not run again (--controller FILE.py gives it)"
+        )
     end = max((end for _, end in run.setup.phases.values()), default=-math.inf)
     if end > run.log.time[-1] + 1.5 * PERIOD:
         yield f"{name} ends at {run.log.time[-1]:.3f} s, its phases at {end:g} s"
@@ -291,9 +297,15 @@ def setup_from(
         else None,
         f_nd=fields.number("f_nd", None, 0.0, 1e3),
         v_td=fields.number("v_td", None, -10.0, 10.0),
-        controller=fields.of_type("controller", str, "") or None,
+        controller=_named_only(fields.of_type("controller", str, "")),
         gains=gains if gains is None or isinstance(gains, str) else fields.numbers("gains"),
     )
+
+
+def _named_only(controller: str) -> str | None:
+    """A controller as data may name it: never by a path, for no file is run because a log says so."""
+    own = controller.lower().endswith((".py", ".fmu"))
+    return (Path(controller.replace("\\", "/")).name if own else controller) or None
 
 
 def setup_table(setup: LogSetup) -> dict[str, Any]:

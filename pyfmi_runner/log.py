@@ -5,7 +5,6 @@ Row k holds the sensors at t_k and the command that acts over [t_k, t_k + 1 ms).
 
 from __future__ import annotations
 
-import contextlib
 import difflib
 import io
 import json
@@ -25,6 +24,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from modelica_fmu.errors import InputError
+from modelica_fmu.files import write_atomically
 
 __all__ = [
     "COLUMNS",
@@ -196,29 +196,6 @@ def write_log(log: Log, path: str | os.PathLike[str]) -> Path:
         )
     write_atomically(path, lambda temporary: writers[path.suffix.lower()](log, temporary))
     return path
-
-
-def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], object]) -> None:
-    """Let `write` fill a hidden file beside `path`, then put it in place in one step; makes the
-    folder if need be.
-
-    Raises InputError where the file system refuses.
-    """
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(temporary)
-        with temporary.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputError(
-            f"cannot be written ({error.strerror})", file=path, hint="choose another place"
-        ) from None
-    finally:
-        with contextlib.suppress(OSError):  # it is gone, or its folder is none
-            temporary.unlink(missing_ok=True)
 
 
 def _mend_absent(path: Path) -> str:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from controllers.catalogue import make_controller
 from controllers.interface import Controller
 from modelica_fmu.errors import InputError
 from pyfmi_runner.campaign import scenario_setup, setup_table
@@ -20,6 +19,7 @@ from pyfmi_runner.compiled_loop import compiled_loop
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, Log
 from pyfmi_runner.loop import Progress, Rows, python_loop
+from pyfmi_runner.own_controller import controller_of
 from pyfmi_runner.plan import Plan, make_plan
 from pyfmi_runner.plant import check_gantry
 from pyfmi_runner.scenario import Scenario, scenario_text
@@ -69,13 +69,11 @@ def run_scenario(
 def make_scenario_controller(
     scenario: Scenario, file: str | os.PathLike[str] | None = None
 ) -> Controller:
-    """The controller that a scenario names, with its gains. Raises InputError for unknown names;
-    `file`: where they stand.
+    """The controller that a scenario names, with its gains: one of ours, or a Python file. Raises
+    InputError for unknown names and a file that cannot be used; `file`: where they stand.
     """
     try:
-        return make_controller(
-            scenario.controller, **({} if scenario.gains is None else {"gains": scenario.gains})
-        )
+        return controller_of(scenario.controller, scenario.gains)
     except ValueError as error:
         raise InputError(
             str(error),

@@ -221,6 +221,16 @@ class Fields:
             )
         return str(path)
 
+    def controller(self, default: str) -> str:
+        """A controller's name, or its file, taken from the folder of this file."""
+        name: str = self.of_type("controller", str, default)
+        if self.file is None or not name.lower().endswith((".py", ".fmu")):
+            return name
+        path = (Path(self.file).parent / name).resolve()
+        if name.lower().endswith(".py") and not path.is_file():
+            self.refuse("controller", f"no such file {path}", "check the path")
+        return str(path) if path.is_file() else name
+
     def clamped(self, default: Iterable[str], phases: Phases) -> tuple[str, ...]:
         given = tuple(self.of_type("clamped", list, list(default)))
         try:
@@ -337,7 +347,7 @@ def _arguments(fields: Fields) -> dict[str, Any]:
         "start_z": start.number("z", 0.0, 0.0, STROKE_Z),
         "f_nd": fields.number("f_nd", 30.0, 0.0, 150.0),
         "v_td": fields.number("v_td", -0.06, -1.0, 1.0),
-        "controller": fields.of_type("controller", str, "pi_fv"),
+        "controller": fields.controller("pi_fv"),
         "gains": gains if gains is None or isinstance(gains, str) else fields.numbers("gains"),
         "phases": phases,
         "approach_u_x": command.number("u_x", 0.0, 0.0, 5.0),

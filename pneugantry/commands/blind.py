@@ -8,6 +8,7 @@ from typing import Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.blind.check import TARGETS, diagnose_cases, draw_cases, score, unseal
+from pneugantry.commands.options import out_folder
 from pneugantry.progress import bar
 
 HELP = """Draw sealed cases from an independent truth plant, diagnose them, unseal, score.
@@ -31,7 +32,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--out",
-        type=Path,
+        type=out_folder,
         metavar="DIR",
         default=Path("out/blind"),
         help="folder of the cases; a run resumes there (default: %(default)s)",

@@ -9,6 +9,7 @@ from typing import Any
 
 from controllers.catalogue import controller_names
 from modelica_fmu.toolchain import PLATFORMS
+from pneugantry.commands.options import out_folder
 from pyfmi_runner.build import build_controller_fmu, build_fmu
 from pyfmi_runner.plant import DEFAULT_CLASS
 
@@ -52,7 +53,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--platform", action="append", metavar="NAME", help=platforms)
     command.add_argument(
-        "--out", metavar="DIR", type=Path, help="folder of the FMU (default: fmus/)"
+        "--out", metavar="DIR", type=out_folder, help="folder of the FMU (default: fmus/)"
     )
     command.add_argument("--force", action="store_true", help="build even if nothing has changed")
 

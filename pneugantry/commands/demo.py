@@ -10,6 +10,7 @@ from typing import Any
 from modelica_fmu.errors import RunError
 from pneugantry.analysis.metrics import tracking_metrics
 from pneugantry.commands.diagnose import print_diagnosis, say_stage
+from pneugantry.commands.options import out_folder
 from pneugantry.progress import bar, loop_progress
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
@@ -39,7 +40,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--out",
         metavar="DIR",
-        type=Path,
+        type=out_folder,
         default=Path("out/demo"),
         help="folder of the report (default: %(default)s)",
     )

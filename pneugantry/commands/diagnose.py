@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
+from pneugantry.commands.options import out_file, out_folder
 from pneugantry.progress import bar
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
@@ -42,11 +43,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--augmented",
         metavar="FOLDER",
-        type=Path,
+        type=out_folder,
         help="write the plant with the effect added: AugmentedGantry.mo and its FMU",
     )
     command.add_argument(
-        "--html", metavar="FILE", type=Path, help="write the report, one self-contained page"
+        "--html", metavar="FILE", type=out_file, help="write the report, one self-contained page"
     )
     command.add_argument(
         "--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)"
@@ -61,12 +62,6 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from pneugantry.diagnosis.own_plant import is_own_plant
     from pneugantry.diagnosis.report import write_report
 
-    if options.html is not None and options.html.is_dir():
-        raise InputError(
-            "is a folder",
-            file=options.html,
-            hint="name the file of the page, as in --html report.html",
-        )
     if folders := campaign_folders(Path(options.campaign)):
         return _execute_many(folders, options)
     if is_own_plant(Path(options.campaign)):

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pneugantry.commands.options import out_folder
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.fmu import FmuFile
@@ -31,7 +32,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--plot",
         metavar="FOLDER",
-        type=Path,
+        type=out_folder,
         help="draw lags, friction loop and intervals into this folder",
     )
     command.add_argument(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import InputError
+from pneugantry.commands.options import out_file
 from pneugantry.commands.run import parse_settings
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
@@ -78,7 +79,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="compare both interfaces and finite differences of co-simulated steps",
     )
     command.add_argument(
-        "--save", metavar="STATE.json", type=Path, help="write the operating point"
+        "--save", metavar="STATE.json", type=out_file, help="write the operating point"
     )
     command.add_argument(
         "--fmu", metavar="FILE.fmu", type=Path, help="another FMU (its points come from --at)"

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import InputError
+from pneugantry.commands.options import picture_target
 from pneugantry.commands.run import parse_settings
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
@@ -67,7 +68,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="co-simulate the FMU's closed loop at 0.98 and 1.02 of the limit gains",
     )
     command.add_argument(
-        "--plot", metavar="FILE.png", type=Path, help="draw root locus, Bode and Nyquist"
+        "--plot", metavar="FILE.png", type=picture_target, help="draw root locus, Bode and Nyquist"
     )
     command.add_argument(
         "--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface"

@@ -12,6 +12,7 @@ from typing import Any
 from controllers.catalogue import controller_names
 from modelica_fmu.errors import InputError
 from pneugantry.analysis.metrics import tracking_metrics
+from pneugantry.commands.options import log_target, picture_target
 from pneugantry.progress import loop_progress
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
@@ -52,9 +53,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="plant parameter, may be repeated",
     )
     command.add_argument("--seed", type=int, help="of sensor noise and jitter")
-    command.add_argument("--out", metavar="LOG", type=Path, help="write the log, .parquet or .csv")
     command.add_argument(
-        "--plot", metavar="FILE.png", type=Path, help="draw f_n, v_t, theta and z over x"
+        "--out", metavar="LOG", type=log_target, help="write the log, .parquet or .csv"
+    )
+    command.add_argument(
+        "--plot", metavar="FILE.png", type=picture_target, help="draw f_n, v_t, theta and z over x"
     )
     command.add_argument(
         "--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface"

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
+from pneugantry.commands.options import out_folder
 from pneugantry.jobs.job import Ended
 from pneugantry.progress import bar
 from pneugantry.sweep.spec import read_spec
@@ -54,7 +55,10 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--scheduler", metavar="ADDRESS", help="an existing Dask cluster, as in tcp://host:8786"
     )
     command.add_argument(
-        "--out", type=Path, metavar="DIR", help="folder of the results (default: out/sweep/NAME)"
+        "--out",
+        type=out_folder,
+        metavar="DIR",
+        help="folder of the results (default: out/sweep/NAME)",
     )
     command.add_argument(
         "--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the gantry's interface"

@@ -11,6 +11,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from pneugantry.commands.options import out_folder
 from pneugantry.thesis.conclusions import Conclusion
 from pneugantry.thesis.conditions import CHOICE
 from pneugantry.thesis.leaderboard import NEW, Robustness, Row
@@ -32,7 +33,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--out",
         metavar="DIR",
-        type=Path,
+        type=out_folder,
         default=Path("out/thesis"),
         help="figures go here (default out/thesis)",
     )

@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from modelica_fmu.errors import InputError
 from pneugantry.diagnosis.signals import sensed_forces
 from pneugantry.diagnosis.tachometer import sensed_speed
 from pyfmi_runner.campaign import LoggedRun, LogSetup
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED, PERIOD, Log
+from pyfmi_runner.own_controller import controller_of, is_known_controller
 from pyfmi_runner.replay import SIGMAS, Replayer
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario
@@ -127,12 +129,19 @@ def closed_loop(fmu: FmuFile, run: LoggedRun, augmented: Augmented) -> dict[str,
     measured ones, in units of the noise.
 
     The floor is the distance of two re-runs of the augmented model with different noise. None where
-    the log has no controller.
+    the log has no controller that is known, or ends before contact. Raises ValueError for gains
+    that its controller does not take.
     """
     setup = run.setup
     if setup.loop != "closed" or setup.controller is None or "contour" not in setup.phases:
         return None
     measured = _task(run.log, setup)
+    if not is_known_controller(setup.controller) or len(measured) < BLOCK:
+        return None
+    try:
+        controller_of(setup.controller, setup.gains)
+    except InputError as error:
+        raise ValueError(str(error)) from None
     nominal = _task(run_scenario(_scenario(setup, Augmented({}, {}), 1), fmu).log, setup)
     first, second = (
         _task(run_scenario(_scenario(setup, augmented, seed), fmu).log, setup) for seed in (2, 3)

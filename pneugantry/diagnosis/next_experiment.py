@@ -15,6 +15,7 @@ from pneugantry.diagnosis.confirm import Augmented, sensed_outputs
 from pyfmi_runner.campaign import Campaign, LogSetup, scenario_setup
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import STROKE_Z
+from pyfmi_runner.own_controller import is_known_controller
 from pyfmi_runner.replay import SIGMAS, Replayer
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario, scenario_text, short_phases
@@ -71,7 +72,9 @@ def candidates(campaign: Campaign) -> Iterator[tuple[str, Scenario]]:
     closed = [
         run.setup
         for run in campaign
-        if run.setup.loop == "closed" and run.setup.controller is not None
+        if run.setup.loop == "closed"
+        and run.setup.controller is not None
+        and is_known_controller(run.setup.controller)
     ]
     if closed:
         base = _with_controller(base, closed[-1])

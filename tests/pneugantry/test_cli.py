@@ -446,7 +446,7 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "unknown kind of picture": (
         ("--plot", "run.xls"),
-        ("run.xls: unknown kind of picture 'xls'; end it in .png",),
+        ("run.xls: unknown kind of picture '.xls'; end it in .png",),
     ),
     "absent scenario": (("nowhere.toml",), ("nowhere.toml: no such file; check the path",)),
 }

@@ -1,0 +1,64 @@
+"""Types of the options that name where a result goes: an unwritable place is refused when the
+command line is read, before anything is computed.
+"""
+
+from __future__ import annotations
+
+from argparse import ArgumentTypeError
+from collections.abc import Callable
+from pathlib import Path
+
+from modelica_fmu.errors import InputError
+from modelica_fmu.files import check_folder, check_target
+
+__all__ = ["json_target", "log_target", "out_file", "out_folder", "picture_target"]
+
+LOGS = (".parquet", ".csv")
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def out_file(text: str) -> Path:
+    """The path of a file to write. Raises ArgumentTypeError where it cannot be."""
+    return _checked(text, check_target)
+
+
+def out_folder(text: str) -> Path:
+    """The path of a folder to write into. Raises ArgumentTypeError where that cannot be."""
+    return _checked(text, check_folder)
+
+
+def _checked(text: str, check: Callable[[Path], None]) -> Path:
+    """The path, if `check` does not refuse it; argparse puts the option's name before why not."""
+    path = Path(text)
+    try:
+        check(path)
+    except InputError as error:
+        raise ArgumentTypeError(str(error)) from None
+    return path
+
+
+def json_target(text: str) -> str:
+    """`-` for standard output, or the path of a file to write."""
+    if text in ("-", "/dev/stdout"):
+        return "-"
+    return str(out_file(text))
+
+
+def log_target(text: str) -> Path:
+    """The path of a log to write, Parquet or CSV by its suffix."""
+    return _of_kind(text, "log file", LOGS)
+
+
+def picture_target(text: str) -> Path:
+    """The path of a picture to write, its kind by its suffix."""
+    return _of_kind(text, "picture", PICTURES)
+
+
+def _of_kind(text: str, what: str, suffixes: tuple[str, ...]) -> Path:
+    path = out_file(text)
+    if path.suffix.lower() not in suffixes:
+        endings = f"{', '.join(suffixes[:-1])} or {suffixes[-1]}"
+        raise ArgumentTypeError(
+            f"{path}: unknown kind of {what} {path.suffix!r}; end it in {endings}"
+        )
+    return path
