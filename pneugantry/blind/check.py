@@ -18,7 +18,7 @@ import numpy as np
 from modelica_fmu.errors import InputError
 from pneugantry.blind.campaigns import diagnose_campaigns
 from pneugantry.truth.campaign import write as write_truth
-from pneugantry.truth.case import draw_case
+from pneugantry.truth.case import DEVELOPMENT, CaseSet
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.log import write_atomically
 
@@ -41,11 +41,11 @@ TARGETS = {
 }
 
 
-def draw_cases(folder: Path, seeds: Iterable[int]) -> str:
+def draw_cases(folder: Path, seeds: Iterable[int], case_set: CaseSet = DEVELOPMENT) -> str:
     """Writes one campaign folder per seed and the sealed labels; returns the labels' SHA-256."""
     labels = {}
     for seed in seeds:
-        campaign, label = draw_case(seed)
+        campaign, label = case_set.draw(seed)
         write_truth(folder / f"case_{seed}", campaign)
         labels[str(seed)] = label
     text = json.dumps(labels, sort_keys=True, default=float)
@@ -117,7 +117,7 @@ def score(labels: dict[str, dict[str, Any]], results: dict[str, dict[str, Any]])
 def _judged(seed: str, label: dict[str, Any], result: dict[str, Any]) -> dict[str, Any]:
     truth = [_key(c["effect"], c["axis"]) for c in label["causes"]]
     found = [_key(c["effect"], c["axis"]) for c in result["causes"]]
-    blocks = [c["block"] for c in label["causes"]]
+    blocks = [block for c in label["causes"] for block in c.get("blocks", [c["block"]])]
     kind = label["kind"]
     named = found[: len(truth)]
     if kind == "none":

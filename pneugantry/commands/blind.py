@@ -8,12 +8,13 @@ from typing import Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.blind.check import TARGETS, diagnose_cases, draw_cases, score, unseal
+from pneugantry.blind.sets import SETS, named_set, write_cases
 from pneugantry.commands.options import out_folder
 from pneugantry.progress import bar
 
 HELP = """Draw sealed cases from an independent truth plant, diagnose them, unseal, score.
 
-The labels' hash is printed before the first diagnosis starts. Seeds 1000..1999 are development seeds; take others to judge."""
+The labels' hash is printed before the first diagnosis starts. Seeds 1000..1999 are development seeds; take others to judge. With --write the cases are only written, one folder per seed with its truth.json."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -31,6 +32,18 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)"
     )
     command.add_argument(
+        "--set",
+        default="plain",
+        metavar="NAME",
+        help=f"which rigs: {', '.join(SETS)} (default: %(default)s)",
+    )
+    command.add_argument(
+        "--write",
+        type=Path,
+        metavar="DIR",
+        help="write campaigns and truths to DIR/SET/SEED and diagnose nothing",
+    )
+    command.add_argument(
         "--out",
         type=out_folder,
         metavar="DIR",
@@ -44,9 +57,13 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         raise InputError(
             f"is {options.cases}, expected >= 1", field="--cases", hint="draw at least one case"
         )
-    folder = options.out / f"seed_{options.seed}_cases_{options.cases}"
+    case_set = named_set(options.set)
+    if options.write is not None:
+        return _written(options), 0
+    name = "" if options.set == "plain" else f"{options.set}_"
+    folder = options.out / f"{name}seed_{options.seed}_cases_{options.cases}"
     seeds = range(options.seed, options.seed + options.cases)
-    digest = draw_cases(folder, bar(seeds, options.cases, "draw"))
+    digest = draw_cases(folder, bar(seeds, options.cases, "draw"), case_set)
     print(f"{options.cases} cases in {folder}; sealed labels: sha256 {digest}")
     counter = bar(range(options.cases), options.cases, "diagnose")
 
@@ -76,3 +93,15 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         "reliability": result.reliability,
         "by_severity": result.by_severity,
     }, 0
+
+
+def _written(options: argparse.Namespace) -> dict[str, Any]:
+    """Campaigns and truths on disk."""
+    counter = bar(range(options.cases), options.cases, "write")
+    folder = options.write / options.set
+    seeds = range(options.seed, options.seed + options.cases)
+    write_cases(
+        folder, named_set(options.set), seeds, options.workers, lambda _: next(counter, None)
+    )
+    print(f"{options.cases} cases in {folder}")
+    return {"schema": "blind_cases/1", "folder": str(folder), "seeds": list(seeds)}

@@ -18,7 +18,7 @@ FORCE_CHANNEL, PRESSURE_CHANNEL, SPEED_CHANNEL = (
 
 def _bias(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
     bias = either(rng) * size
-    rig.sensor["bias"][FORCE_CHANNEL[i]] = bias
+    rig.sensor["bias"][FORCE_CHANNEL[i]] += bias
     return {"bias": bias}
 
 

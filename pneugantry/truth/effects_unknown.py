@@ -78,7 +78,7 @@ def _dropout(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Paramet
 
 def _noisy(rig: Rig, i: int, size: float, rng: np.random.Generator) -> Parameters:
     hit = rng.choice(8, size=int(rng.integers(1, 4)), replace=False)
-    rig.sensor["noise"][hit] = 1.0 + size
+    rig.sensor["noise"][hit] *= 1.0 + size
     return {"factor": 1.0 + size, "channels": len(hit)}
 
 

@@ -41,13 +41,14 @@ def visibility(
     setups: dict[str, Setup],
     drawn: dict[str, Luck],
     timing: bool,
+    kept: list[int],
 ) -> dict[str, float]:
-    """Per log the visibility on its best channel; `timing`: also how the commands give the effect
-    away.
+    """Per log the visibility on its best channel of `kept`; `timing`: also how the commands give the
+    effect away.
     """
     out = {}
     for name, outcome in outcomes.items():
-        out[name] = float(replay_change(outcome, without, setups[name], drawn[name]).max())
+        out[name] = float(replay_change(outcome, without, setups[name], drawn[name])[kept].max())
         if timing:
             out[name] = max(out[name], command_change(outcome, setups[name]))
     return out
