@@ -6,12 +6,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from pneugantry.thesis.random_finish import edge_with_finish
 from pyfmi_runner.scenario import Scenario, thesis_phases
 from pyfmi_runner.sensors import SensorParams
+from pyfmi_runner.workpiece import STANDOFF
 
-__all__ = ["CHOICE", "DDFM", "NO_FRICTION", "NO_LAG", "Choice", "Finish", "Run", "scenario_of"]
+__all__ = [
+    "CHOICE",
+    "DDFM",
+    "NO_FRICTION",
+    "NO_LAG",
+    "SOFT",
+    "Choice",
+    "Finish",
+    "Run",
+    "scenario_of",
+]
 
 NONE, VDFM, DDFM = 1.0, 2.0, 3.0  # Types.FrictionLaw
 NO_LAG = (("valve_x.tau", 1e-3), ("valve_z.tau", 1e-3))  # s, the model's smallest
@@ -37,6 +49,12 @@ class Finish(NamedTuple):
         return math.atan(
             sum(2 * math.pi * a / w for a, w in zip(self.amplitude, self.length, strict=True))
         )
+
+    def slid(self, distance: float) -> Finish:
+        """The same waves, moved by `distance` [m] towards -x."""
+        turns = (2 * math.pi * distance / w for w in self.length)
+        moved = (math.remainder(p + t, 2 * math.pi) for p, t in zip(self.phase, turns, strict=True))
+        return self._replace(phase=tuple(moved))  # type: ignore[arg-type]
 
     def parameters(self) -> dict[str, float]:
         """Parameters of the FMU."""
@@ -88,6 +106,8 @@ class Choice:
 
 
 CHOICE = Choice()
+# K_c and C_c of Fig. 5.7's poles and zero, beta as in `plant.md`
+SOFT = Choice(contact_stiffness=1.0e4, contact_damping=30.0, ddfm_limit=12.0)
 
 
 @dataclass(frozen=True)
@@ -97,7 +117,10 @@ class Run:
     workpiece: str = "straight"
     controller: str = "pi_fv"
     gains: str = ""  # a gain table's name; empty: the controller's own
-    finish: str = "measured"  # "modelled", "measured", "none"
+    options: tuple[tuple[str, Any], ...] = ()  # further options of the controller
+    finish: str = "measured"  # "modelled", "measured" (waves), "random" (§4.1.5), "none"
+    draw: int = 0  # of the random finish
+    slide: float = 0.0  # m, by which the waves are moved along x
     v_td: float = -0.06  # m/s
     noise: bool = True
     plant: tuple[tuple[str, float], ...] = ()  # parameters that differ from the choice's
@@ -115,8 +138,9 @@ def scenario_of(run: Run) -> Scenario:
     """
     choice = run.choice
     plant = choice.plant()
-    if run.finish != "none":
-        plant |= (choice.modelled if run.finish == "modelled" else choice.measured).parameters()
+    waves = {"modelled": choice.modelled, "measured": choice.measured}.get(run.finish)
+    if waves is not None:
+        plant |= waves.slid(run.slide).parameters()
     start, (printed_start, printed_end) = (
         APPROACH + CONTACT,
         thesis_phases(run.workpiece)["contour"],
@@ -126,11 +150,19 @@ def scenario_of(run: Run) -> Scenario:
     sensors = SensorParams(noise=run.noise)
     return Scenario(
         name=f"{run.workpiece} {run.controller}",
-        workpiece=run.workpiece,
-        surface_finish=run.finish != "none",
+        workpiece=_edge(run),
+        standoff=STANDOFF.get(run.workpiece),
+        surface_finish=waves is not None,
         v_td=run.v_td,
         phases=phases,
         plant=plant | dict(run.plant),
         sensors=sensors,
         seed=run.seed,
     )
+
+
+def _edge(run: Run) -> str:
+    """The workpiece's name, or the table of a named one with the random finish."""
+    if run.finish != "random":
+        return run.workpiece
+    return edge_with_finish(run.workpiece, run.draw)

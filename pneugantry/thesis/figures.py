@@ -62,7 +62,7 @@ def _friction_models(study: Study) -> Drawing:
     for law in ("VDFM", "DDFM"):
         curves = {
             name.split(", ")[1]: curve
-            for name, curve in study.stationary.items()
+            for name, curve in study.plant.stationary.items()
             if name.startswith(law)
         }
         panels.append(Panel(TIME, "f_z [N]", curves, note=f"{law}, stationary force control on z"))
@@ -71,7 +71,7 @@ def _friction_models(study: Study) -> Drawing:
 
 def _hysteresis(study: Study) -> Drawing:
     panels = []
-    for name, test in study.friction.items():
+    for name, test in study.plant.friction.items():
         rows = test.f_z > 0.5
         panels.append(
             Panel("z [mm]", "F_z [N]", {name: (1e3 * test.z[rows], test.friction[rows])}, note=name)
@@ -81,7 +81,7 @@ def _hysteresis(study: Study) -> Drawing:
 
 
 def _anfis(study: Study) -> Drawing:
-    fit = study.anfis
+    fit = study.plant.anfis
     touching = np.flatnonzero(fit.rig.f_z[1:] > 0.5) + 1
     panels = []
     for label, rig, rule in (

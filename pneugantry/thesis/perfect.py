@@ -15,8 +15,9 @@ from pneugantry.thesis.conditions import NO_LAG, TIME_SHIFT, Run, scenario_of
 from pneugantry.thesis.runner import Results
 from pneugantry.thesis.scores import Scores
 from pyfmi_runner.fmu import FmuFile, FmuSession
+from pyfmi_runner.loop import set_inputs
 from pyfmi_runner.plan import APPROACH, make_plan
-from pyfmi_runner.plant import CLAMPS, COMMANDS, OUTPUTS
+from pyfmi_runner.plant import COMMANDS, OUTPUTS
 from pyfmi_runner.sensors import initial_state, sense
 
 __all__ = ["PerfectRun", "perfect_conclusion", "perfect_run"]
@@ -45,8 +46,7 @@ def perfect_run(run: Run, fmu: FmuFile) -> PerfectRun:
     sensor_state, started = initial_state(), False
     with FmuSession(fmu, parameters=plan.parameters) as session:
         for k in range(plan.samples):
-            if k == 0 or (plan.clamps[k] != plan.clamps[k - 1]).any():
-                session.set(CLAMPS, plan.clamps[k])
+            set_inputs(session, plan, k)
             values = session.get(OUTPUTS + FRICTION).tolist()
             sensor_state, measured = sense(sensors, sensor_state, tuple(values[:8]), plan.noise[k])  # type: ignore[arg-type]
             command = Command(*plan.approach)
@@ -82,7 +82,7 @@ def _scored(run: Run, seen: np.ndarray, start: float) -> PerfectRun:
 def perfect_conclusion(
     results: Results, with_lag: PerfectRun, without_lag: PerfectRun
 ) -> Conclusion:
-    """Conclusion 11; the DDFM compensator stands beside the perfect one."""
+    """Conclusion 11 under one setting; the DDFM compensator stands beside the perfect one."""
     alone, alone_without = (
         results[STRAIGHT].rmse_fn,
         results[STRAIGHT.changed(plant=NO_LAG)].rmse_fn,

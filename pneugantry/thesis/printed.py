@@ -6,7 +6,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["ABLATION", "COLUMNS", "SPEEDS", "WORKPIECES", "Printed", "printed_rows"]
+__all__ = [
+    "ABLATION",
+    "COLUMNS",
+    "PRINTED_NOTES",
+    "SPEEDS",
+    "WORKPIECES",
+    "Printed",
+    "printed_rows",
+]
 
 WORKPIECES = ("straight", "incline_7", "incline_16", "curved")
 COLUMNS = ("ME f_n", "ME v_t", "RMSE f_n", "RMSE v_t")  # N, m/s, N, m/s
@@ -113,6 +121,25 @@ _CONTROLLERS = (
 )
 # Table 6.1 repeats Tables 3.12, 4.8 and 5.5; its own rows are those of Jatta's electric robot (DFV)
 _JATTA = (("straight", (13.11, None, 2.95, None)), ("curved", (16.56, None, 4.02, None)))
+# What the print says that a reader of the tables alone would miss: name, text, numbers
+PRINTED_NOTES: tuple[tuple[str, str, tuple[tuple[str, float], ...]], ...] = (
+    (
+        "Jatta's conditions",
+        "Table 6.1 sets Jatta's robot beside 30 N and 0.06 m/s; Table 3.4 ran it slower, on the "
+        "curved edge with a smaller force too, so that it is no comparison at equal task.",
+        (
+            ("straight: f_nd [N]", 30.0),
+            ("straight: v_td [m/s]", 0.02),
+            ("curved: f_nd [N]", 20.0),
+            ("curved: v_td [m/s]", 0.01),
+        ),
+    ),
+    (
+        "Momentum of Table 5.3",
+        "Table 5.3 lists the momentum with an initial value of 0 and a final one of 0.1.",
+        (("initial", 0.0), ("final", 0.1)),
+    ),
+)
 
 
 def printed_rows() -> list[Printed]:

@@ -16,7 +16,14 @@ from controllers.interface import Controller
 from controllers.wrong_angle import WrongAngle
 from modelica_fmu.errors import RunError
 from pneugantry.thesis.conditions import TIME_SHIFT, Run, scenario_of
-from pneugantry.thesis.scores import Scores, Trace, score_log, trace_log
+from pneugantry.thesis.scores import (
+    Effort,
+    Scores,
+    Trace,
+    effort_log,
+    score_log,
+    trace_log,
+)
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.run import run_scenario
 
@@ -34,6 +41,7 @@ class Done:
     """A run's scores, and its trace where asked for."""
 
     scores: Scores
+    effort: Effort
     trace: Trace | None = None
 
 
@@ -65,11 +73,12 @@ def run_one(run: Run, fmu: FmuFile, *, trace: bool = False) -> Done:
     if result.outcome != "done":
         raise RunError(f"{scenario.name}: {result.reason}")
     scores = score_log(result.log, quiet=run.choice.quiet, v_td=run.v_td, f_nd=scenario.f_nd)
-    return Done(scores, trace_log(result.log, TIME_SHIFT) if trace else None)
+    effort = effort_log(result.log, quiet=run.choice.quiet, f_nd=scenario.f_nd)
+    return Done(scores, effort, trace_log(result.log, TIME_SHIFT) if trace else None)
 
 
 def _options(run: Run) -> dict[str, Any]:
-    return {"gains": run.gains} if run.gains else {}
+    return dict(run.options) | ({"gains": run.gains} if run.gains else {})
 
 
 def run_batch(runs: list[Run], fmu: str, traced: frozenset[Run]) -> dict[Run, Done]:

@@ -7,12 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.interface import U_MAX, U_MIN
 from pneugantry.analysis.metrics import task_frame
 from pyfmi_runner.log import PHASES, Log
 
-__all__ = ["Scores", "Trace", "score_log", "trace_log"]
+__all__ = ["Effort", "Scores", "Trace", "effort_log", "score_log", "trace_log"]
 
 Array = NDArray[np.float64]
+SMOOTH = 21  # samples, 20 ms
+TOUCHING = 2.0  # N
 
 
 class Scores(NamedTuple):
@@ -22,6 +25,15 @@ class Scores(NamedTuple):
     me_vt: float  # m/s
     rmse_fn: float  # N
     rmse_vt: float  # m/s
+
+
+class Effort(NamedTuple):
+    """What a controller asks of the valves over the scored window, and how it got there."""
+
+    limits_x: float  # share of the samples with u_x at a limit
+    limits_z: float  # the same of u_z
+    noise_z: float  # V, RMS of u_z about its own mean over 20 ms
+    before: float  # N, largest error of f_n between first contact and the scored window
 
 
 class Trace(NamedTuple):
@@ -48,6 +60,25 @@ def score_log(log: Log, *, quiet: float, v_td: float, f_nd: float) -> Scores:
     f_n, v_t, _ = task_frame(log)
     e_f, e_v = (f_nd - f_n)[window], (v_td - v_t)[window]
     return Scores(float(np.abs(e_f).max()), float(np.abs(e_v).max()), _rms(e_f), _rms(e_v))
+
+
+def effort_log(log: Log, *, quiet: float, f_nd: float) -> Effort:
+    """The effort of a run; the window is that of `score_log`."""
+    contour = log["phase"] == PHASES.index("contour")
+    begin = float(log.time[contour][0]) - quiet
+    window = (log.time >= begin - 1e-9) & (log["phase"] <= PHASES.index("contour"))
+    u_x, u_z = np.asarray(log["u_x"])[window], np.asarray(log["u_z"])[window]
+    calm = np.convolve(u_z, np.ones(SMOOTH) / SMOOTH, mode="valid")
+    rest = u_z[SMOOTH // 2 :][: len(calm)] - calm
+    f_n = task_frame(log).f_n
+    touched = np.cumsum(f_n > TOUCHING) > 0
+    early = touched & (log["phase"] == PHASES.index("contact")) & ~window
+    before = float(np.abs(f_nd - f_n)[early].max()) if early.any() else 0.0
+    return Effort(_limit_share(u_x), _limit_share(u_z), _rms(rest), before)
+
+
+def _limit_share(u: Array) -> float:
+    return float(np.mean((u <= U_MIN) | (u >= U_MAX)))
 
 
 def _rms(values: Array) -> float:

@@ -1,7 +1,8 @@
-"""The whole of the thesis, run: tables, conclusions, leaderboard, robustness."""
+"""The whole of the thesis, run: tables, conclusions, findings, leaderboard."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,9 +10,19 @@ from typing import Any
 
 from controllers.catalogue import controller_names
 from pneugantry.thesis.anfis_study import AnfisFit, anfis_fit
-from pneugantry.thesis.conclusions import Conclusion, tracking_conclusions, tracking_runs
-from pneugantry.thesis.conditions import CHOICE, DDFM, NO_LAG, VDFM, Run
+from pneugantry.thesis.conclusions import tracking_runs
+from pneugantry.thesis.conditions import CHOICE, DDFM, VDFM, Run
 from pneugantry.thesis.edge import valve_runs
+from pneugantry.thesis.findings import Finding, finding_runs, findings, limit_gains
+from pneugantry.thesis.judge import (
+    cell_shares,
+    ladder_traced,
+    perfect_pair,
+    perfect_settings,
+    plant_judged,
+    setting_runs,
+    verdicts_of,
+)
 from pneugantry.thesis.leaderboard import (
     NEW,
     PLANTS,
@@ -24,37 +35,45 @@ from pneugantry.thesis.leaderboard import (
     robustness,
     step_times,
 )
-from pneugantry.thesis.perfect import STRAIGHT, PerfectRun, perfect_conclusion, perfect_run
-from pneugantry.thesis.plant_tests import (
-    Hysteresis,
-    friction_conclusion,
-    hysteresis,
-    lag_conclusion,
-    locus_conclusion,
-)
+from pneugantry.thesis.perfect import PerfectRun
+from pneugantry.thesis.plant_tests import Hysteresis, hysteresis, identified_lags
 from pneugantry.thesis.printed import WORKPIECES
 from pneugantry.thesis.runner import Results, Tell, Workers
 from pneugantry.thesis.stationary import Responses, stationary_responses
-from pneugantry.thesis.tables import Cell, cells, table_runs
+from pneugantry.thesis.tables import Cell, cells
+from pneugantry.thesis.verdicts import Range, Verdict
 from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["Study", "run_study", "traced_runs"]
+__all__ = ["DRAWS", "Study", "run_study", "traced_runs"]
+
+DRAWS = 8  # of each group of settings
+
+
+@dataclass(frozen=True)
+class PlantTests:
+    """Tests on the plant alone."""
+
+    friction: dict[str, Hysteresis]  # DDFM, VDFM
+    lags: dict[str, float]  # s, identified
+    limits: dict[str, float]  # V/N
+    stationary: Responses
+    anfis: AnfisFit
 
 
 @dataclass(frozen=True)
 class Study:
     """What `pneugantry thesis` found."""
 
-    cells: list[Cell]
-    conclusions: list[Conclusion]
+    cells: list[Cell]  # at the fitted setting
+    shares: dict[str, dict[str, Range]]  # of met cells, by group of settings
+    verdicts: list[Verdict]
+    findings: list[Finding]
     board: list[Row]
     robustness: list[Robustness]
     neural: str  # the best neural controller
     results: Results
-    friction: dict[str, Hysteresis]  # DDFM, VDFM
-    perfect: dict[str, PerfectRun]  # with and without lag
-    stationary: Responses
-    anfis: AnfisFit
+    plant: PlantTests
+    perfect: dict[str, PerfectRun]  # with and without lag, fitted setting
 
 
 def traced_runs() -> frozenset[Run]:
@@ -77,69 +96,57 @@ def traced_runs() -> frozenset[Run]:
 
 
 def run_study(
-    fmu: Path, *, workers: int = 2, tell: Tell | None = None, plants: int = PLANTS
+    fmu: Path,
+    *,
+    workers: int = 2,
+    tell: Tell | None = None,
+    plants: int = PLANTS,
+    draws: int = DRAWS,
 ) -> Study:
-    """Runs everything; `plants`: drawn plants of the robustness table."""
+    """Runs everything; `plants`: drawn plants of the robustness table, `draws`: settings of each
+    group, at least 1.
+    """
     with Workers(fmu, workers, tell) as pool:
         path = str(fmu)
-        alone = (
-            (_tests, (path,)),
-            (_perfect, (path, True)),
-            (_perfect, (path, False)),
-            (stationary_responses, (path,)),
-            (_anfis, (path,)),
-        )
-        tests = pool.start(alone)
+        tests = pool.start([(_plant, (path,)), (plant_judged, (path, draws))])
+        told = perfect_settings(draws)
+        perfect = pool.start([(perfect_pair, (setting, path)) for setting in told])
         names = controller_names()
-        tracking = pool.start_runs([*table_runs(), *tracking_runs(), *board_runs()], traced_runs())
+        traced = traced_runs() | ladder_traced(draws)
+        wanted = [*setting_runs(draws), *valve_runs(), *board_runs(), *finding_runs()]
+        tracking = pool.start_runs(wanted, traced)
         drawn = pool.start_runs(drawn_runs(NEW, plants))
         timed = pool.start([(step_times, (names[i::4],)) for i in range(4)])
         results = pool.collect(tracking)
         neural = best_neural(results)
         drawn += pool.start_runs(drawn_runs(neural, plants))
         results.done |= pool.collect(drawn).done
-        return _study(results, neural, tests, timed, plants)
+        pairs = [(setting, job.result()) for setting, job in zip(told, perfect, strict=True)]
+        plant: PlantTests = tests[0].result()
+        return Study(
+            cells(results),
+            cell_shares(results, draws),
+            verdicts_of(results, draws, pairs, tests[1].result()),
+            findings(results, plant.limits),
+            board(results, _times(timed)),
+            robustness(results, neural, plants),
+            neural,
+            results,
+            plant,
+            {"with lag": pairs[0][1].with_lag, "without lag": pairs[0][1].without_lag},
+        )
 
 
-def _study(
-    results: Results, neural: str, tests: list[Future[Any]], timed: list[Future[Any]], plants: int
-) -> Study:
-    friction, plant_conclusions = tests[0].result()
-    perfect = {"with lag": tests[1].result(), "without lag": tests[2].result()}
-    eleventh = perfect_conclusion(results, perfect["with lag"], perfect["without lag"])
-    conclusions = sorted(
-        [*tracking_conclusions(results), *plant_conclusions, eleventh], key=lambda c: c.id
-    )
-    times = {name: us for future in timed for name, us in future.result().items()}
-    found = robustness(results, neural, plants)
-    rows = board(results, times)
-    return Study(
-        cells(results),
-        conclusions,
-        rows,
-        found,
-        neural,
-        results,
-        friction,
-        perfect,
-        tests[3].result(),
-        tests[4].result(),
-    )
+def _times(timed: Sequence[Future[Any]]) -> dict[str, float]:
+    return {name: us for future in timed for name, us in future.result().items()}
 
 
-def _anfis(fmu: str) -> AnfisFit:
-    return anfis_fit(FmuFile.read(fmu))
-
-
-def _tests(fmu: str) -> tuple[dict[str, Hysteresis], list[Conclusion]]:
+def _plant(fmu: str) -> PlantTests:
     file = FmuFile.read(fmu)
-    friction = {"DDFM": hysteresis(file, DDFM, CHOICE), "VDFM": hysteresis(file, VDFM, CHOICE)}
-    return friction, [
-        friction_conclusion(friction["DDFM"], friction["VDFM"]),
-        locus_conclusion(file),
-        lag_conclusion(file),
-    ]
-
-
-def _perfect(fmu: str, lag: bool) -> PerfectRun:
-    return perfect_run(STRAIGHT if lag else STRAIGHT.changed(plant=NO_LAG), FmuFile.read(fmu))
+    return PlantTests(
+        {"DDFM": hysteresis(file, DDFM, CHOICE), "VDFM": hysteresis(file, VDFM, CHOICE)},
+        identified_lags(file),
+        limit_gains(file),
+        stationary_responses(fmu),
+        anfis_fit(file),
+    )

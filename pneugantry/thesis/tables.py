@@ -18,8 +18,10 @@ __all__ = [
     "run_of",
     "speed_run",
     "table_runs",
+    "unique_cells",
 ]
 
+RESOLUTION = {"f_n": 0.2, "v_t": 0.001}  # N, m/s: every printed value is a multiple of it
 TOLERANCE = 0.25  # a cell is met within this share of the printed value
 
 
@@ -33,10 +35,17 @@ class Cell:
     kind: str  # "simulation" or "experiment"
     printed: float
     ours: float
+    repeat_of: str = ""  # the table that printed the same number of the same run before
 
     @property
     def met(self) -> bool:
         return abs(self.ours / self.printed - 1.0) <= TOLERANCE
+
+    @property
+    def met_in_print(self) -> bool:
+        """Met, or would be had the print not been rounded."""
+        half = 0.5 * RESOLUTION[self.column.split()[1]]
+        return abs(self.ours - self.printed) <= TOLERANCE * self.printed + half
 
 
 def ablation_run(workpiece: str, case: str) -> Run:
@@ -80,30 +89,37 @@ def table_runs() -> list[Run]:
 
 
 def cells(results: Results) -> list[Cell]:
-    """Every printed number beside ours."""
-    found = []
+    """Every printed number beside ours; a number that a table before printed for the same run says
+    so.
+    """
+    found: list[Cell] = []
+    seen: dict[tuple[Run, str], str] = {}
     for row in printed_rows():
-        scores = results[run_of(row)]
-        name = (
-            row.row
-            if row.row in WORKPIECES or row.table != "5.5"
-            else f"{row.row}, {row.workpiece}"
-        )
-        for column, printed, ours in zip(COLUMNS, row.values, scores, strict=True):
-            if printed is not None:
-                found.append(Cell(row.table, name, column, row.kind, printed, ours))
+        run = run_of(row)
+        for column, printed, ours in zip(COLUMNS, row.values, results[run], strict=True):
+            if printed is None:
+                continue
+            first = ""
+            if row.kind == "simulation":
+                first = seen.setdefault((run, column), row.table)
+            repeat = first if first != row.table else ""
+            found.append(Cell(row.table, _row_name(row), column, row.kind, printed, ours, repeat))
     return found
 
 
-def met_share(found: Iterable[Cell], tables: Iterable[str] | None = None) -> float:
-    """Share of the simulation cells that are met, of some tables or of all but the repeats in
-    Tables 4.15 and 6.1.
+def _row_name(row: Printed) -> str:
+    plain = row.row in WORKPIECES or row.table != "5.5"
+    return row.row if plain else f"{row.row}, {row.workpiece}"
+
+
+def unique_cells(found: Iterable[Cell]) -> list[Cell]:
+    """The simulation cells, each printed number once."""
+    return [cell for cell in found if cell.kind == "simulation" and not cell.repeat_of]
+
+
+def met_share(found: Iterable[Cell], *, in_print: bool = False) -> float:
+    """Share of the unique simulation cells that are met; `in_print`: allowing for the rounding of
+    the print.
     """
-    chosen = set(tables) if tables is not None else None
-    cells = [
-        c
-        for c in found
-        if c.kind == "simulation"
-        and (c.table in chosen if chosen else c.table not in ("4.15", "6.1"))
-    ]
-    return sum(c.met for c in cells) / len(cells)
+    once = unique_cells(found)
+    return sum(cell.met_in_print if in_print else cell.met for cell in once) / len(once)

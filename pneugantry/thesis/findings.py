@@ -1,0 +1,101 @@
+"""What comparing the thesis with itself has shown: each finding with the numbers behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from controllers.gains import TABLE_3_11, PidGains
+from pneugantry.analysis.force_loop import force_loop
+from pneugantry.analysis.root_locus import root_locus
+from pneugantry.thesis.conditions import CHOICE, SOFT, Run
+from pneugantry.thesis.printed import PRINTED_NOTES
+from pneugantry.thesis.runner import Results
+from pyfmi_runner.fmu import FmuFile
+
+__all__ = ["Finding", "finding_runs", "findings", "limit_gains"]
+
+EDGES = ("straight", "curved")
+K_P = TABLE_3_11.f_z.k_p + 0.1  # V/N: Table 4.6's and the k_v of Eq. 5-21 (Table 5.4)
+STEEP = TABLE_3_11._replace(f_z=PidGains(K_P, TABLE_3_11.f_z.k_i))
+NEURAL_PARTS: dict[str, tuple[str, tuple[tuple[str, object], ...]]] = {
+    "PI FV": ("pi_fv", ()),
+    f"PI FV, K_p {K_P:g}": ("pi_fv", (("gains", STEEP),)),
+    "MBPM, no learning": ("pi_fv_mbpm", (("h_1", 0.0), ("h_2", 0.0), ("lam", 0.0))),
+    "MBPM": ("pi_fv_mbpm", ()),
+    "MBPM, network alone": ("pi_fv_mbpm", (("k_v", 0.0), ("k_z", 0.0))),
+}
+EBPA = {
+    "momentum 0": Run("straight", "pi_fv_ebpa"),
+    "momentum 0.1": Run("straight", "pi_fv_ebpa", options=(("alpha", 0.1),)),
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One sentence and its numbers."""
+
+    name: str
+    text: str
+    numbers: dict[str, float]
+
+
+def finding_runs() -> list[Run]:
+    return [
+        *(_part(name, edge) for name in NEURAL_PARTS for edge in EDGES),
+        *EBPA.values(),
+        Run("curved", "pi_fv_ebpa"),
+    ]
+
+
+def findings(results: Results, limits: dict[str, float]) -> list[Finding]:
+    """From finished runs and the limit gains of `limit_gains`."""
+    return [_gain(results, limits), _limit_cycle(results), *_notes()]
+
+
+def limit_gains(fmu: FmuFile) -> dict[str, float]:
+    """Largest proportional gain [V/N] of the sampled z force loop, by contact and lag."""
+    found = {}
+    for choice in (SOFT, CHOICE):
+        contact = {name: choice.plant()[name] for name in ("contact.K_c", "contact.C_c")}
+        for lag in ("z", "x"):
+            limit = root_locus(force_loop(fmu, "z", lag, parameters=contact)).sampled_limit
+            name = f"limit gain, K_c {choice.contact_stiffness:g}, lag of {lag}"
+            found[name] = float("inf") if limit is None else limit.gain
+    return found
+
+
+def _part(name: str, edge: str) -> Run:
+    controller, options = NEURAL_PARTS[name]
+    return Run(edge, controller, options=options)
+
+
+def _gain(results: Results, limits: dict[str, float]) -> Finding:
+    numbers = {
+        f"{name}, {edge}": results[_part(name, edge)].rmse_fn
+        for name in NEURAL_PARTS
+        for edge in EDGES
+    }
+    text = (
+        "Most of the neural gain is the P-gain of Eq. 5-21 (RMSE f_n [N]); and that gain, "
+        f"{K_P:g} V/N in all, exceeds the limit of the root locus of Fig. 5.7's plant (V/N)."
+    )
+    return Finding("P-gain", text, numbers | limits)
+
+
+def _limit_cycle(results: Results) -> Finding:
+    numbers: dict[str, float] = {}
+    for name, run in EBPA.items():
+        done = results.done[run]
+        numbers |= {
+            f"{name}: RMSE f_n [N]": done.scores.rmse_fn,
+            f"{name}: share of time, z valve at a limit": done.effort.limits_z,
+            f"{name}: largest error before the scored window [N]": done.effort.before,
+        }
+    curved = results.done[Run("curved", "pi_fv_ebpa")].effort
+    numbers["curved, momentum 0: share of time, z valve at a limit"] = curved.limits_z
+    text = "EBPA from weights of 0.1 meets its RMSE through a limit cycle of the valve."
+    return Finding("EBPA limit cycle", text, numbers)
+
+
+def _notes() -> list[Finding]:
+    return [Finding(name, text, dict(numbers)) for name, text, numbers in PRINTED_NOTES]
