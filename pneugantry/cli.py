@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from modelica_fmu.errors import InputError, RunError
+from modelica_fmu.files import write_atomically
 
 # command: its line in the list of commands. Each is a module of `commands` with HELP,
 # add_arguments and execute.
@@ -144,8 +145,6 @@ def _write_json(result: dict[str, Any], target: str, stdout: Any) -> None:
         stdout.write(text)
         stdout.flush()
         return
-    from pyfmi_runner.log import write_atomically  # pandas: only where a file is written
-
     write_atomically(target, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 

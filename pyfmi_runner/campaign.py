@@ -35,6 +35,7 @@ __all__ = [
     "Campaign",
     "LogSetup",
     "LoggedRun",
+    "campaign_of_log",
     "read_campaign",
     "scenario_setup",
     "setup_from",
@@ -256,11 +257,30 @@ def _read_single(path: Path, given: dict[str, Any]) -> Campaign:
         table, source = tables[path.stem], index
     elif isinstance(log.provenance.get("setup"), Mapping):
         table, source = log.provenance["setup"], path
+    setup = setup_from(_setup_of_one(log, table, given), source)
+    return _campaign_of_one(log, path, setup, {**table, **given})
+
+
+def campaign_of_log(log: Log, setup: Mapping[str, Any] | None = None) -> Campaign:
+    """A log in memory as a campaign of one. `setup`: keys of a table [log.NAME] in campaign.toml;
+    they go before what the log's provenance says. Raises InputError naming the key.
+    """
+    said = log.provenance.get("setup")
+    table = {**(said if isinstance(said, Mapping) else {}), **(setup or {})}
+    return _campaign_of_one(log, Path(log.name), setup_from(_setup_of_one(log, table, {})), table)
+
+
+def _setup_of_one(log: Log, table: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """The setup's table; where it does not say the start, that of the first rows."""
     start = {axis: float(np.mean(log[axis][:10])) for axis in "xz"}
     inside = {"x": min(max(start["x"], 0.0), STROKE_X), "z": min(max(start["z"], 0.0), STROKE_Z)}
-    run = LoggedRun(setup_from({"start": inside, **table, **given}, source), log)
+    return {"start": inside, **table, **given}
+
+
+def _campaign_of_one(log: Log, path: Path, setup: LogSetup, said: Mapping[str, Any]) -> Campaign:
+    run = LoggedRun(setup, log)
     notes = list(_misfits(path.stem, run))
-    if source is None and not given:
+    if not said:
         notes.append(
             f"nothing says how {path.name} was taken: open loop, no clamp and no workpiece assumed"
         )

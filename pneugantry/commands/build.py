@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 from controllers.catalogue import controller_names
 from modelica_fmu.toolchain import PLATFORMS
 from pneugantry.commands.options import out_folder
-from pyfmi_runner.build import build_controller_fmu, build_fmu
 from pyfmi_runner.plant import DEFAULT_CLASS
 
 HELP = """Compile a Modelica class, or a controller, to an FMU (co-simulation and model exchange in one).
 
 Rebuilds only if the Modelica file, the compiler or the platforms have changed.
 
-  pneugantry build                                       the gantry, FMI 2.0, this machine, into fmus/
+  pneugantry build                                       the gantry, FMI 2.0, this machine
   pneugantry build --fmi 3.0
   pneugantry build --class PneuGantry.Valve              one block
   pneugantry build --controller pi_fv                    a controller, sampled at 1 ms: a loop of two FMUs
@@ -53,36 +51,28 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--platform", action="append", metavar="NAME", help=platforms)
     command.add_argument(
-        "--out", metavar="DIR", type=out_folder, help="folder of the FMU (default: fmus/)"
+        "--out",
+        metavar="DIR",
+        type=out_folder,
+        help="folder of the FMU (default: the user's cache)",
     )
     command.add_argument("--force", action="store_true", help="build even if nothing has changed")
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    if options.controller:
-        result = build_controller_fmu(
-            options.controller, options.fmi, options.out, options.platform, options.force
-        )
-    else:
-        result = build_fmu(
-            options.class_name,
-            options.model,
-            options.fmi,
-            options.out,
-            options.platform,
-            options.force,
-        )
-    print(f"{'built' if result.rebuilt else 'up to date'}: {result.path}")
-    for platform, made in json.loads(result.manifest.read_text(encoding="utf-8"))[
-        "compilers"
-    ].items():
-        print(
-            f"  {platform}: {made['version']}"
-            + (f"; runs with glibc {made['glibc']} or newer" if "glibc" in made else "")
-        )
-    return {
-        "schema": "build/1",
-        "fmu": str(result.path),
-        "manifest": str(result.manifest),
-        "rebuilt": result.rebuilt,
-    }, 0
+    from pneugantry.api import models
+
+    built = models.build(
+        options.class_name,
+        model=options.model,
+        controller=options.controller,
+        fmi=options.fmi,
+        out=options.out,
+        platforms=options.platform,
+        force=options.force,
+    )
+    print(f"{'built' if built.rebuilt else 'up to date'}: {built.path}")
+    for platform, made in built.manifest["compilers"].items():
+        glibc = f"; runs with glibc {made['glibc']} or newer" if "glibc" in made else ""
+        print(f"  {platform}: {made['version']}{glibc}")
+    return built.as_json(), 0

@@ -26,7 +26,6 @@ HELP = """The main job, from nothing: build the FMU, track the edges, diagnose a
   pneugantry demo --campaign FOLDER          yours"""
 
 WORKPIECES = ("straight", "incline_7", "incline_16", "incline_30", "curved")
-HEAD = ["edge", "f_n RMSE [N]", "f_n ME [N]", "v_t RMSE [m/s]", "v_t ME [m/s]"]
 SEED = 1  # of the rig
 
 
@@ -48,9 +47,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from pneugantry.analysis.plots import save, tracking_figure
-    from pneugantry.diagnosis.catalogue import read_catalogue
-    from pneugantry.diagnosis.diagnose import diagnose, report_json
-    from pneugantry.diagnosis.report import write_report
+    from pneugantry.api.diagnosis import diagnose
 
     built = build_fmu()
     print(f"FMU: {built.path} ({'built' if built.rebuilt else 'up to date'})")
@@ -71,9 +68,8 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     truth = None if options.campaign else _drawn(options.seed, options.out / "campaign")
     campaign = read_campaign(options.campaign or options.out / "campaign", strict=False)
     print(f"\ndiagnosis of {campaign.name}:")
-    diagnosed = diagnose(campaign, fmu, read_catalogue(), say_stage)
-    found = report_json(diagnosed)
-    print_diagnosis(found)
+    diagnosed = diagnose(campaign, fmu=fmu, workers=1, say=say_stage)
+    print_diagnosis(diagnosed.json)
     if truth is not None:
         print(
             "the rig had: "
@@ -81,9 +77,9 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
                 f"{c['effect']}{'/' if c['axis'] else ''}{c['axis']} in {c['block']}" for c in truth
             )
         )
-    page = write_report(diagnosed, options.out / "report.html")
+    page = diagnosed.write_html(options.out / "report.html")
     print(f"\nreport: {page}")
-    return {"schema": "demo/1", "report": str(page), "truth": truth, "diagnosis": found}, 0
+    return {"schema": "demo/1", "report": str(page), "truth": truth, "diagnosis": diagnosed.json}, 0
 
 
 def _drawn(seed: int, folder: Path) -> list[dict[str, Any]]:

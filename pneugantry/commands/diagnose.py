@@ -11,7 +11,6 @@ from modelica_fmu.errors import InputError
 from pneugantry.commands.options import out_file, out_folder
 from pneugantry.progress import bar
 from pyfmi_runner.build import build_fmu
-from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.fmu import FmuFile
 
 HELP = """Where the sim-to-real gap of a campaign lies, which effect causes it, and how far it shrinks with that effect added.
@@ -55,34 +54,32 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    from pneugantry.api import diagnosis
     from pneugantry.blind.campaigns import campaign_folders
-    from pneugantry.diagnosis.augmented import write_augmented
-    from pneugantry.diagnosis.catalogue import read_catalogue
-    from pneugantry.diagnosis.diagnose import diagnose, report_json
     from pneugantry.diagnosis.own_plant import is_own_plant
-    from pneugantry.diagnosis.report import write_report
 
-    if folders := campaign_folders(Path(options.campaign)):
+    source = Path(options.campaign)
+    if folders := campaign_folders(source):
         return _execute_many(folders, options)
-    if is_own_plant(Path(options.campaign)):
-        return _execute_own(options)
-    catalogue = read_catalogue(options.catalogue)
-    campaign = read_campaign(options.campaign, strict=False)
-    gantry = FmuFile.read(options.fmu or build_fmu().path)
-    result = diagnose(campaign, gantry, catalogue, say_stage, options.workers)
-    found = report_json(result)
-    print_diagnosis(found)
+    if options.html is not None and is_own_plant(source):
+        raise InputError(
+            "the page shows the gantry", field="--html", hint="use --json for a plant of your own"
+        )
+    found = diagnosis.diagnose(
+        options.campaign,
+        catalogue=options.catalogue,
+        fmu=options.fmu,
+        workers=options.workers,
+        say=say_stage,
+    )
+    print_path(found.json)
+    print_diagnosis(found.json)
     if options.augmented is not None:
-        remarks = [
-            f"{c['effect']}{'/' if c['axis'] else ''}{c['axis']}: probability "
-            f"{c['probability']:.2f}"
-            for c in found["causes"]
-        ]
-        model, fmu = write_augmented(options.augmented, gantry, result.values, remarks)
+        model, fmu = found.write_augmented(options.augmented)
         print(f"augmented plant: {model}, {fmu}")
     if options.html is not None:
-        print(f"report: {write_report(result, options.html)}")
-    return found, 0
+        print(f"report: {found.write_html(options.html)}")
+    return found.json, 0
 
 
 def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dict[str, Any], int]:
@@ -123,34 +120,9 @@ def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dic
     }, int(failed == len(results))
 
 
-def _execute_own(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    """A user's own plant with a user's own catalogue."""
-    from pneugantry.diagnosis.catalogue import read_catalogue
-    from pneugantry.diagnosis.own_diagnose import diagnose_own, own_json
-    from pneugantry.diagnosis.own_plant import read_own_plant
-
-    if options.html is not None:
-        raise InputError(
-            "the page shows the gantry", field="--html", hint="use --json for a plant of your own"
-        )
-    plant = read_own_plant(Path(options.campaign), options.fmu)
-    source = options.catalogue or plant.catalogue
-    if source is None:
-        raise InputError(
-            "names no catalogue",
-            file=options.campaign,
-            field="plant",
-            hint="write catalogue = ..., or give --catalogue",
-        )
-    found = own_json(diagnose_own(plant, read_catalogue(source), say_stage))
-    print_path(found)
-    print_diagnosis(found)
-    return found, 0
-
-
 def print_path(found: dict[str, Any]) -> None:
     """How an own plant's effects were found, with the error over the signal after each step."""
-    for step in found["path"]:
+    for step in found.get("path", []):
         errors = "  ".join(
             f"{log}: " + ", ".join(f"{c} {100 * e:.2f} %" for c, e in by.items())
             for log, by in step["errors"].items()

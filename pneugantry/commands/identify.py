@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneugantry.commands.options import out_folder
-from pyfmi_runner.build import build_fmu
-from pyfmi_runner.campaign import read_campaign
-from pyfmi_runner.fmu import FmuFile
 
 if TYPE_CHECKING:
     from pneugantry.analysis.identify.identification import Identification
@@ -41,23 +37,17 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    from pneugantry.analysis.identify.identification import (
-        identify,
-    )  # scipy's optimisers load only when something is fitted
-    from pneugantry.analysis.identify.report import as_json, as_text
+    from pneugantry.analysis.identify.report import as_text
+    from pneugantry.api import runs
 
-    began = time.perf_counter()
-    campaign = read_campaign(options.campaign)
-    file = FmuFile.read(options.fmu or build_fmu().path)
-    found = identify(campaign, file, _stage)
+    identified = runs.identify(options.campaign, fmu=options.fmu, say=_stage)
     _stage("")
-    for line in as_text(found):
+    for line in as_text(identified.found):
         print(line)
     if options.plot:
-        _draw(found, options.plot)
-    seconds = time.perf_counter() - began
-    print(f"{seconds:.1f} s")
-    return as_json(found, seconds), 0
+        _draw(identified.found, options.plot)
+    print(f"{identified.seconds:.1f} s")
+    return identified.as_json(), 0
 
 
 def _stage(what: str) -> None:

@@ -6,13 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from pneugantry.progress import bar
-from pyfmi_runner.blocks import BLOCKS, BlockReplayer, noisy_copy
-from pyfmi_runner.build import build_fmu
-from pyfmi_runner.campaign import Campaign, read_campaign
-from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.blocks import BLOCKS
 from pyfmi_runner.log import MEASURED
-from pyfmi_runner.replay import Replayer, channel_gaps
 
 HELP = """Measured log against the FMU: gap per log, channel and block; 1 is the noise floor.
 
@@ -33,29 +28,13 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    campaign = read_campaign(options.campaign)
-    logs = replay_campaign(campaign, FmuFile.read(options.fmu or build_fmu().path))
-    for note in campaign.notes:
+    from pneugantry.api import runs
+
+    replayed = runs.replay(options.campaign, fmu=options.fmu)
+    for note in replayed.campaign.notes:
         print(f"note: {note}")
-    print_replay(logs)
-    return {"schema": "replay/1", "logs": logs} | (
-        {"notes": campaign.notes} if campaign.notes else {}
-    ), 0
-
-
-def replay_campaign(campaign: Campaign, fmu: FmuFile) -> dict[str, dict[str, Any]]:
-    """Gaps of every log: {"gap", "channels": {...}, "blocks": {...: {"gap", "floor"}}}."""
-    result = {}
-    with Replayer(fmu) as plant, BlockReplayer(fmu) as blocks:
-        for name, run in bar(campaign.logs.items(), len(campaign.logs), "replay"):
-            simulated = plant.simulate(run)
-            gaps = channel_gaps(run.log.measured(), simulated)
-            result[name] = {
-                "gap": gaps.gap,
-                "channels": gaps.channels,
-                "blocks": blocks.gaps(run, noisy_copy(run, simulated)),
-            }
-    return result
+    print_replay(replayed.logs)
+    return replayed.as_json(), 0
 
 
 def print_replay(logs: dict[str, dict[str, Any]]) -> None:
