@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 from modelica_fmu.errors import InputError, RunError
 from modelica_fmu.files import write_atomically
+from pneugantry.commands.options import json_target, refuse_overwriting_inputs
 
 # command: its line in the list of commands. Each is a module of `commands` with HELP,
 # add_arguments and execute.
@@ -84,9 +85,12 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
 
 def _add_options(command: argparse.ArgumentParser, name: str) -> None:
     module = importlib.import_module(f"pneugantry.commands.{name}")
-    command.description = module.HELP.replace("%", "%%")
+    command.description = module.HELP  # argparse formats options and summaries, no description
     command.add_argument(
-        "--json", metavar="FILE", help="write the result as JSON, - for standard output"
+        "--json",
+        metavar="FILE",
+        type=json_target,
+        help="write the result as JSON, - for standard output",
     )
     module.add_arguments(command)
     command.set_defaults(execute=module.execute)
@@ -111,6 +115,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if to_stdout:
             sys.stdout = sys.stderr  # what a command prints for people stays out of the JSON
+        refuse_overwriting_inputs(options)
         result, code = options.execute(options)
         if options.json:
             _write_json(result, options.json, stdout)

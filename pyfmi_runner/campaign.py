@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from modelica_fmu.errors import InputError
 from pyfmi_runner.log import PERIOD, STROKE_X, STROKE_Z, Log, read_log, write_atomically, write_log
-from pyfmi_runner.own_controller import is_known_controller
+from pyfmi_runner.own_controller import is_known_controller, read_controller
 from pyfmi_runner.scenario import (
     Fields,
     Phases,
@@ -40,6 +40,7 @@ __all__ = [
     "scenario_setup",
     "setup_from",
     "setup_table",
+    "with_controller",
     "write_campaign",
 ]
 
@@ -282,7 +283,9 @@ def _campaign_of_one(log: Log, path: Path, setup: LogSetup, said: Mapping[str, A
     notes = list(_misfits(path.stem, run))
     if not said:
         notes.append(
-            f"nothing says how {path.name} was taken: open loop, no clamp and no workpiece assumed"
+            f"nothing says how {path.name} was taken: open loop, no clamp and no workpiece "
+            f"assumed, and the answer is no better than that; `pneugantry log init {path.name}` "
+            f"writes {path.stem}.toml, where you say it"
         )
     return Campaign(path.stem, path, {path.stem: run}, notes)
 
@@ -320,6 +323,24 @@ def setup_from(
         controller=_named_only(fields.of_type("controller", str, "")),
         gains=gains if gains is None or isinstance(gains, str) else fields.numbers("gains"),
     )
+
+
+def with_controller(campaign: Campaign, file: Path) -> Campaign:
+    """The campaign with a rig's own controller in its closed-loop logs, and its gains its own.
+    Raises InputError where the file cannot be used.
+    """
+    read_controller(file)
+    full = str(file.resolve())
+    logs = {
+        name: dataclasses.replace(
+            run, setup=dataclasses.replace(run.setup, controller=full, gains=None)
+        )
+        if run.setup.loop == "closed"
+        else run
+        for name, run in campaign.logs.items()
+    }
+    notes = [note for note in campaign.notes if "none of ours" not in note]
+    return dataclasses.replace(campaign, logs=logs, notes=notes)
 
 
 def _named_only(controller: str) -> str | None:

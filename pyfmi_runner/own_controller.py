@@ -24,7 +24,7 @@ __all__ = ["SUFFIX", "controller_of", "is_known_controller", "read_controller"]
 
 SUFFIX = ".py"
 NAME = "controller"  # what the file may call the one that it offers
-EXAMPLE = "pneugantry init controller my.py writes one that works"
+EXAMPLE = "`pneugantry controller init my.py` writes one that works"
 
 
 def is_known_controller(name: str) -> bool:

@@ -12,12 +12,13 @@ import pandas as pd
 from modelica_fmu.errors import InputError
 from pneugantry.api.html import html_page, html_table
 from pneugantry.api.inputs import CampaignSource, FmuSource, PathLike, campaign_from, fmu_from
+from pneugantry.diagnosis.headline import cause_name
 
 if TYPE_CHECKING:
     from pneugantry.diagnosis.diagnose import Diagnosis as GantryDiagnosis
     from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["Diagnosis", "Gap", "diagnose", "effect_name"]
+__all__ = ["Diagnosis", "Gap", "diagnose"]
 
 Say = Callable[[str], None]
 
@@ -98,7 +99,7 @@ class Diagnosis:
         from pneugantry.diagnosis.augmented import write_augmented
 
         remarks = [
-            f"{effect_name(cause)}: probability {cause['probability']:.2f}"
+            f"{cause_name(cause)}: probability {cause['probability']:.2f}"
             for cause in self.json["causes"]
         ]
         return write_augmented(Path(folder), self.fmu, self.gantry.values, remarks)
@@ -120,15 +121,11 @@ class Diagnosis:
         return html_page(f"verdict: {self.verdict}", shares, causes, said)
 
 
-def effect_name(cause: Mapping[str, Any]) -> str:
-    """ "presliding/z", or "loop_delay" where an effect has no axis."""
-    return f"{cause['effect']}/{cause['axis']}" if cause["axis"] else str(cause["effect"])
-
-
 def diagnose(
     source: CampaignSource,
     *,
     setup: Mapping[str, Any] | None = None,
+    controller: PathLike | None = None,
     catalogue: PathLike | None = None,
     fmu: FmuSource = None,
     workers: int = 2,
@@ -139,18 +136,25 @@ def diagnose(
 
     source: a campaign folder, a log file, a `Log`, a pandas table with a log's columns, or the TOML
     description of a plant of one's own. setup: how a single log was taken (keys as in
-    campaign.toml). catalogue: effects of one's own, a file or a folder. workers: processes. say:
+    campaign.toml). controller: the rig's own, a Python file, for the closed-loop check. catalogue: effects of one's own, a file or a folder. workers: processes. say:
     told the name of each stage. Raises InputError naming file, field and hint.
     """
     from pneugantry.diagnosis.catalogue import read_catalogue
     from pneugantry.diagnosis.diagnose import diagnose as diagnose_gantry
     from pneugantry.diagnosis.diagnose import report_json
     from pneugantry.diagnosis.own_plant import is_own_plant
+    from pneugantry.diagnosis.usable import long_enough
+    from pyfmi_runner.campaign import with_controller
 
     if isinstance(source, str | Path) and is_own_plant(Path(source)):
         return _diagnose_own(Path(source), catalogue, fmu, say)
     effects = read_catalogue(None if catalogue is None else Path(catalogue))
-    campaign = campaign_from(source, setup, strict=False)
+    campaign = long_enough(campaign_from(source, setup, strict=False))
+    if controller is not None:
+        campaign = with_controller(campaign, Path(controller))
+    for note in campaign.notes:
+        if say is not None and "pneugantry log init" in note:
+            say(f"note: {note}")  # before the answer that rests on it
     gantry = fmu_from(fmu)
     found = diagnose_gantry(campaign, gantry, effects, say, workers)
     return Diagnosis(report_json(found), found, gantry)

@@ -15,6 +15,7 @@ from typing import Any
 from pneugantry.diagnosis.catalogue import FOLDER, read_catalogue
 from pneugantry.diagnosis.diagnose import diagnose, report_json
 from pneugantry.diagnosis.report import write_report
+from pneugantry.diagnosis.usable import long_enough
 from pneugantry.jobs.job import Function, Job
 from pneugantry.jobs.run import run_jobs
 from pyfmi_runner.campaign import read_campaign
@@ -47,7 +48,7 @@ class Diagnoser:
         return partial(self._diagnose, FmuFile.read(self.fmu), read_catalogue(self.catalogue))
 
     def _diagnose(self, fmu: FmuFile, catalogue: Any, folder: Path) -> str:
-        result = diagnose(read_campaign(folder, strict=self.strict), fmu, catalogue)
+        result = diagnose(long_enough(read_campaign(folder, strict=self.strict)), fmu, catalogue)
         if self.pages:
             write_report(result, folder / "diagnosis.html")
         return json.dumps(report_json(result), default=float)

@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from controllers.catalogue import controller_names
 from modelica_fmu.toolchain import PLATFORMS
 from pneugantry.commands.options import out_folder
+from pneugantry.progress import Stages
 from pyfmi_runner.plant import DEFAULT_CLASS
 
 HELP = """Compile a Modelica class, or a controller, to an FMU (co-simulation and model exchange in one).
@@ -36,11 +36,10 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         default=DEFAULT_CLASS,
         help="class to compile (default: %(default)s)",
     )
-    exported = (
-        "controller to export instead of a class; without arrays in its parameters and state: "
-    )
     command.add_argument(
-        "--controller", metavar="NAME", help=exported + ", ".join(controller_names())
+        "--controller",
+        metavar="NAME",
+        help="controller to export instead of a class (which can be: `pneugantry list controllers`)",
     )
     command.add_argument(
         "--fmi", choices=("2.0", "3.0"), default="2.0", help="FMI version (default: %(default)s)"
@@ -62,15 +61,17 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from pneugantry.api import models
 
-    built = models.build(
-        options.class_name,
-        model=options.model,
-        controller=options.controller,
-        fmi=options.fmi,
-        out=options.out,
-        platforms=options.platform,
-        force=options.force,
-    )
+    with Stages("build", len(options.platform or [""])) as say:
+        say(", ".join(options.platform or ["this machine"]))
+        built = models.build(
+            options.class_name,
+            model=options.model,
+            controller=options.controller,
+            fmi=options.fmi,
+            out=options.out,
+            platforms=options.platform,
+            force=options.force,
+        )
     print(f"{'built' if built.rebuilt else 'up to date'}: {built.path}")
     for platform, made in built.manifest["compilers"].items():
         glibc = f"; runs with glibc {made['glibc']} or newer" if "glibc" in made else ""

@@ -9,9 +9,9 @@ from typing import Any
 
 from modelica_fmu.errors import RunError
 from pneugantry.analysis.metrics import tracking_metrics
-from pneugantry.commands.diagnose import print_diagnosis, say_stage
+from pneugantry.commands.diagnose import print_diagnosis
 from pneugantry.commands.options import out_folder
-from pneugantry.progress import bar, loop_progress
+from pneugantry.progress import Stages, bar, loop_progress
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.fmu import FmuFile
@@ -68,7 +68,8 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     truth = None if options.campaign else _drawn(options.seed, options.out / "campaign")
     campaign = read_campaign(options.campaign or options.out / "campaign", strict=False)
     print(f"\ndiagnosis of {campaign.name}:")
-    diagnosed = diagnose(campaign, fmu=fmu, workers=1, say=say_stage)
+    with Stages("diagnose", sum(len(run.log) for run in campaign)) as say:
+        diagnosed = diagnose(campaign, fmu=fmu, workers=1, say=say)
     print_diagnosis(diagnosed.json)
     if truth is not None:
         print(

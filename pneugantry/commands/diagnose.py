@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.commands.options import out_file, out_folder
-from pneugantry.progress import bar
+from pneugantry.diagnosis.headline import (
+    cause_name,
+    headline,
+    interval,
+    number,
+    percent,
+    shrinkable,
+    verdict_word,
+)
+from pneugantry.progress import Stages, bar
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 
@@ -49,6 +57,12 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--html", metavar="FILE", type=out_file, help="write the report, one self-contained page"
     )
     command.add_argument(
+        "--controller",
+        metavar="FILE.py",
+        type=Path,
+        help="the rig's own controller, for the closed-loop check; the file is run",
+    )
+    command.add_argument(
         "--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)"
     )
 
@@ -65,13 +79,15 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         raise InputError(
             "the page shows the gantry", field="--html", hint="use --json for a plant of your own"
         )
-    found = diagnosis.diagnose(
-        options.campaign,
-        catalogue=options.catalogue,
-        fmu=options.fmu,
-        workers=options.workers,
-        say=say_stage,
-    )
+    with Stages("diagnose") as say:
+        found = diagnosis.diagnose(
+            options.campaign,
+            controller=options.controller,
+            catalogue=options.catalogue,
+            fmu=options.fmu,
+            workers=options.workers,
+            say=say,
+        )
     print_path(found.json)
     print_diagnosis(found.json)
     if options.augmented is not None:
@@ -107,9 +123,7 @@ def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dic
         done=lambda _: next(counter, None),
     )
     for folder, found in results.items():
-        causes = " + ".join(
-            f"{c['effect']}/{c['axis']}" if c["axis"] else c["effect"] for c in found["causes"]
-        )
+        causes = " + ".join(cause_name(c) for c in found["causes"])
         shrink = f", shrink {found['gap']['shrink']:.3f}" if found["gap"] and causes else ""
         reason = f": {found['reason']}" if "reason" in found else ""
         print(f"{folder.name}: {found['verdict']}{' ' if causes else ''}{causes}{shrink}{reason}")
@@ -133,59 +147,40 @@ def print_path(found: dict[str, Any]) -> None:
         )
 
 
-def say_stage(stage: str) -> None:
-    """Names a stage on a terminal."""
-    if sys.stderr.isatty():
-        print(f"diagnose: {stage} ...", file=sys.stderr, flush=True)
-
-
 def print_diagnosis(found: dict[str, Any]) -> None:
-    """The diagnosis in a few lines."""
-    for note in found.get("notes", []):
+    """The diagnosis in a few lines: the headline that the page has too, then what it rests on."""
+    for note in dict.fromkeys(found.get("notes", [])):
         print(f"note: {note}")
-    unknown = found.get("unknown_probability")
-    print(
-        f"verdict: {found['verdict']}"
-        + (
-            f" (outside the catalogue: probability {unknown:.2f})"
-            if found["verdict"] == "unknown" and unknown
-            else ""
-        )
-    )
+    print(f"verdict: {verdict_word(found)}")
+    print(headline(found))
     for entry in found["where"]:
         logs = f"  {', '.join(entry['logs'])}" if entry["logs"] else ""
         print(
-            f"where: {entry['block']:<11} {entry['share']:.2f}{logs}"
+            f"where: {entry['block']:<11} {percent(entry['share'])}{logs}"
             + (f"; {entry['regime']}" if entry["regime"] else "")
         )
     for cause in found["causes"]:
-        name = f"{cause['effect']}/{cause['axis']}" if cause["axis"] else cause["effect"]
-        print(f"cause: {name:<22} probability {cause['probability']:.2f}")
+        print(f"cause: {cause_name(cause):<22} probability {percent(cause['probability'])}")
         for parameter, entry in cause["parameters"].items():
-            low, high = entry["ci95"]
-            print(
-                f"         {parameter} = {entry['value']:.4g} {entry['unit']}, 95 % from "
-                f"{low:.4g} to {high:.4g}"
-            )
+            value, low, high = interval(entry["value"], *entry["ci95"])
+            print(f"         {parameter} = {value} {entry['unit']}, 95 % from {low} to {high}")
     if found["answer_set"]:
-        print(
-            "answer set (95 %): "
-            + "; or ".join(" + ".join(keys) or "no effect" for keys in found["answer_set"])
-        )
-    for key, what in (("gap", "gap"), ("closed_loop", "closed loop")):
-        entry = found[key]
-        if entry:
-            log = f" of {entry['log']}" if "log" in entry else ""
-            ends = f" [{entry['ci95'][0]:.3f}, {entry['ci95'][1]:.3f}]" if "ci95" in entry else ""
-            shrink = (
-                f"shrink {entry['shrink']:.3f}{ends}"
-                if entry["nominal"] > 1.05 * entry["floor"]
-                else "nothing to shrink"
-            )
-            print(
-                f"{what}{log}: nominal {entry['nominal']:.3g}, augmented "
-                f"{entry['augmented']:.3g}, floor {entry['floor']:.3g}; {shrink}"
-            )
+        answers = (" + ".join(keys) or "no effect" for keys in found["answer_set"])
+        print("answer set (95 %): " + "; or ".join(answers))
+    _print_gap("gap", found["gap"])
+    _print_gap("closed loop", found["closed_loop"])
     if found.get("next_experiment"):
         print(f"next experiment: {found['next_experiment']['what']}")
     print(f"seconds: {found['seconds']:.1f}")
+
+
+def _print_gap(what: str, entry: dict[str, Any] | None) -> None:
+    if not entry:
+        return
+    log = f" of {entry['log']}" if "log" in entry else ""
+    ends = f" [{entry['ci95'][0]:.3f}, {entry['ci95'][1]:.3f}]" if "ci95" in entry else ""
+    shrink = f"shrink {entry['shrink']:.3f}{ends}" if shrinkable(entry) else "nothing to shrink"
+    print(
+        f"{what}{log}: nominal {number(entry['nominal'])}, augmented "
+        f"{number(entry['augmented'])}, floor {number(entry['floor'])}; {shrink}"
+    )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneugantry.commands.options import out_folder
+from pneugantry.progress import Stages
 
 if TYPE_CHECKING:
     from pneugantry.analysis.identify.identification import Identification
@@ -40,20 +40,14 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from pneugantry.analysis.identify.report import as_text
     from pneugantry.api import runs
 
-    identified = runs.identify(options.campaign, fmu=options.fmu, say=_stage)
-    _stage("")
+    with Stages("identify") as say:
+        identified = runs.identify(options.campaign, fmu=options.fmu, say=say)
     for line in as_text(identified.found):
         print(line)
     if options.plot:
         _draw(identified.found, options.plot)
     print(f"{identified.seconds:.1f} s")
     return identified.as_json(), 0
-
-
-def _stage(what: str) -> None:
-    """Says on a terminal what is being done."""
-    if sys.stderr.isatty():
-        print(f"\r\x1b[K{what}", end="", file=sys.stderr, flush=True)
 
 
 def _draw(found: Identification, folder: Path) -> None:

@@ -4,16 +4,26 @@ command line is read, before anything is computed.
 
 from __future__ import annotations
 
-from argparse import ArgumentTypeError
+import os
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import check_folder, check_target
 
-__all__ = ["json_target", "log_target", "out_file", "out_folder", "picture_target"]
+__all__ = [
+    "json_target",
+    "log_target",
+    "out_file",
+    "out_folder",
+    "picture_target",
+    "refuse_overwriting_inputs",
+]
 
 LOGS = (".parquet", ".csv")
+INPUTS = ("campaign", "scenario", "spec", "fmu", "catalogue", "at", "model", "log", "workpiece")
+OUTPUTS = ("json", "html", "out", "plot", "save")
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -62,3 +72,21 @@ def _of_kind(text: str, what: str, suffixes: tuple[str, ...]) -> Path:
             f"{path}: unknown kind of {what} {path.suffix!r}; end it in {endings}"
         )
     return path
+
+
+def refuse_overwriting_inputs(options: Namespace) -> None:
+    """Raises InputError where a result would take the place of a file that is read."""
+    values = {name: str(value) for name, value in vars(options).items() if value is not None}
+    read = {name: values[name] for name in INPUTS if os.path.isfile(values.get(name, ""))}
+    for output in OUTPUTS:
+        target = values.get(output, "")
+        if not os.path.isfile(target):
+            continue
+        for path in read.values():
+            if os.path.samefile(path, target):
+                raise InputError(
+                    "would replace the file that is read",
+                    file=target,
+                    field=f"--{output}",
+                    hint="choose another place",
+                )

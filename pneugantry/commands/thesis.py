@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from pneugantry.commands.options import out_folder
+from pneugantry.progress import counter
 from pneugantry.thesis.report import report, study_lines
 from pneugantry.thesis.study import run_study
 from pneugantry.thesis.tables import met_share
@@ -56,27 +54,13 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     started = time.perf_counter()
-    shown = tqdm(
-        total=None,
-        desc="thesis",
-        delay=1.0,
-        leave=False,
-        disable=not sys.stderr.isatty(),
-        unit="job",
-    )
-
-    def tell(done: int, total: int) -> None:
-        shown.total = total
-        shown.update(done - shown.n)
-
     study = run_study(
         build_fmu().path,
         workers=max(options.workers, 1),
-        tell=tell,
+        tell=counter("thesis"),
         plants=max(options.plants, 0),
         draws=max(options.draws, 1),
     )
-    shown.close()
     print("\n".join(study_lines(study)))
     if not options.no_figures:
         from pneugantry.thesis.figures import (

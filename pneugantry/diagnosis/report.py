@@ -15,6 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneugantry.diagnosis.diagnose import Diagnosis, report_json
+from pneugantry.diagnosis.headline import (
+    confirmed,
+    headline,
+    interval,
+    number,
+    percent,
+    shrink_words,
+    shrinkable,
+    verdict_word,
+)
 from pneugantry.diagnosis.report_pictures import (
     CURVES,
     gap_svg,
@@ -23,15 +33,7 @@ from pneugantry.diagnosis.report_pictures import (
     plant_svg,
     unit_of,
 )
-from pneugantry.diagnosis.report_words import (
-    number,
-    percent,
-    rivals,
-    runner_up,
-    shrink_words,
-    shrinkable,
-    verdict_sentence,
-)
+from pneugantry.diagnosis.report_words import rivals, runner_up, summaries
 from pyfmi_runner.log import MEASURED, SIGMA, write_atomically
 
 __all__ = ["write_report"]
@@ -59,7 +61,9 @@ def _context(d: Diagnosis) -> dict[str, Any]:
     return {
         "campaign": d.campaign.name,
         "verdict": d.decision.verdict,
-        "sentence": verdict_sentence(d, facts),
+        "word": verdict_word(facts),
+        "doubted": confirmed(facts) is False,
+        "sentence": headline(facts, summaries(d)),
         "after": after,
         "where": facts["where"],
         "plant": plant_svg({w["block"]: w["share"] for w in facts["where"]}),
@@ -123,16 +127,17 @@ def _parameters(causes: list[dict[str, Any]], chosen: tuple[str, ...]) -> list[d
         key = f"{cause['effect']}/{cause['axis']}" if cause["axis"] else cause["effect"]
         for name, entry in cause["parameters"].items():
             low, high = entry["ci95"]
+            digits = interval(entry["value"], low, high)
             wide = not math.isfinite(high - low) or high - low > max(abs(entry["value"]), 1e-300)
             rows.append(
                 {
                     "effect": key,
                     "name": name,
                     "chosen": key in chosen,
-                    "low": low,
-                    "high": high,
                     "wide": wide,
-                    **entry,
+                    "unit": entry["unit"],
+                    "form": entry.get("form", ""),
+                    **dict(zip(("value", "low", "high"), digits, strict=True)),
                 }
             )
     return rows

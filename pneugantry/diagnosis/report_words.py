@@ -1,53 +1,20 @@
-"""Sentences of the report: the verdict, the runner-up and why not, what the logs could not excite."""
+"""Sentences of the report that need more than the result's JSON: the rivals, the runner-up and why
+not.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from typing import Any
-
-import numpy as np
 
 from pneugantry.diagnosis.bench import FLOOR
 from pneugantry.diagnosis.decide import Decision, Hypothesis
 from pneugantry.diagnosis.diagnose import Diagnosis
 from pneugantry.diagnosis.evidence import Trial
+from pneugantry.diagnosis.headline import number, percent
 
-__all__ = [
-    "gain_of",
-    "label",
-    "number",
-    "percent",
-    "rivals",
-    "runner_up",
-    "shrink_words",
-    "shrinkable",
-    "verdict_sentence",
-]
+__all__ = ["gain_of", "label", "rivals", "runner_up", "summaries"]
 
 NO_EFFECT = "no effect (tolerance and noise alone)"
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """A number of so many significant digits; "–" where there is none."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    text = f"{value:.{digits}g}"
-    if "e" not in text:
-        return text
-    if 1 <= abs(value) < 1e6:
-        return f"{float(text):.0f}"
-    mantissa, exponent = text.split("e")
-    return f"{mantissa}·10^{int(exponent)}"
-
-
-def percent(share: float) -> str:
-    """A probability or share; what is neither 0 nor 1 does not read as 0 or 100 %."""
-    if not math.isfinite(share):
-        return "–"
-    if 0 < share < 0.01:
-        return "< 1 %"
-    return "> 99 %" if 0.99 < share < 1 else f"{100 * share:.0f} %"
 
 
 def label(keys: tuple[str, ...] | list[str]) -> str:
@@ -60,85 +27,10 @@ def gain_of(hypothesis: Hypothesis) -> float:
     return hypothesis.trial.gain if hypothesis.trial is not None else 0.0
 
 
-def shrinkable(gap: dict[str, Any] | None) -> bool:
-    """Whether there is a gap above the floor to speak of."""
-    return (
-        gap is not None
-        and all(isinstance(gap[k], int | float | np.floating) for k in ("nominal", "floor"))
-        and gap["nominal"] > 1.05 * gap["floor"]
-    )
-
-
-def shrink_words(gap: dict[str, Any] | None) -> str:
-    """The gap before and after, and its shrink, as the end of a sentence."""
-    if gap is None:
-        return "how far the gap shrinks is not known, the held-out log could not be replayed"
-    if not shrinkable(gap):
-        before, after = number(gap["nominal"]), number(gap["augmented"])
-        return (
-            f"the gap of {gap['log']} is {before} before and {after} after: at the floor, "
-            f"nothing to shrink"
-        )
-    low, high = gap["ci95"]
-    return (
-        f"the gap of {gap['log']} goes from {number(gap['nominal'])} to "
-        f"{number(gap['augmented'])} (floor {number(gap['floor'])}), "
-        f"shrink {gap['shrink']:.3f} [{low:.3f}, {high:.3f}]"
-    )
-
-
-def _with_summaries(decision: Decision, keys: tuple[str, ...]) -> str:
-    summaries = (
-        {effect.key: effect.summary for effect, _ in decision.best.choice.effects}
-        if decision.best is not None
-        else {}
-    )
-    return " and ".join(f"{key} ({summaries[key]})" if summaries.get(key) else key for key in keys)
-
-
-def verdict_sentence(d: Diagnosis, facts: dict[str, Any]) -> str:
-    """One sentence."""
-    decision, ranked = d.decision, d.decision.hypotheses
-    far = shrink_words(facts["gap"])
-    block = facts["where"][0]["block"] if facts["where"] else ""
-    if decision.verdict == "none":
-        return (
-            f"Nothing beyond tolerance and noise was found in these logs; with the tolerance "
-            f"fitted, {far}."
-        )
-    if decision.verdict == "unknown":
-        left = percent(min(decision.unexplained, 1.0))
-        nearest = (
-            f"; the nearest, {label(ranked[0].keys)}, leaves {left} of the misfit of "
-            f"{decision.unknown_view}"
-            if ranked
-            else ""
-        )
-        where = f" in {block}" if block else ""
-        what = (
-            f"A real effect{where} that no entry of the catalogue explains (probability "
-            f"{percent(decision.unknown)})"
-        )
-        if decision.resembles is not None:
-            nearest = (
-                f"; it behaves like "
-                f"{decision.resembles.summary}{nearest if decision.unknown_view else ''}"
-            )
-        return f"{what}{nearest}; with what could be fitted, {far}."
-    if decision.verdict == "ambiguous":
-        answers = [
-            f"{label(h.keys)} ({percent(h.probability)})"
-            for h in ranked[:3]
-            if h.probability >= 0.005
-        ] or ["–"]
-        where = f" (first suspect block: {block})" if block else ""
-        return (
-            f"These logs do not settle which effect it is{where}: {', or '.join(answers)}; "
-            f"with the first one, {far}."
-        )
-    keys = ranked[0].keys if ranked else ()
-    probability = percent(ranked[0].probability) if ranked else "–"
-    return f"{_with_summaries(decision, keys)} explains the gap (probability {probability}): {far}."
+def summaries(d: Diagnosis) -> dict[str, str]:
+    """What the effects of the answer are, in words, by their keys."""
+    best = d.decision.best
+    return {} if best is None else {effect.key: effect.summary for effect, _ in best.choice.effects}
 
 
 # ---------------------------------------------------------------- which

@@ -30,9 +30,16 @@ from pneugantry.diagnosis.diagnose import Diagnosis, report_json
 from pneugantry.diagnosis.evidence import Search, Trial
 from pneugantry.diagnosis.excitation import not_excited
 from pneugantry.diagnosis.fit import Fit, tolerance_coordinate
+from pneugantry.diagnosis.headline import (
+    confirmed,
+    headline,
+    interval,
+    number,
+    percent,
+    verdict_word,
+)
 from pneugantry.diagnosis.report import write_report
 from pneugantry.diagnosis.report_pictures import SAMPLES, gap_svg, packed, plant_svg, ticks
-from pneugantry.diagnosis.report_words import number, percent
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA, Log
 
@@ -381,8 +388,9 @@ def test_a_page_is_whole_small_and_asks_for_nothing(kind: str, tmp_path: Path) -
 def test_a_page_says_what_was_found(tmp_path: Path) -> None:
     said = words(page("identified", tmp_path))
     assert (
-        "presliding/z (displacement-dependent friction instead of a stick band) explains "
-        "the gap (probability 94 %)" in said
+        "presliding/z (displacement-dependent friction instead of a stick band), sigma 97000 N/m "
+        "(89000 to 106000), beta 15.2 N (2 to 40), probability 94 % explains the fitted logs; "
+        "the gap of contour_curved falls from" in said
     )
     assert "Runner-up: stribeck/z, probability 4 %." in said
     assert (
@@ -400,12 +408,12 @@ def test_a_page_says_what_was_found(tmp_path: Path) -> None:
 def test_the_sentence_fits_the_verdict(tmp_path: Path) -> None:
     said = {kind: words(page(kind, tmp_path)) for kind in VERDICTS}
     assert (
-        "presliding/z (displacement-dependent friction instead of a stick band) and "
-        "valve_delay/x (pure transport delay) explains" in said["two"]
+        "and valve_delay/x (pure transport delay), delay_time 0.0042 s (0.004 to 0.0044), "
+        "probability 93 % explains" in said["two"]
     )
     assert (
-        "do not settle which effect it is (first suspect block: friction_z): "
-        "presliding/z (55 %), or stribeck/z (42 %)" in said["ambiguous"]
+        "do not settle which effect it is in friction_z: presliding/z, or stribeck/z; with the "
+        "first one, the gap" in said["ambiguous"]
     )
     assert (
         "A real effect in friction_z that no entry of the catalogue explains (probability 88 %)"
@@ -524,6 +532,52 @@ def test_a_probability_that_is_not_certain_does_not_read_as_certain() -> None:
         "> 99 %",
         "100 %",
     ]
+
+
+@pytest.mark.parametrize("kind", VERDICTS)
+def test_page_and_terminal_say_the_same(
+    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    d = diagnosis(kind)
+    print_diagnosis(report_json(d))
+    printed, shown = capsys.readouterr().out, words(page(kind, tmp_path))
+    for cause in report_json(d)["causes"]:
+        assert f"probability {percent(cause['probability'])}" in printed
+    for share in re.findall(r"probability ([<>]? ?\d+ %)", headline(report_json(d))):
+        assert f"probability {share}" in shown
+        assert f"probability {share}" in printed
+
+
+def test_an_effect_that_makes_an_unseen_log_worse_is_not_called_identified(tmp_path: Path) -> None:
+    d = diagnosis("identified")
+    d.gap = gap_result(d.campaign.logs["contour_curved"], 0.5, 1.0)
+    found = report_json(d)
+    assert found["gap"]["shrink"] < 0
+    assert confirmed(found) is False
+    assert verdict_word(found) == "not confirmed"
+    said = headline(found)
+    assert "grows from" in said
+    assert "does not bear that out: do not act on it" in said
+    assert "shrink -" not in said
+    text = words(write_report(d, tmp_path / "page.html").read_text(encoding="utf-8"))
+    assert "not confirmed" in text
+    assert said.split("; ")[-1] in text
+
+
+@pytest.mark.parametrize(
+    ("entry", "shown"),
+    [
+        ((0.022, 0.02199, 0.02201), ("0.022", "0.02199", "0.02201")),
+        ((0.0219964, 0.0219951, 0.0219977), ("0.0219964", "0.0219951", "0.0219977")),
+        ((9.7e4, 8.9e4, 1.06e5), ("97000", "89000", "106000")),
+        ((1.0, 1.0, 1.0), ("1", "1", "1")),
+        ((1.0, float("-inf"), float("inf")), ("1", "–", "–")),
+    ],
+)
+def test_the_ends_of_an_interval_can_be_told_apart(
+    entry: tuple[float, float, float], shown: tuple[str, str, str]
+) -> None:
+    assert interval(*entry) == shown
 
 
 @pytest.mark.parametrize("kind", VERDICTS)

@@ -1,0 +1,164 @@
+"""The answer in words, from the result's JSON alone: the same sentence in the terminal and on the
+page.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+__all__ = [
+    "cause_name",
+    "confirmed",
+    "headline",
+    "interval",
+    "number",
+    "percent",
+    "shrink_words",
+    "shrinkable",
+    "size_words",
+    "verdict_word",
+]
+
+CLAIMS = ("identified", "ambiguous")
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number of so many significant digits; "–" where there is none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    text = f"{value:.{digits}g}"
+    if "e" not in text:
+        return text
+    if 1 <= abs(value) < 1e6:
+        return f"{float(text):.0f}"
+    mantissa, exponent = text.split("e")
+    return f"{mantissa}·10^{int(exponent)}"
+
+
+def percent(share: float) -> str:
+    """A probability or share; what is neither 0 nor 1 does not read as 0 or 100 %."""
+    if not math.isfinite(share):
+        return "–"
+    if 0 < share < 0.01:
+        return "< 1 %"
+    return "> 99 %" if 0.99 < share < 1 else f"{100 * share:.0f} %"
+
+
+def interval(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """A value and its interval with as many digits as tell the ends apart: two of the width."""
+    width = high - low
+    if not (math.isfinite(width) and width > 0):
+        return number(value, 4), number(low, 4), number(high, 4)
+    largest = max(abs(value), abs(low), abs(high))
+    digits = 2 + math.floor(math.log10(largest)) - math.floor(math.log10(width))
+    digits = min(max(digits, 3), 9)
+    return number(value, digits), number(low, digits), number(high, digits)
+
+
+def cause_name(cause: dict[str, Any]) -> str:
+    """An effect with its axis, as `valve_delay/z`."""
+    return f"{cause['effect']}/{cause['axis']}" if cause["axis"] else str(cause["effect"])
+
+
+def shrinkable(gap: dict[str, Any] | None) -> bool:
+    """Whether there is a gap above the floor to speak of."""
+    if gap is None or gap["nominal"] is None or gap["floor"] is None:
+        return False
+    return bool(gap["nominal"] > 1.05 * gap["floor"])
+
+
+def confirmed(found: dict[str, Any]) -> bool | None:
+    """Whether a log that no fit has seen bears a claimed effect out: its gap shrinks, by its 95 %
+    interval too. None where nothing is claimed or there is nothing to shrink.
+    """
+    gap = found["gap"]
+    if found["verdict"] not in CLAIMS or not shrinkable(gap):
+        return None
+    return bool(gap["shrink"] > 0 and gap["ci95"][0] > 0)
+
+
+def verdict_word(found: dict[str, Any]) -> str:
+    """The verdict; "not confirmed" where the effect makes an unseen log worse, not better."""
+    return "not confirmed" if confirmed(found) is False else str(found["verdict"])
+
+
+def size_words(cause: dict[str, Any]) -> str:
+    """The effect's fitted parameters with their 95 % intervals, as `delay_time 0.022 s
+    (0.02199..0.02201)`.
+    """
+    parts = []
+    for name, entry in cause["parameters"].items():
+        value, low, high = interval(entry["value"], *entry["ci95"])
+        ends = f" ({low} to {high})" if low != high else ""
+        unit = "" if entry["unit"] in ("", "1") else f" {entry['unit']}"
+        parts.append(f"{name.split('.')[-1]} {value}{unit}{ends}")
+    return ", ".join(parts)
+
+
+def shrink_words(gap: dict[str, Any] | None) -> str:
+    """The gap before and after, and its shrink, as the end of a sentence."""
+    if gap is None:
+        return "how far the gap shrinks is not known, the held-out log could not be replayed"
+    before, after = number(gap["nominal"]), number(gap["augmented"])
+    if not shrinkable(gap):
+        return (
+            f"the gap of {gap['log']} is {before} before and {after} after: at the floor, "
+            f"nothing to shrink"
+        )
+    floor = number(gap["floor"])
+    if gap["augmented"] > gap["nominal"]:
+        return f"the gap of {gap['log']} grows from {before} to {after} (floor {floor})"
+    low, high = gap["ci95"]
+    return (
+        f"the gap of {gap['log']} falls from {before} to {after} (floor {floor}), "
+        f"shrink {gap['shrink']:.3f} [{low:.3f}, {high:.3f}]"
+    )
+
+
+def headline(found: dict[str, Any], summaries: dict[str, str] | None = None) -> str:
+    """One sentence: what, how large, how sure, and what it does to the gap. summaries: what an
+    effect is, by `cause_name`.
+    """
+    far, verdict = shrink_words(found["gap"]), found["verdict"]
+    where = f" in {found['where'][0]['block']}" if found["where"] else ""
+    if verdict == "none":
+        return (
+            f"Nothing beyond tolerance and noise was found in these logs; with the tolerance "
+            f"fitted, {far}."
+        )
+    if verdict == "unknown":
+        unknown = found.get("unknown_probability") or math.nan
+        like = found.get("resembles")
+        return (
+            f"A real effect{where} that no entry of the catalogue explains (probability "
+            f"{percent(unknown)}){f'; it behaves like {like}' if like else ''}; with what could "
+            f"be fitted, {far}."
+        )
+    if verdict == "ambiguous":
+        answers = [" + ".join(keys) or "no effect" for keys in found["answer_set"]] or ["–"]
+        text = f"These logs do not settle which effect it is{where}: {', or '.join(answers)}"
+        return f"{text}; with the first one, {far}.{_doubt(found)}"
+    named = [_named(cause, summaries or {}) for cause in _best(found)]
+    return f"{' and '.join(named) or 'An effect'} explains the fitted logs; {far}.{_doubt(found)}"
+
+
+def _best(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """The causes that make up the answer."""
+    first = found["answer_set"][0] if found["answer_set"] else []
+    return [c for c in found["causes"] if cause_name(c) in first] or found["causes"][:1]
+
+
+def _named(cause: dict[str, Any], summaries: dict[str, str]) -> str:
+    name, size = cause_name(cause), size_words(cause)
+    said = f" ({summaries[name]})" if summaries.get(name) else ""
+    return f"{name}{said}{f', {size}' if size else ''}, probability {percent(cause['probability'])}"
+
+
+def _doubt(found: dict[str, Any]) -> str:
+    if confirmed(found) is not False:
+        return ""
+    return (
+        f" The held-out log {found['gap']['log']} does not bear that out: do not act on it before "
+        f"another log does."
+    )
