@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 from modelica_fmu.errors import InputError, RunError
 from modelica_fmu.files import write_atomically
-from pneugantry.commands.options import json_target, refuse_overwriting_inputs
+from pneugantry.options import json_target, refuse_overwriting_inputs
 
 # command: its line in the list of commands. Each is a module of `commands` with HELP,
 # add_arguments and execute.

@@ -9,7 +9,7 @@ from typing import Any
 from modelica_fmu.errors import InputError
 from pneugantry.blind.check import TARGETS, diagnose_cases, draw_cases, score, unseal
 from pneugantry.blind.sets import SETS, named_set, write_cases
-from pneugantry.commands.options import out_folder
+from pneugantry.options import out_folder
 from pneugantry.progress import bar
 
 HELP = """Draw sealed cases from an independent truth plant, diagnose them, unseal, score.

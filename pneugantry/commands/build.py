@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.toolchain import PLATFORMS
-from pneugantry.commands.options import out_folder
+from pneugantry.options import out_folder
 from pneugantry.progress import Stages
 from pyfmi_runner.plant import DEFAULT_CLASS
 

@@ -10,7 +10,7 @@ from typing import Any
 from modelica_fmu.errors import RunError
 from pneugantry.analysis.metrics import tracking_metrics
 from pneugantry.commands.diagnose import print_diagnosis
-from pneugantry.commands.options import out_folder
+from pneugantry.options import out_folder
 from pneugantry.progress import Stages, bar, loop_progress
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.commands.options import out_file, out_folder
 from pneugantry.diagnosis.headline import (
     cause_name,
     headline,
@@ -17,6 +16,7 @@ from pneugantry.diagnosis.headline import (
     shrinkable,
     verdict_word,
 )
+from pneugantry.options import out_file, out_folder
 from pneugantry.progress import Stages, bar
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile

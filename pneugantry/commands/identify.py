@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneugantry.commands.options import out_folder
+from pneugantry.options import out_folder
 from pneugantry.progress import Stages
 
 if TYPE_CHECKING:

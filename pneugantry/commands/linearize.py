@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.commands.options import out_file
 from pneugantry.commands.run import parse_settings
+from pneugantry.options import out_file
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.plant import COMMANDS, OUTPUTS, TASK

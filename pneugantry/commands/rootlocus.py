@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.commands.options import picture_target
 from pneugantry.commands.run import parse_settings
+from pneugantry.options import picture_target
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 

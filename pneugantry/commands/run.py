@@ -9,7 +9,7 @@ from typing import Any
 
 from controllers.catalogue import controller_names
 from modelica_fmu.errors import InputError
-from pneugantry.commands.options import log_target, picture_target
+from pneugantry.options import log_target, picture_target
 from pyfmi_runner.workpiece import WORKPIECES
 
 HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of f_n and v_t over the contouring phase.

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.commands.options import out_folder
 from pneugantry.jobs.job import Ended
+from pneugantry.options import out_folder
 from pneugantry.progress import bar
 from pneugantry.sweep.spec import read_spec
 from pneugantry.sweep.study import Swept, run_sweep

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from pneugantry.commands.options import out_folder
+from pneugantry.options import out_folder
 from pneugantry.progress import counter
 from pneugantry.thesis.report import report, study_lines
 from pneugantry.thesis.study import run_study
