@@ -5,8 +5,8 @@ beside its logs `truth.json`, which no diagnosis reads.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +15,9 @@ from pneugantry.jobs.job import Function, Job
 from pneugantry.jobs.run import run_jobs
 from pneugantry.truth.campaign import write as write_campaign
 from pneugantry.truth.case import MIXTURE, CaseSet
-from pneugantry.truth.nuisance import PLAIN
+from pneugantry.truth.effects import MISSING_FORMS, RANDOM_FORMS
+from pneugantry.truth.form import Form
+from pneugantry.truth.nuisance import NUISANCE, PLAIN
 from pyfmi_runner.log import write_atomically
 
 __all__ = ["SETS", "TRUTH", "named_set", "write_case", "write_cases"]
@@ -23,6 +25,11 @@ __all__ = ["SETS", "TRUTH", "named_set", "write_case", "write_cases"]
 TRUTH = "truth.json"
 ACTUATOR_FORCES = ("f_ax", "f_az")
 CONTOURS = ("contour_straight", "contour_curved")
+
+
+def _effects(forms: Sequence[Form]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(form.effect for form in forms))
+
 
 SETS = {
     each.name: each
@@ -32,6 +39,18 @@ SETS = {
         CaseSet("three", {"three": 1.0}),
         CaseSet("nofa", missing=ACTUATOR_FORCES),
         CaseSet("contour", logs=CONTOURS),
+        CaseSet("both", {"both": 1.0}),
+        CaseSet("faint", {"none": 0.25, "one": 0.5, "two": 0.25}, severity=0.4),
+        CaseSet("wide", {"none": 0.5, "one": 0.5}, replace(NUISANCE, parameters=0.05)),
+        CaseSet(
+            "unknown12",
+            {"unknown": 1.0},
+            levels=(1 / 6, 1 / 2, 5 / 6),
+            unknown=_effects(MISSING_FORMS),
+            in_turn=True,
+        ),
+        CaseSet("both12", {"both": 1.0}, unknown=_effects(MISSING_FORMS)),
+        CaseSet("random", {"unknown": 1.0}, unknown=_effects(RANDOM_FORMS), in_turn=True),
     )
 }
 

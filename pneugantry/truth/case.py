@@ -11,7 +11,13 @@ import numpy as np
 
 from pneugantry.truth.campaign import Campaign
 from pneugantry.truth.case_run import LEAST_VISIBLE, Case, run_case
-from pneugantry.truth.effects import KNOWN_FORMS, UNKNOWN_FORMS, draw_cause, names
+from pneugantry.truth.effects import (
+    KNOWN_FORMS,
+    OUTSIDE_FORMS,
+    UNKNOWN_FORMS,
+    draw_cause,
+    names,
+)
 from pneugantry.truth.form import Cause
 from pneugantry.truth.nuisance import NUISANCE, PLAIN, RigDraw, draw_rig, tolerated_size
 from pneugantry.truth.parameters import CHANNELS
@@ -50,7 +56,7 @@ class CaseSet:
     mixture: share of each kind of COUNTS; rig: spreads of a rig without effects; severity: factor
     on the drawn sizes; levels: places in the range of sizes (0 least, 1 largest, logarithmic), taken
     in turn by seed instead of a draw; unknown: kinds of unknown effect (effect names) to draw from,
-    none: all; in_turn: unknown kinds are taken in turn by seed; missing: channels that the rig does
+    none: the usual ones; in_turn: `unknown` is gone through by seed; missing: channels that the rig does
     not measure; logs: those of the campaign, none: all seven.
     """
 
@@ -65,7 +71,7 @@ class CaseSet:
     logs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        kinds = {form.effect for form in UNKNOWN_FORMS}
+        kinds = {form.effect for form in OUTSIDE_FORMS}
         for given, known, what in (
             (self.mixture, COUNTS, "mixture"),
             (self.unknown, kinds, "unknown"),
@@ -122,11 +128,10 @@ class CaseSet:
         return pool[j]
 
     def _unknown(self, seed: int) -> list[tuple[str, str]]:
-        pool = [p for p in names(UNKNOWN_FORMS) if not self.unknown or p[0] in self.unknown]
-        if not self.in_turn:
-            return pool
-        kinds = self.unknown or tuple(dict.fromkeys(p[0] for p in pool))
-        return [p for p in pool if p[0] == kinds[seed % len(kinds)]]
+        if not self.unknown:
+            return names(UNKNOWN_FORMS)
+        turn = (self.unknown[seed % len(self.unknown)],) if self.in_turn else self.unknown
+        return [pair for pair in names(OUTSIDE_FORMS) if pair[0] in turn]
 
     def _sized(self, cause: Cause, seed: int) -> Cause:
         """The cause with its size clear of the tolerance, at its level and severity."""
@@ -142,7 +147,7 @@ class CaseSet:
 
 def _kind_of(pairs: list[tuple[str, str]]) -> str:
     """The kind of COUNTS that these effects are."""
-    outside = sum(pair in names(UNKNOWN_FORMS) for pair in pairs)
+    outside = sum(pair in names(OUTSIDE_FORMS) for pair in pairs)
     counts = (len(pairs) - outside, outside)
     return next((kind for kind, n in COUNTS.items() if n == counts), "many")
 

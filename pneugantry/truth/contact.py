@@ -9,8 +9,10 @@ import numpy as np
 from numba import njit
 
 from pneugantry.truth.parameters import Record
+from pneugantry.truth.random_term import term_value
 from pneugantry.truth.workpiece import edge_at
 
+TOUCHED = 1e-3  # m, deflection above which a random term acts in full
 APART, PRESSED, PULLED = 0, 1, 2  # PULLED: deflected, but the force law would pull
 
 
@@ -50,36 +52,44 @@ def deflection(
 
 
 @njit
-def law_force(c: Record, x: float, d: Deflection, creep: float) -> float:
+def law_force(c: Record, x: float, d: Deflection, creep: float, term: np.ndarray) -> float:
     """Normal force [N] of the touching tool before clipping; `creep` [N] is the force of the
     viscoelastic branch.
     """
     spring = c.stiffness * d.depth
     if c.soft_depth != 0.0:
         spring *= 1.0 - c.soft_depth * math.exp(-(((x - c.soft_at) / c.soft_width) ** 2))
+    if c.gradient != 0.0:
+        spring *= max(1.0 + c.gradient * (x - c.gradient_mid), 0.1)
     if c.harden_at > 0.0 and d.depth > 0.0:
         spring *= 1.0 + (d.depth / c.harden_at) ** c.harden_power
     if c.loss != 0.0:
         spring *= 1.0 + c.loss * math.tanh(d.rate / c.loss_rate)
-    return spring + creep + (c.damping + c.impact_damping * max(d.depth, 0.0)) * d.rate
+    if term[0] != 0.0 and d.depth > 0.0:
+        share = d.depth / (d.depth + TOUCHED)  # no force at the first touch
+        spring += share * term_value(term, (d.depth, d.rate, x, d.v_t))
+    damping = c.damping + c.impact_damping * max(d.depth, 0.0) + c.rate_square * abs(d.rate)
+    return spring + creep + damping * d.rate
 
 
 @njit
-def contact_mode(c: Record, x: float, d: Deflection, creep: float) -> int:
+def contact_mode(c: Record, x: float, d: Deflection, creep: float, term: np.ndarray) -> int:
     """Discrete mode of the contact."""
     if d.depth <= 0.0:
         return APART
-    return PRESSED if law_force(c, x, d, creep) > 0.0 else PULLED
+    return PRESSED if law_force(c, x, d, creep, term) > 0.0 else PULLED
 
 
 @njit
-def contact_load(c: Record, mode: int, x: float, d: Deflection, creep: float) -> Load:
+def contact_load(
+    c: Record, mode: int, x: float, d: Deflection, creep: float, term: np.ndarray
+) -> Load:
     """Contact force with the mode frozen; the drag follows the speed along the edge: f_t = mu f_n
     sgn v_t.
     """
     if mode != PRESSED:
         return Load(0.0, 0.0, 0.0)
-    f_n = law_force(c, x, d, creep)
+    f_n = law_force(c, x, d, creep, term)
     f_t = 0.0
     if c.drag != 0.0:
         mu = c.drag * (1.0 + c.drag_stribeck * math.exp(-((d.v_t / (10.0 * c.drag_speed)) ** 2)))

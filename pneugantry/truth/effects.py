@@ -8,13 +8,16 @@ import numpy as np
 
 from pneugantry.truth.effects_contact import CONTACT_FORMS
 from pneugantry.truth.effects_friction import FRICTION_FORMS
+from pneugantry.truth.effects_missing import MISSING_FORMS
+from pneugantry.truth.effects_random import RANDOM_FORMS
 from pneugantry.truth.effects_sensing import SENSING_FORMS
 from pneugantry.truth.effects_unknown import UNKNOWN_FORMS
 from pneugantry.truth.effects_valve import VALVE_FORMS
 from pneugantry.truth.form import Cause, Form
 
 KNOWN_FORMS: list[Form] = [*VALVE_FORMS, *FRICTION_FORMS, *CONTACT_FORMS, *SENSING_FORMS]
-ALL_FORMS: list[Form] = [*KNOWN_FORMS, *UNKNOWN_FORMS]
+OUTSIDE_FORMS: list[Form] = [*UNKNOWN_FORMS, *MISSING_FORMS, *RANDOM_FORMS]
+ALL_FORMS: list[Form] = [*KNOWN_FORMS, *OUTSIDE_FORMS]
 
 
 def names(forms: list[Form]) -> list[tuple[str, str]]:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneugantry.truth.parameters import Rig
+from pneugantry.truth.parameters import CHANNELS, Rig
+from pneugantry.truth.sensors import FORCE_BESIDE, PARTNER
 
 AXES = ("x", "z")
 Parameters = dict[str, float]
@@ -21,7 +22,9 @@ Build = Callable[[Rig, int, float, np.random.Generator], Parameters]
 @dataclass(frozen=True)
 class Form:
     """One functional form of an effect. Size 0 leaves the rig as it was. `known`: the effect is in
-    the catalogue.
+    the catalogue. `regressors`: what the missing term is a function of, with {axis} for the axis;
+    a build that draws them itself returns their places as parameters p and q. `formula`: its form,
+    "" where it has none.
     """
 
     effect: str
@@ -33,10 +36,31 @@ class Form:
     unit: str
     build: Build
     known: bool = True
+    regressors: tuple[str, ...] = ()
+    formula: str = ""
+
+    def blocks(self, axis: str) -> tuple[str, ...]:
+        """Blocks in the words of the gap report: valve_x, friction_z, contact, sensors, timing; two
+        where both axes have one cause.
+        """
+        if self.part not in ("valve", "friction"):
+            return (self.part,)
+        return tuple(f"{self.part}_{each}" for each in (axis or "xz"))
 
     def block(self, axis: str) -> str:
-        """Block in the words of the gap report: valve_x, friction_z, contact, sensors, timing."""
-        return f"{self.part}_{axis}" if self.part in ("valve", "friction") else self.part
+        """The first of `blocks`."""
+        return self.blocks(axis)[0]
+
+    def terms_of(self, axis: str, parameters: Parameters) -> tuple[str, ...]:
+        """Regressors by name, of this axis."""
+        chosen = [int(parameters[key]) for key in ("p", "q") if key in parameters]
+        named = [self.regressors[j] for j in chosen] if chosen else self.regressors
+        words = {"axis": axis}
+        if "channel" in parameters:
+            channel = int(parameters["channel"])
+            places = {"own": channel, "partner": PARTNER[channel], "force": FORCE_BESIDE[channel]}
+            words |= {key: CHANNELS[place] for key, place in places.items()}
+        return tuple(name.format(**words) for name in named)
 
     def draw_size(self, rng: np.random.Generator, least: float | None = None) -> float:
         """Log-uniform size between `least` (or `low`) and `high`."""
@@ -65,14 +89,19 @@ class Cause:
 
     def entry(self, rig: Rig) -> dict:
         """The cause as a label lists it."""
+        parameters = self.apply(rig)[1]
         return {
             "effect": self.form.effect,
             "axis": self.axis,
+            "known": self.form.known,
             "block": self.form.block(self.axis),
+            "blocks": list(self.form.blocks(self.axis)),
             "form": self.form.form,
             "size": self.size,
             "unit": self.form.unit,
-            "parameters": self.apply(rig)[1],
+            "parameters": parameters,
+            "regressors": list(self.form.terms_of(self.axis, parameters)),
+            "formula": self.form.formula,
         }
 
 

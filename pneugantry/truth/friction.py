@@ -14,6 +14,7 @@ from numba import njit
 
 from pneugantry.truth.parameters import DAHL, FORCE, IWAN, LEVEL, LUGRE, NODES, VDFM, Record
 
+WORK = 10  # place of the work of friction in the state of an axis
 STUCK, BREAK_UP, BREAK_DOWN, SLIDE_UP, SLIDE_DOWN, SMOOTH = 0, 1, 2, 3, 4, 5
 IWAN_SHARE = np.array([0.35, 0.30, 0.20, 0.15])  # shares of the limit force
 IWAN_SOFT = np.array([0.4, 1.0, 2.5, 6.0])  # yield deflections relative to one another
@@ -30,15 +31,17 @@ def along_stroke(profile: np.ndarray, kind: int, position: float, stroke: float)
 
 @njit
 def coulomb_level(
-    a: Record, profile: np.ndarray, position: float, f_n: float, work: float, time: float
+    a: Record, profile: np.ndarray, y: np.ndarray, o: int, f_n: float, time: float
 ) -> float:
-    """Factor on F_s and F_d."""
-    level = along_stroke(profile, LEVEL, position, a.stroke)
+    """Factor on F_s and F_d at the axis state y[o:]."""
+    level = along_stroke(profile, LEVEL, y[o], a.stroke)
     if a.load != 0.0:
         level *= 1.0 + a.load * (abs(f_n) / 10.0) ** a.load_exponent
     if a.warm != 0.0:
-        heat = work / a.warm_work if a.warm_work > 0.0 else time / a.warm_time
+        heat = y[o + WORK] / a.warm_work if a.warm_work > 0.0 else time / a.warm_time
         level *= 1.0 - a.warm * (1.0 - math.exp(-heat))
+    if a.seal != 0.0:
+        level *= 1.0 + a.seal * abs(y[o + 2]) / 100.0
     return level
 
 
@@ -131,6 +134,15 @@ def smooth_force(a: Record, v: float, level: float, bristle: np.ndarray, rate: n
             rate[j] = spring * (v - 0.5 * (abs(v) * share + v * abs(share)) * abs(share) ** 3)
             total += bristle[j]
     return total * level
+
+
+@njit
+def speed_force(a: Record, v: float, work: float) -> float:
+    """Friction [N] that is a smooth function of speed alone, against v: viscous, square, cube."""
+    viscous = a.viscous
+    if a.thin != 0.0:
+        viscous *= 1.0 - a.thin * (1.0 - math.exp(-work / a.thin_work))
+    return viscous * v + a.quadratic * v * abs(v) + a.cubic * v * v * v
 
 
 @njit

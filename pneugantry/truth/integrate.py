@@ -14,6 +14,7 @@ from numba import njit
 
 from pneugantry.truth.friction import SMOOTH, bristle_rate
 from pneugantry.truth.plant import (
+    BASE,
     CREEP,
     MODES,
     STATES,
@@ -42,6 +43,8 @@ _SCALE[[1, WIDTH + 1]] = 1e-5  # m/s
 _SCALE[[2, 3, WIDTH + 2, WIDTH + 3]] = 1e-3  # N
 _SCALE[[4, WIDTH + 4]] = 0.1  # N/s
 _SCALE[[6, 7, 8, 9, WIDTH + 6, WIDTH + 7, WIDTH + 8, WIDTH + 9]] = 1e-3  # N
+_SCALE[[BASE, WIDTH + BASE]] = 1e-6  # m
+_SCALE[[BASE + 1, WIDTH + BASE + 1]] = 1e-5  # m/s
 _SCALE[CREEP] = 1e-3  # N
 MAX_STEP = 1e-3  # s
 BISECTIONS = 24  # 1 ms / 2^24 = 6e-11 s

@@ -155,7 +155,9 @@ def run_loop(
         for i in range(2):
             clamped[i] = k < task.release[i]
         read(y, modes, plant, true[k])
-        sense(sensor, true[k], luck.noise[k], luck.chance[k], k, period, m, readings[k])
+        sense(
+            sensor, true[k], luck.noise[k], luck.chance[k], k, period, m, readings[k], plant.terms
+        )
         if k >= task.contact_row:
             command(timing[0], task, integral, readings, u, k, luck.chance[k], kept)
         events += actuate(y, modes, k, period, u, plays, clamped, accuracy, plant, w)

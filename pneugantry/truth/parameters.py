@@ -31,6 +31,10 @@ LAG, LEVEL, FORCE = (
     1,
     2,
 )  # rows of Rig.profile: factor on tau, on Coulomb friction; force [N] towards -axis
+# places of a random term: valve_x, valve_z, friction_x, friction_z, contact, eight sensors
+TERMS = 13
+FEATURES = 16  # waves that make up a random function
+TERM_LENGTH = 12 + 4 * FEATURES
 NODES = 401  # nodes of a stroke profile, evenly spaced from 0 to the end of stroke
 
 # name, x, z, meaning [unit]; source
@@ -92,6 +96,12 @@ _AXIS = [
     ("leak", 0.0, 0.0, "leak of the chamber above `leak_from`, times 1/tau"),
     ("leak_from", 0.0, 0.0, "chamber force at which the seal starts to leak [N]"),
     ("slew", 0.0, 0.0, "largest rate of the chamber force [N/s]; 0: none"),
+    ("curvature", 0.0, 0.0, "share of the gain lost per volt above u_0 [1/V]"),
+    ("lag_pressure", 0.0, 0.0, "growth of tau at 100 N of chamber force"),
+    ("cycle", 0.0, 0.0, "fraction of the supply lost where the compressor starts to fill"),
+    ("cycle_time", 2.0, 2.0, "period of the compressor [s]"),
+    ("cycle_phase", 0.0, 0.0, "share of a period that has passed when the rig is switched on"),
+    ("cycle_fill", 0.3, 0.3, "share of a period in which the supply rises"),
     # friction (effect)
     ("law", 0.0, 0.0, "friction law, VDFM, DAHL, LUGRE or IWAN"),
     ("stiffness", 1e5, 1e5, "pre-sliding stiffness at F = 0 [N/m]; read off Fig. 4.14/4.17"),
@@ -109,6 +119,16 @@ _AXIS = [
     ("load", 0.0, 0.0, "growth of the Coulomb level at 10 N of contact force"),
     ("load_exponent", 1.0, 1.0, "it grows as (|f_n| / 10 N)^exponent"),
     ("cubic", 0.0, 0.0, "C_3 of a force C_3 v^3 [N s^3/m^3]"),
+    ("quadratic", 0.0, 0.0, "C_2 of a force C_2 v |v| [N s^2/m^2]"),
+    ("seal", 0.0, 0.0, "growth of the Coulomb level at 100 N of chamber force"),
+    ("thin", 0.0, 0.0, "fraction of C lost when the grease is warm"),
+    ("thin_work", 1.0, 1.0, "work of friction that warms it to 63 % [J]"),
+    ("shake", 0.0, 0.0, "amplitude of a force from outside [N]"),
+    ("shake_hz", 8.0, 8.0, "its frequency [Hz]"),
+    ("shake_phase", 0.0, 0.0, "its phase when the rig is switched on [rad]"),
+    ("base_ratio", 0.0, 0.0, "moving mass over the mass of an elastic base; 0: rigid base"),
+    ("base_omega", 50.0, 50.0, "natural frequency of the base [rad/s]"),
+    ("base_zeta", 0.05, 0.05, "its damping ratio"),
     ("dwell", 0.0, 0.0, "growth of F_s per decade of rest"),
     ("dwell_from", 0.05, 0.05, "rest from which F_s grows [s]"),
     ("warm", 0.0, 0.0, "fraction of the Coulomb friction lost when warm"),
@@ -141,6 +161,9 @@ _CONTACT = [
     ("soft_depth", 0.0, "relative loss of stiffness at the soft spot of the edge"),
     ("soft_at", 0.7, "middle of the soft spot [m]"),
     ("soft_width", 0.05, "its width [m]"),
+    ("gradient", 0.0, "relative growth of K_c per metre along x [1/m]"),
+    ("gradient_mid", 0.7, "x at which K_c is as given [m]"),
+    ("rate_square", 0.0, "damping that grows with the square of the deflection rate [N s^2/m^2]"),
 ]
 _SENSOR = [  # one entry per channel
     ("bias", 0.0, "offset of the channel [its unit]"),
@@ -159,6 +182,12 @@ _SENSOR = [  # one entry per channel
     ("dropout", 0.0, "chance per sample that a hold begins"),
     ("hold", 0.0, "length of a hold [samples]"),
     ("full", 0.0, "reading at which the channel saturates softly [its unit]; 0: never"),
+    ("cyclic", 0.0, "amplitude of an error that repeats along the scale [its unit]"),
+    ("cyclic_pitch", 0.02, "length over which it repeats [its unit]"),
+    ("play", 0.0, "half-width of an elastic hysteresis [its unit]; 0: none"),
+    ("play_share", 0.0, "share of the reading that has it"),
+    ("hum", 0.0, "amplitude of a hum [its unit]"),
+    ("hum_hz", 50.0, "its frequency [Hz]"),
 ]
 _TIMING = [
     ("sense_delay", 0.0, "samples by which the controller sees the sensors late"),
@@ -188,7 +217,8 @@ def _flat_profile() -> np.ndarray:
 class Rig:
     """One rig. `axis`: 2 records; `contact`, `timing`: 1; `sensor`: 8, in the order of CHANNELS;
     `profile[axis, kind, node]`: factor or force along the stroke; `edge`: extra profile of the
-    workpiece, x [m] -> z [m], or None.
+    workpiece, x [m] -> z [m], or None; `terms`: one random function per place, as `random_term`
+    lays it out.
     """
 
     axis: np.ndarray = field(default_factory=lambda: _record(_AXIS, 2))
@@ -197,6 +227,7 @@ class Rig:
     timing: np.ndarray = field(default_factory=lambda: _record(_TIMING, 1))
     profile: np.ndarray = field(default_factory=_flat_profile)
     edge: Callable[[np.ndarray], np.ndarray] | None = None
+    terms: np.ndarray = field(default_factory=lambda: np.zeros((TERMS, TERM_LENGTH)))
 
     def copy(self) -> Rig:
         """A rig that shares nothing with this one."""

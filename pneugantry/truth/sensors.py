@@ -11,28 +11,37 @@ import numpy as np
 from numba import njit
 
 from pneugantry.truth.parameters import Record
+from pneugantry.truth.random_term import term_value
 
 PARTNER = np.array([1, 0, 3, 2, 5, 4, 7, 6])
+# a force beside each channel: the actuator's, or for that one the contact's
+FORCE_BESIDE = np.array([6, 7, 6, 7, 6, 7, 4, 5])
+SENSORS = 5  # row of the first channel in the random terms
 STAGES = 4  # most first-order stages of a lag
 WINDOW = 256  # samples, longest running mean
 
 
 class Memory(NamedTuple):
-    """State of the eight channels: lag stages, their past values, samples left of a hold, and the
-    last readings.
+    """State of the eight channels: lag stages, their past values, samples left of a hold, the last
+    readings, and where each play stands.
     """
 
     stages: np.ndarray
     history: np.ndarray
     hold: np.ndarray
     last: np.ndarray
+    play: np.ndarray
 
 
 @njit
 def memory() -> Memory:
     """Fresh state."""
     return Memory(
-        np.zeros((8, 2 * STAGES)), np.zeros((8, WINDOW)), np.zeros(8, np.int64), np.zeros(8)
+        np.zeros((8, 2 * STAGES)),
+        np.zeros((8, WINDOW)),
+        np.zeros(8, np.int64),
+        np.zeros(8),
+        np.zeros(8),
     )
 
 
@@ -74,9 +83,11 @@ def sense(
     period: float,
     m: Memory,
     out: np.ndarray,
+    terms: np.ndarray,
 ) -> None:
     """Write the eight readings of sample k. `noise`: in each channel's unit; `chance`: uniform
-    draws for holds.
+    draws for holds;
+    `terms`: the random terms of all places.
     """
     time = k * period
     lagged = np.empty(8)
@@ -93,10 +104,21 @@ def sense(
         value *= s.gain * (s.gain_negative if value < 0.0 else 1.0)
         if s.cubic != 0.0:
             value += s.cubic * s.cubic_at * (value / s.cubic_at) ** 3
+        if s.play > 0.0:
+            m.play[i] = min(max(m.play[i], value - s.play), value + s.play)
+            value += s.play_share * (m.play[i] - value)
+        if s.cyclic != 0.0:
+            value += s.cyclic * math.sin(2.0 * math.pi * lagged[i] / s.cyclic_pitch)
+        if terms[SENSORS + i, 0] != 0.0:
+            value += term_value(
+                terms[SENSORS + i], (lagged[i], lagged[PARTNER[i]], time, lagged[FORCE_BESIDE[i]])
+            )
         if s.full > 0.0:
             value /= (1.0 + (value / s.full) ** 8) ** 0.125
         built = 1.0 - math.exp(-time / s.bias_time) if s.bias_time > 0.0 else 1.0
         value += s.bias * built + s.drift * time + s.noise * noise[i]
+        if s.hum != 0.0:
+            value += s.hum * math.sin(2.0 * math.pi * s.hum_hz * time)
         if s.step > 0.0:
             value = s.step * (
                 math.floor(value / s.step)

@@ -9,7 +9,9 @@ from numba import njit
 
 from pneugantry.truth.friction import along_stroke
 from pneugantry.truth.parameters import LAG, Record
+from pneugantry.truth.random_term import term_value
 
+OPEN = 5.0  # N, settled force above which a random term acts in full
 PLAYS = 8  # most plays in parallel
 
 
@@ -43,6 +45,8 @@ def spool_command(a: Record, u: float, plays: np.ndarray) -> float:
 def steady_force(a: Record, u: float, time: float) -> float:
     """Size of the force [N] that the chamber settles to at full supply."""
     over = u - a.offset
+    if a.curvature != 0.0 and over > 0.0:
+        over *= max(1.0 - a.curvature * over, 0.1)
     if a.drift != 0.0:
         over -= a.drift * (1.0 - math.exp(-time / a.drift_time))
     if a.bidirectional == 0.0:
@@ -53,24 +57,38 @@ def steady_force(a: Record, u: float, time: float) -> float:
                 else 0.0
             )
         over = max(over, 0.0)
-    return min(max(a.gain * over, -a.limit if a.bidirectional != 0.0 else 0.0), a.limit)
+    force = min(max(a.gain * over, -a.limit if a.bidirectional != 0.0 else 0.0), a.limit)
+    if a.cycle != 0.0:
+        force *= 1.0 - a.cycle * compressor(a, time)
+    return force
+
+
+@njit
+def compressor(a: Record, time: float) -> float:
+    """How far the reservoir is drained, 0 full to 1 where the compressor starts: a saw tooth."""
+    place = (time / a.cycle_time + a.cycle_phase) % 1.0
+    drains = 1.0 - a.cycle_fill
+    return place / drains if place < drains else (1.0 - place) / a.cycle_fill
 
 
 @njit
 def valve_rates(
     a: Record,
     profile: np.ndarray,
-    demand: np.ndarray,
-    position: float,
+    demand: float,
     y: np.ndarray,
     o: int,
     rates: np.ndarray,
+    term: np.ndarray,
 ) -> None:
     """Rates of [f_a, stage, stage rate, supply loss] at y[o + 2 .. o + 5]; `demand` [N] is
-    `steady_force`, unsigned.
+    `steady_force`, unsigned; `term`: what no law says.
     """
     f_a, stage, stage_rate, loss = y[o + 2], y[o + 3], y[o + 4], y[o + 5]
     target = a.sign * demand * (1.0 - loss)
+    if term[0] != 0.0:
+        share = demand / (demand + OPEN)  # a shut valve gives no force
+        target += share * term_value(term, (demand, abs(f_a), y[o], y[o + 1]))
     if a.spool_omega > 0.0:
         rates[o + 3] = stage_rate
         rates[o + 4] = (
@@ -80,7 +98,9 @@ def valve_rates(
     elif a.second_lag > 0.0:
         rates[o + 3] = (target - stage) / a.second_lag
         target = stage
-    lag = a.lag * along_stroke(profile, LAG, position, a.stroke)
+    lag = a.lag * along_stroke(profile, LAG, y[o], a.stroke)
+    if a.lag_pressure != 0.0:
+        lag *= max(1.0 + a.lag_pressure * abs(f_a) / 100.0, 0.1)
     if a.lag_rise != a.lag_fall:
         rising = (target - f_a) * a.sign
         if a.lag_blend > 0.0:

@@ -116,7 +116,7 @@ def test_order_of_the_integrator_is_five():
         DAHL,
         0.0,
     )  # no friction but C v
-    plant = Plant(rig.axis, rig.contact, rig.profile, edge_table("straight", rig), 0.04)
+    plant = Plant(rig.axis, rig.contact, rig.profile, edge_table("straight", rig), 0.04, rig.terms)
     ends = []
     for step in (2e-3, 1e-3, 5e-4, 5e-5):
         y, modes = np.zeros(STATES), np.zeros(MODES, np.int64)
