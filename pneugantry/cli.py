@@ -24,6 +24,7 @@ COMMANDS = {
     "demo": "build the FMU, track five edges, diagnose a rig with a hidden effect",
     "build": "compile a Modelica class, or a controller, to an FMU",
     "run": "closed-loop run at 1 ms; RMSE and maximum error of f_n and v_t",
+    "log": "a recorder's own log made usable: columns, units, rate, set-up",
     "replay": "measured logs against the FMU: gap per log, channel and block",
     "diagnose": "which block and which effect make a measured campaign differ",
     "blind": "draw sealed cases on the truth plant, diagnose, unseal, score",

@@ -18,7 +18,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from modelica_fmu.errors import InputError
-from pyfmi_runner.log import PERIOD, STROKE_X, STROKE_Z, Log, read_log, write_atomically, write_log
+from pyfmi_runner.log import (
+    OPTIONAL,
+    PERIOD,
+    REQUIRED,
+    STROKE_X,
+    STROKE_Z,
+    Log,
+    read_log,
+    write_atomically,
+    write_log,
+)
+from pyfmi_runner.log_import import NAMES, Import, import_from
 from pyfmi_runner.own_controller import is_known_controller, read_controller
 from pyfmi_runner.scenario import (
     Fields,
@@ -45,7 +56,7 @@ __all__ = [
 ]
 
 INDEX = "campaign.toml"
-SUFFIXES = (".parquet", ".pq", ".csv")
+SUFFIXES = (".parquet", ".pq", ".csv", ".mat")
 KEYS = (
     "file",
     "loop",
@@ -60,6 +71,10 @@ KEYS = (
     "v_td",
     "controller",
     "gains",
+)
+TOP = ("log", "name", "import")  # keys of campaign.toml itself
+IMPORT = (
+    "import"  # how a recorder's columns, units and rate become a log's: pyfmi_runner.log_import
 )
 
 
@@ -159,13 +174,14 @@ def _read_folder(folder: Path, strict: bool) -> Campaign:
         raise InputError("no such file", file=index, hint=hint)
     content = parse_toml(index)
     tables = _log_tables(content, index)
-    name = Fields(content, ("log", "name"), index).of_type("name", str, "")
+    name = Fields(content, TOP, index).of_type("name", str, "")
     logs: dict[str, LoggedRun] = {}
     notes: list[str] = []
     for key, table in tables.items():
         try:
-            given = setup_from(table, index, f"log.{key}.")
-            log = read_log(_log_file(folder, key, table, index))
+            given = setup_from(_setup_of(table), index, f"log.{key}.")
+            convert = _import_of(content, table, index)
+            log = read_log(_log_file(folder, key, table, index), convert)
         except InputError as error:
             if strict:
                 raise
@@ -184,18 +200,33 @@ def _read_folder(folder: Path, strict: bool) -> Campaign:
 
 
 def _log_tables(index: Mapping[str, Any], file: Path) -> dict[str, Mapping[str, Any]]:
-    top = Fields(index, ("log", "name"), file)
+    top = Fields(index, TOP, file)
     tables = top.table.get("log", {})
     if not isinstance(tables, Mapping) or not tables:
         top.refuse("log", "there is no log table", "write one [log.NAME] table per log")
     for name, table in tables.items():
-        Fields(table, KEYS, file, f"log.{name}.")
+        Fields(table, (*KEYS, IMPORT), file, f"log.{name}.")
     return dict(tables)
+
+
+def _setup_of(table: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in table.items() if key != IMPORT}
+
+
+def _import_of(
+    content: Mapping[str, Any], table: Mapping[str, Any], file: Path | None
+) -> Import | None:
+    """A log's own import table, its columns put over those that hold for all logs."""
+    shared, own = content.get(IMPORT, {}), table.get(IMPORT, {})
+    for given in (shared, own):
+        Fields(given, (*NAMES, "rate"), file, "import.")
+    return import_from({**shared, **own}, file) if shared or own else None
 
 
 def _log_file(folder: Path, name: str, table: Mapping[str, Any], index: Path) -> Path:
     if "file" in table:
-        file: str = Fields(table, KEYS, index, f"log.{name}.").of_type("file", str, "")
+        fields = Fields(table, (*KEYS, IMPORT), index, f"log.{name}.")
+        file: str = fields.of_type("file", str, "")
         return folder / file
     names = [name + suffix for suffix in SUFFIXES if name + suffix != table.get("workpiece")]
     present = [folder / file for file in names if os.path.isfile(folder / file)]
@@ -225,7 +256,9 @@ def _strays(
 
 
 def _misfits(name: str, run: LoggedRun) -> Iterator[str]:
-    """Where a log contradicts its setup."""
+    """What was changed on the way in, and where a log contradicts its setup."""
+    for said in run.log.provenance.get("import", []):
+        yield f"{name} {said}"
     for axis, said, slack in (("x", run.setup.start_x, 0.01), ("z", run.setup.start_z, 0.003)):
         first = float(np.mean(run.log[axis][:10]))
         if abs(first - said) > slack:
@@ -241,25 +274,43 @@ def _misfits(name: str, run: LoggedRun) -> Iterator[str]:
 
 
 def _read_single(path: Path, given: dict[str, Any]) -> Campaign:
-    log = read_log(path)
     if str(given.get("workpiece", "")).lower().endswith(".csv"):
         given["workpiece"] = str(
             Path(given["workpiece"]).resolve()
         )  # from the working folder, not from the log's
-    beside, index = path.with_suffix(".toml"), path.parent / INDEX
-    table: Mapping[str, Any] = {}
-    source: Path | None = None
-    if beside.is_file():
-        table, source = parse_toml(beside), beside
-        if "log" in table:
-            tables = _log_tables(table, beside)
-            table = tables.get(path.stem, next(iter(tables.values())))
-    elif index.is_file() and path.stem in (tables := _log_tables(parse_toml(index), index)):
-        table, source = tables[path.stem], index
-    elif isinstance(log.provenance.get("setup"), Mapping):
+    table, convert, source = _said_beside(path)
+    try:
+        log = read_log(path, convert)
+    except InputError as error:
+        if convert is not None or error.field not in (*REQUIRED, *OPTIONAL):
+            raise
+        hint = f"{error.hint}; or let `pneugantry log init {path.name}` map columns, units and rate"
+        raise InputError(error.message, file=error.file, field=error.field, hint=hint) from None
+    if source is None and isinstance(log.provenance.get("setup"), Mapping):
         table, source = log.provenance["setup"], path
     setup = setup_from(_setup_of_one(log, table, given), source)
     return _campaign_of_one(log, path, setup, {**table, **given})
+
+
+def _said_beside(path: Path) -> tuple[dict[str, Any], Import | None, Path | None]:
+    """Setup and import of a single log from the TOML file of its name, or the campaign.toml beside
+    it; where they stand.
+    """
+    beside, index = path.with_suffix(".toml"), path.parent / INDEX
+    if beside.is_file():
+        content = parse_toml(beside)
+        table: Mapping[str, Any] = content
+        if "log" in content:
+            tables = _log_tables(content, beside)
+            table = tables.get(path.stem, next(iter(tables.values())))
+        shared = content if table is not content else {}
+        return _setup_of(table), _import_of(shared, table, beside), beside
+    if index.is_file() and path.stem in (
+        tables := _log_tables(content := parse_toml(index), index)
+    ):
+        table = tables[path.stem]
+        return _setup_of(table), _import_of(content, table, index), index
+    return {}, None, None
 
 
 def campaign_of_log(log: Log, setup: Mapping[str, Any] | None = None) -> Campaign:

@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
+from pyfmi_runner.command_order import commands_swapped
+from pyfmi_runner.mat_file import read_mat
 
 __all__ = [
     "COLUMNS",
@@ -42,6 +44,7 @@ __all__ = [
     "log_warnings",
     "parsed_numbers",
     "read_log",
+    "read_table",
     "write_atomically",
     "write_log",
 ]
@@ -144,11 +147,24 @@ class Log:
 # ---------------------------------------------------------------- files
 
 
-def read_log(path: str | os.PathLike[str]) -> Log:
-    """Read and check a Parquet or CSV log. Raises InputError naming file, column or row, and the
-    hint.
+Convert = Callable[[pd.DataFrame, Path], tuple[pd.DataFrame, list[str]]]
+
+
+def read_log(path: str | os.PathLike[str], convert: Convert | None = None) -> Log:
+    """Read and check a Parquet, CSV or MATLAB log. convert: makes the file's own table one of
+    COLUMNS, SI units and 1 kHz, and says what it changed (`log_import.Import`). Raises InputError
+    naming file, column or row, and the hint.
     """
     path = Path(path)
+    table, provenance = read_table(path)
+    if convert is not None:
+        table, notes = convert(table, path)
+        provenance = provenance | {"import": notes}
+    return Log(check_table(table, path), path.stem, provenance)
+
+
+def read_table(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """A log file's table as it stands there, and its provenance. Raises InputError."""
     if os.path.isdir(path):
         raise InputError(
             "is a folder, expected a log file",
@@ -169,14 +185,14 @@ def read_log(path: str | os.PathLike[str]) -> Log:
         raise InputError("the file is empty", file=path, hint="record or export the log again")
     suffix = path.suffix.lower()
     if head == b"PAR1" or suffix in (".parquet", ".pq"):
-        table, provenance = _read_parquet(path)
-    elif suffix in (".csv", ".txt"):
-        table, provenance = _read_csv(path)
-    else:
-        raise InputError(
-            f"unknown kind of file {suffix!r}", file=path, hint="give a .parquet or .csv file"
-        )
-    return Log(check_table(table, path), path.stem, provenance)
+        return _read_parquet(path)
+    if suffix in (".csv", ".txt"):
+        return _read_csv(path)
+    if suffix == ".mat":
+        return _read_matlab(path), {}
+    raise InputError(
+        f"unknown kind of file {suffix!r}", file=path, hint="give a .parquet, .csv or .mat file"
+    )
 
 
 def write_log(log: Log, path: str | os.PathLike[str]) -> Path:
@@ -237,6 +253,29 @@ def _read_parquet(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     return frame, provenance if isinstance(provenance, dict) else {"provenance": provenance}
 
 
+def _read_matlab(path: Path) -> pd.DataFrame:
+    """The longest columns of a MATLAB file that are of one length; a matrix' columns are numbered
+    from 1.
+    """
+    try:
+        arrays = read_mat(path)
+    except ValueError as error:
+        raise InputError(
+            f"not a readable MATLAB file ({str(error)[:120]})",
+            file=path,
+            hint="save it with -v7, as columns of one length",
+        ) from None
+    columns: dict[str, NDArray[np.generic]] = {}
+    for name, values in arrays.items():
+        flat = values.reshape(-1, 1) if 1 in values.shape or values.ndim == 1 else values
+        if flat.ndim == 2 and flat.shape[1] == 1:
+            columns[name] = flat[:, 0]
+        elif flat.ndim == 2:
+            columns |= {f"{name}_{k + 1}": flat[:, k] for k in range(flat.shape[1])}
+    rows = max((len(values) for values in columns.values()), default=0)
+    return pd.DataFrame({name: v for name, v in columns.items() if len(v) == rows})
+
+
 def _write_csv(log: Log, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as stream:
         for key, value in [*log.provenance.items(), ("units", _units(log.table))]:
@@ -283,7 +322,13 @@ def _read_csv(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
             warnings.simplefilter(
                 "error", pd.errors.ParserWarning
             )  # it would drop values that the header does not name
-            frame = pd.read_csv(body, sep=separator, skipinitialspace=True, index_col=False)
+            frame = pd.read_csv(
+                body,
+                sep=separator,
+                decimal=_decimal(lines[first + 1 : first + 20], separator),
+                skipinitialspace=True,
+                index_col=False,
+            )
     except (pd.errors.ParserError, pd.errors.EmptyDataError, pd.errors.ParserWarning) as error:
         reason = str(error).replace("Error tokenizing data. C error: ", "")
         raise InputError(
@@ -291,6 +336,13 @@ def _read_csv(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
         ) from None
     frame.columns = [str(name).strip().strip('"') for name in frame.columns]
     return frame, dict(_comments(lines[:first]))
+
+
+def _decimal(rows: list[str], separator: str) -> str:
+    """The decimal mark: a comma where no comma separates and no number has a point."""
+    text = "".join(rows)
+    comma = separator != "," and re.search(r"\d,\d", text) and not re.search(r"\d\.\d", text)
+    return "," if comma else "."
 
 
 def _comments(lines: list[str]) -> Iterator[tuple[str, Any]]:
@@ -491,7 +543,13 @@ def log_warnings(log: Log) -> list[str]:
     or reversed columns, speeds that disagree with positions, offsets, a start that is not at rest.
     Empty for a sound log.
     """
-    return [*_stuck_or_clipped(log), *_force_order(log), *_speeds(log), *_start(log)]
+    return [
+        *_stuck_or_clipped(log),
+        *_force_order(log),
+        *_command_order(log),
+        *_speeds(log),
+        *_start(log),
+    ]
 
 
 def _runs(values: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -551,6 +609,12 @@ def _force_order(log: Log) -> Iterator[str]:
         yield "f_ax is positive; the x valve pushes to -x: is its sign reversed?"
     elif pushes_z < -5:
         yield "f_az is negative; the z valve pushes to +z: is its sign reversed?"
+
+
+def _command_order(log: Log) -> Iterator[str]:
+    commands, forces = ({a: log[f"{kind}{a}"] for a in "xz"} for kind in ("u_", "f_a"))
+    if commands_swapped(commands, forces, PERIOD):
+        yield "u_x drives f_az and u_z drives f_ax: are columns u_x and u_z swapped?"
 
 
 def _speeds(log: Log) -> Iterator[str]:

@@ -1,0 +1,91 @@
+"""Logs of another rate, or with uneven stamps, at 1 kHz."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modelica_fmu.errors import InputError
+from pyfmi_runner.log import PERIOD
+
+__all__ = ["even_stamps", "is_regular", "resampled"]
+
+Array = NDArray[np.float64]
+HELD = ("u_x", "u_z", "f_nd", "v_td", "phase")  # act until the next one
+UNEVEN = 0.5  # of a period: stamps within it count as the rows of a 1 kHz log
+GAP_ROWS = 5.0  # typical steps, and
+GAP = 0.02  # s, from which on rows are missing rather than late
+
+
+def is_regular(time: Array) -> bool:
+    """Whether rows are a millisecond apart, as a log's must be."""
+    steps = np.diff(time)
+    near = np.abs(steps / PERIOD - 1.0)
+    return bool(near.max() <= UNEVEN and abs(float(steps.mean()) / PERIOD - 1.0) <= 0.01)
+
+
+def even_stamps(rows: int, rate: float) -> Array:
+    """Stamps [s] of a log without any, by its rate [Hz]."""
+    return np.arange(rows, dtype=np.float64) / rate
+
+
+def resampled(columns: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
+    """Columns at 1 kHz from `time` [s] on, and a sentence that says how.
+
+    Commands and wanted values hold until the next one; sensors run on straight lines between
+    samples, or are averaged over a millisecond where there are more. Raises InputError for stamps
+    that do not increase and for gaps.
+    """
+    time = columns["time"]
+    steps = np.diff(time)
+    _check(time, steps)
+    typical = float(np.median(steps))
+    rows = int(np.floor((time[-1] - time[0]) / PERIOD + 1e-6)) + 1
+    grid = time[0] + np.arange(rows) * PERIOD
+    fine = typical < 0.75 * PERIOD
+    result: dict[str, Array] = {"time": np.round(grid, 9)}
+    latest = np.clip(np.searchsorted(time, grid + 1e-9, side="right") - 1, 0, len(time) - 1)
+    for name, values in columns.items():
+        if name == "time":
+            continue
+        if name in HELD:
+            result[name] = values[latest]
+        else:
+            result[name] = _averaged(time, values, grid) if fine else np.interp(grid, time, values)
+    how = "averaged over each millisecond" if fine else "on straight lines between samples"
+    uneven = float(np.max(np.abs(steps / typical - 1.0)))
+    stamps = f", stamps uneven by up to {100 * uneven:.0f} %" if uneven > 0.05 else ""
+    return result, (
+        f"recorded at {1 / typical:.4g} Hz{stamps}: resampled to 1 kHz, commands held, sensors "
+        f"{how}; their noise is then smaller than 1 sigma, so that a gap below 1 is possible"
+    )
+
+
+def _check(time: Array, steps: Array) -> None:
+    if (steps <= 0).any():
+        row = int(np.argmax(steps <= 0)) + 1
+        raise InputError(
+            f"row {row} (t = {time[row]:g} s) does not increase",
+            field="time",
+            hint="sort the rows, drop repeated ones",
+        )
+    longest = max(GAP_ROWS * float(np.median(steps)), GAP)
+    if (steps > longest).any():
+        row = int(np.argmax(steps > longest)) + 1
+        raise InputError(
+            f"row {row} (t = {time[row]:g} s) follows a gap of {1e3 * steps[row - 1]:.4g} ms",
+            field="time",
+            hint="cut the log there, or fill the missing rows",
+        )
+
+
+def _averaged(time: Array, values: Array, grid: Array) -> Array:
+    """Mean of the samples within half a millisecond of each grid point."""
+    cell = np.clip(np.rint((time - grid[0]) / PERIOD).astype(np.int64), 0, len(grid) - 1)
+    count = np.bincount(cell, minlength=len(grid))
+    total = np.bincount(cell, weights=values, minlength=len(grid))
+    filled = count > 0
+    means = total[filled] / count[filled]
+    return np.asarray(np.interp(grid, grid[filled], means))
