@@ -83,6 +83,21 @@ def gains_named(gains: Gains) -> FvGains:
     return FvGains(*(PidGains(*map(float, pid)) for pid in gains))
 
 
+def named_gains(gains: str | Mapping[str, float]) -> dict[str, float]:
+    """A table's gains by name (``Kp_vx`` and so on), or those given. Raises ValueError for an
+    unknown table.
+    """
+    if not isinstance(gains, str):
+        return dict(gains)
+    loops = zip(FvGains._fields, gains_named(gains), strict=True)
+    return {
+        f"K{kind}_{loop.replace('_', '')}": value
+        for loop, pid in loops
+        for kind, value in zip("pid", pid, strict=True)
+        if kind != "d" or value
+    }
+
+
 def _from_mapping(named: Mapping[str, float]) -> FvGains:
     loops = [loop.replace("_", "") for loop in FvGains._fields]
     known = [f"K{kind}_{loop}" for loop in loops for kind in "pid"]

@@ -34,6 +34,8 @@ COMMANDS = {
     "thesis": "every table and conclusion of the thesis, ours beside the printed",
     "sweep": "parameter studies on cores or a Dask cluster, resumable",
     "benchmark": "speed of every path that steps the FMU, and what a run costs",
+    "list": "names that the commands take: parameters, effects, controllers, gains, ...",
+    "controller": "write a controller of your own to start from",
     "completion": "completion script for bash, zsh or fish",
 }
 ALIASES = {"bench": "benchmark"}  # names of earlier versions

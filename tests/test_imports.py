@@ -27,7 +27,9 @@ ALLOWED |= {
     "pneugantry.blind": LEFT,
     "pneugantry.thesis": LEFT,
 }
-ALLOWED["pneugantry.api"] = LEFT - {"pneugantry.truth"}  # the commands as functions
+ALLOWED["pneugantry.api"] = LEFT - {"pneugantry.truth"} | {
+    "pneugantry.thesis"
+}  # the commands as functions
 ALLOWED["pneugantry"] = set(ALLOWED)  # the command line
 ALLOWED["benchmarks"] = set(ALLOWED)
 ALLOWED["examples"] = set(ALLOWED)

@@ -7,15 +7,19 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import pandas as pd
 
+from controllers.gains import named_gains
 from controllers.interface import Controller
 from modelica_fmu.errors import InputError
+from pneugantry.analysis.limit_cycle import LimitCycle, limit_cycle
 from pneugantry.analysis.metrics import Metrics, tracking_metrics
 from pneugantry.api.html import html_page, html_table
 from pneugantry.api.inputs import CampaignSource, FmuSource, PathLike, campaign_from, fmu_from
+from pneugantry.api.presets import conditions
 from pneugantry.progress import bar, loop_progress
 from pyfmi_runner.blocks import BlockReplayer, noisy_copy
 from pyfmi_runner.campaign import Campaign
@@ -24,14 +28,18 @@ from pyfmi_runner.fmu_controller import FmuController
 from pyfmi_runner.log import MEASURED, Log, write_log
 from pyfmi_runner.replay import Replayer, channel_gaps
 from pyfmi_runner.run import make_scenario_controller, run_scenario
-from pyfmi_runner.scenario import Scenario, read_scenario, short_phases
+from pyfmi_runner.scenario import PRESETS as PHASE_PRESETS
+from pyfmi_runner.scenario import Phases, Scenario, read_scenario, short_phases
 from pyfmi_runner.workpiece import check_workpiece
 
 if TYPE_CHECKING:
     from pneugantry.analysis.identify.identification import Identification
     from pneugantry.analysis.plots import Figure
 
+DEFAULT_GAINS = "table_4_6"  # of the controllers that take gains
+
 __all__ = [
+    "Changes",
     "IdentifiedPlant",
     "Replay",
     "TrackingRun",
@@ -52,6 +60,7 @@ class TrackingRun:
     reason: str  # one sentence where it is not "done"
     seconds: float  # wall time of the stepping, compilation left out
     metrics: Metrics | None  # None where the run is not done
+    limit_cycle: LimitCycle | None = None  # of f_n over the contouring phase
 
     @property
     def table(self) -> pd.DataFrame:
@@ -81,16 +90,19 @@ class TrackingRun:
     def as_json(self) -> dict[str, Any]:
         """The JSON of `pneugantry run`, "run/1"."""
         factor = self.simulated / self.seconds if self.seconds else 0.0
-        found: dict[str, Any] = {
+        return {
             "schema": "run/1",
+            "workpiece": self.scenario.workpiece,
+            "controller": self.scenario.controller,
+            "seed": self.scenario.seed,
+            "outcome": self.outcome,
+            "reason": self.reason,
             "metrics": self.metrics._asdict() if self.metrics else None,
+            "limit_cycle": self.limit_cycle._asdict() if self.limit_cycle else None,
             "steps": len(self.log),
             "seconds": self.seconds,
             "realtime_factor": factor,
         }
-        if self.outcome != "done":
-            found |= {"outcome": self.outcome, "reason": self.reason}
-        return found
 
     def _repr_html_(self) -> str:
         title = f"{self.scenario.workpiece}, {self.scenario.controller}: {self.outcome}"
@@ -101,26 +113,44 @@ class TrackingRun:
         return html_page(title, html_table(("", "RMSE", "largest error"), rows))
 
 
+class Changes(TypedDict, total=False):
+    """What may differ from a scenario."""
+
+    workpiece: str | None
+    parameters: Mapping[str, float] | None  # of the plant
+    seed: int | None  # of noise and jitter
+    gains: str | Mapping[str, float] | None  # a table's name, or single gains over its own
+    phases: str | None  # "short" or "thesis"
+    f_nd: float | None  # N
+    v_td: float | None  # m/s
+
+
 def run(
     scenario: Scenario | PathLike | None = None,
     *,
     controller: Controller | str | None = None,
-    workpiece: str | None = None,
-    parameters: Mapping[str, float] | None = None,
-    seed: int | None = None,
+    preset: str | None = None,
     fmu: FmuSource = None,
+    **changes: Unpack[Changes],
 ) -> TrackingRun:
     """Runs a scenario in closed loop at 1 ms on the FMU.
 
-    scenario: a `Scenario`, a TOML file, or None for the curved edge with `pi_fv`. The rest is what
-    differs from it: controller (a name, an FMU's path, or an object of one's own), workpiece,
-    parameters of the plant, seed of noise and jitter. A run that fails on the way is a result with
-    its reason. Raises InputError for a name or a value that cannot be used.
+    scenario: a `Scenario`, a TOML file, or None for the curved edge with `pi_fv`; or by preset, the
+    name of conditions (`presets.PRESETS`). The rest is what differs from it: controller (a name, a
+    Python file, an FMU's path, or an object of one's own), workpiece, parameters of the plant, seed
+    of noise and jitter, gains, phases, f_nd, v_td. A run that fails on the way is a result with its
+    reason. Raises InputError for a name or a value that cannot be used.
     """
     named = controller if isinstance(controller, str) else None
-    chosen = chosen_scenario(
-        scenario, controller=named, workpiece=workpiece, parameters=parameters, seed=seed
-    )
+    score: Callable[[Log], Metrics] = tracking_metrics
+    if preset is not None:
+        if scenario is not None:
+            raise InputError(
+                "is given beside a scenario", field="--preset", hint="keep one of them"
+            )
+        scenario, score = conditions(preset, changes.get("workpiece"), named)
+        changes["workpiece"] = None
+    chosen = chosen_scenario(scenario, named, **changes)
     own = None if isinstance(controller, str) else controller
     with _fmu_controller(chosen) as exported:
         done = run_scenario(
@@ -129,34 +159,67 @@ def run(
             progress=loop_progress(chosen.name),
             controller=own or exported,
         )
-    metrics = tracking_metrics(done.log) if done.outcome == "done" else None
-    return TrackingRun(chosen, done.log, done.outcome, done.reason, done.seconds, metrics)
+    metrics = score(done.log) if done.outcome == "done" else None
+    swings = limit_cycle(done.log) if metrics and not chosen.surface_finish else None
+    return TrackingRun(chosen, done.log, done.outcome, done.reason, done.seconds, metrics, swings)
 
 
 def chosen_scenario(
     scenario: Scenario | PathLike | None = None,
-    *,
     controller: str | None = None,
-    workpiece: str | None = None,
-    parameters: Mapping[str, float] | None = None,
-    seed: int | None = None,
+    **changes: Unpack[Changes],
 ) -> Scenario:
     """A scenario (a file, an object, or the default) with what is changed in it."""
     chosen = scenario if isinstance(scenario, Scenario) else _read(scenario, controller)
-    changes: dict[str, Any] = {"plant": chosen.plant | dict(parameters or {})}
+    fields: dict[str, Any] = {"plant": chosen.plant | dict(changes.get("parameters") or {})}
+    workpiece = changes.get("workpiece")
     if workpiece:
         check_workpiece(workpiece)
-        changes |= {"workpiece": workpiece, "standoff": None}
+        fields |= {"workpiece": workpiece, "standoff": None}
         if chosen.phases == short_phases(chosen.workpiece):
-            changes["phases"] = short_phases(workpiece)
+            fields["phases"] = short_phases(workpiece)
     if controller:
-        changes["controller"] = controller
-    if seed is not None:
-        if seed < 0:
-            hint = "choose a whole number from 0 on"
-            raise InputError(f"is {seed}, expected >= 0", field="--seed", hint=hint)
-        changes["seed"] = seed
-    return replace(chosen, **changes)
+        own = controller.lower().endswith(".py")
+        fields["controller"] = str(Path(controller).resolve()) if own else controller
+    if changes.get("phases"):
+        fields["phases"] = _phases(str(changes["phases"]), workpiece or chosen.workpiece)
+    seed = changes.get("seed")
+    if seed is not None and seed < 0:
+        hint = "choose a whole number from 0 on"
+        raise InputError(f"is {seed}, expected >= 0", field="--seed", hint=hint)
+    plain = {"seed": seed, "f_nd": changes.get("f_nd"), "v_td": changes.get("v_td")}
+    fields |= {name: value for name, value in plain.items() if value is not None}
+    gains = changes.get("gains")
+    if gains is not None:
+        named = str(fields.get("controller", chosen.controller))
+        fields["gains"] = _gains(gains, chosen, named.endswith(".py"))
+    return replace(chosen, **fields)
+
+
+def _phases(name: str, workpiece: str) -> Phases:
+    if name not in PHASE_PRESETS:
+        hint = f"use {' or '.join(PHASE_PRESETS)}, or a scenario's [phases]"
+        raise InputError(f"unknown preset {name!r}", field="--phases", hint=hint)
+    return PHASE_PRESETS[name](workpiece)
+
+
+def _gains(
+    gains: str | Mapping[str, float], scenario: Scenario, own: bool
+) -> str | dict[str, float]:
+    """A table's name, or all gains: single ones over those of the scenario or of Table 4.6. A
+    controller of one's own gets what is given alone.
+    """
+    if isinstance(gains, str):
+        return gains
+    if own:
+        return dict(gains)
+    base = scenario.gains if scenario.gains is not None else DEFAULT_GAINS
+    try:
+        return {**named_gains(base), **gains}
+    except ValueError as error:
+        raise InputError(
+            str(error), field="--gains", hint="`pneugantry list gains` names them"
+        ) from None
 
 
 def _read(path: PathLike | None, controller: str | None) -> Scenario:

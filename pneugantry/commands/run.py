@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from controllers.catalogue import controller_names
 from modelica_fmu.errors import InputError
+from pneugantry.api.presets import PRESETS
 from pneugantry.options import log_target, picture_target
 from pyfmi_runner.workpiece import WORKPIECES
 
@@ -17,6 +17,8 @@ HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of 
   pneugantry run                                   the curved edge, PI force/velocity controller
   pneugantry run --workpiece incline_16 --set contact.K_c=2e4 --plot out/run.png
   pneugantry run --workpiece my_edge.csv           columns x, z_w in metres
+  pneugantry run --preset thesis --workpiece straight --controller observer_fv     a line of the leaderboard
+  pneugantry run --controller my.py --gains Kp_fz=0.03      your own: `pneugantry controller init my.py`
   pneugantry run scenario.toml --out out/run.parquet"""
 
 
@@ -32,8 +34,23 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--controller",
-        metavar="NAME|FILE.fmu",
-        help=f"one of {', '.join(controller_names())}, or an FMU",
+        metavar="NAME|FILE.py|FILE.fmu",
+        help="one of `pneugantry list controllers`, a Python file of your own, or an FMU",
+    )
+    command.add_argument("--preset", metavar="NAME", help=f"conditions: {', '.join(PRESETS)}")
+    command.add_argument(
+        "--gains",
+        action="append",
+        default=[],
+        metavar="TABLE|NAME=VALUE",
+        help="gains of the controller: a table's name, or single ones as Kp_fz=0.03",
+    )
+    command.add_argument(
+        "--phases", metavar="short|thesis", help="16 s as the campaigns, 45 s as the thesis"
+    )
+    command.add_argument("--f_nd", type=float, metavar="N", help="wanted normal force")
+    command.add_argument(
+        "--v_td", type=float, metavar="M/S", help="wanted tangential speed, < 0 towards -x"
     )
     command.add_argument(
         "--set",
@@ -60,7 +77,12 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     done = runs.run(
         options.scenario,
         controller=options.controller,
+        preset=options.preset,
         workpiece=options.workpiece,
+        gains=parse_gains(options.gains),
+        phases=options.phases,
+        f_nd=options.f_nd,
+        v_td=options.v_td,
         parameters=parse_settings(options.set),
         seed=options.seed,
         fmu=options.fmu,
@@ -82,10 +104,28 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         f"ME {m.me_fn:.1f} N; v_t RMSE {m.rmse_vt:.3f} m/s, ME {m.me_vt:.3f} m/s  "
         f"({done.simulated:.0f} s in {done.seconds:.2f} s)"
     )
+    if done.limit_cycle is not None:
+        print(
+            f"note: f_n swings by +-{done.limit_cycle.amplitude:.1f} N every "
+            f"{1e3 * done.limit_cycle.period:.0f} ms: a limit cycle. Gains and this plant do not "
+            f"fit; the thesis tuned for its own contact (--preset thesis)"
+        )
     return done.as_json(), 0
 
 
-def parse_settings(texts: list[str]) -> dict[str, float]:
+def parse_gains(texts: list[str]) -> str | dict[str, float] | None:
+    """A gain table's name, or single gains by name; None where nothing is given."""
+    if not texts:
+        return None
+    if len(texts) == 1 and "=" not in texts[0]:
+        return texts[0]
+    return parse_settings(texts, "--gains", "Kp_fz=0.03")
+
+
+def parse_settings(
+    texts: list[str], option: str = "--set", example: str = "contact.K_c=2e4"
+) -> dict[str, float]:
+    """NAME=VALUE texts as a table. Raises InputError naming the option."""
     words = {"true": 1.0, "false": 0.0}
     settings = {}
     for text in texts:
@@ -97,7 +137,7 @@ def parse_settings(texts: list[str]) -> dict[str, float]:
         except ValueError:
             raise InputError(
                 f"{text!r} is no PARAM=VALUE",
-                field="--set",
-                hint="write for example --set contact.K_c=2e4",
+                field=option,
+                hint=f"write for example {option} {example}",
             ) from None
     return settings

@@ -20,6 +20,7 @@ __all__ = ["Spec", "read_spec"]
 MOST_CASES = 1_000_000
 METHODS = {"latin_hypercube": "latin_hypercube", "lhs": "latin_hypercube", "sobol": "sobol"}
 AXIS_KEYS = ("low", "high", "scale", "choices")
+OWN_FILES = {"workpiece": ".csv", "controller": ".py"}  # fields that may name a file of the user
 WHOLE = ("seed",)  # fields that are whole numbers
 
 
@@ -65,9 +66,8 @@ def read_spec(path: str | os.PathLike[str]) -> Spec:
         ("grid", _grid(fields), ()) if "grid" in fields else ("sample.bounds", *_sample(fields))
     )
     _check_names(fields, section, cases[0])
-    cases = (
-        [_with_paths(fields, section, case) for case in cases] if "workpiece" in cases[0] else cases
-    )
+    if OWN_FILES.keys() & cases[0].keys():
+        cases = [_with_paths(fields, section, case) for case in cases]
     return Spec(file, name, base, cases, section, fields.of_type("keep_logs", bool, False), notes)
 
 
@@ -87,11 +87,11 @@ def _base(fields: Fields) -> dict[str, Any]:
                 "check the path; it is taken from the folder of this file",
             )
         table = {"name": file.stem} | parse_toml(file)
-        workpiece = scenario_from(table, file).workpiece
+        read = scenario_from(table, file)
     elif isinstance(base, Mapping):
         table = dict(base)
         try:
-            workpiece = scenario_from(table, file).workpiece
+            read = scenario_from(table, file)
         except InputError as error:
             raise InputError(
                 error.message,
@@ -105,9 +105,11 @@ def _base(fields: Fields) -> dict[str, Any]:
             f"is {base!r}, expected a table or a file",
             'write [base] or base = "scenario.toml"',
         )
-    return table | (
-        {"workpiece": str(Path(workpiece).resolve())} if workpiece.lower().endswith(".csv") else {}
-    )
+    return table | {
+        name: str(Path(getattr(read, name)).resolve())
+        for name, suffix in OWN_FILES.items()
+        if getattr(read, name).lower().endswith(suffix)
+    }
 
 
 def _grid(fields: Fields) -> list[Case]:
@@ -218,16 +220,18 @@ def _check_names(fields: Fields, section: str, names: Case) -> None:
 
 
 def _with_paths(fields: Fields, section: str, case: Case) -> Case:
-    """An edge of the user's own as a full path: the case may run elsewhere."""
-    edge = case["workpiece"]
-    if not (isinstance(edge, str) and edge.lower().endswith(".csv")):
-        return case
+    """Files of the user's own, an edge or a controller, as full paths: the case may run elsewhere."""
+    return case | {
+        name: _full_path(fields, f"{section}.{name}", case[name])
+        for name, suffix in OWN_FILES.items()
+        if isinstance(case.get(name), str) and case[name].lower().endswith(suffix)
+    }
+
+
+def _full_path(fields: Fields, key: str, name: str) -> str:
     assert fields.file is not None
-    path = Path(fields.file).parent / edge
+    path = Path(fields.file).parent / name
     if not os.path.isfile(path):
-        fields.refuse(
-            f"{section}.workpiece",
-            f"no such file {path}",
-            "check the path; it is taken from the folder of this file",
-        )
-    return case | {"workpiece": str(path.resolve())}
+        hint = "check the path; it is taken from the folder of this file"
+        fields.refuse(key, f"no such file {path}", hint)
+    return str(path.resolve())

@@ -17,7 +17,7 @@ import pyarrow as pa
 from pneugantry.jobs.job import Ended, Job
 from pneugantry.jobs.run import run_jobs
 from pneugantry.sweep.check import check_spec
-from pneugantry.sweep.spec import Spec
+from pneugantry.sweep.spec import OWN_FILES, Spec
 from pneugantry.sweep.store import Store, column_types
 from pneugantry.sweep.vary import changed
 from pneugantry.sweep.work import UNITS, Simulation
@@ -63,8 +63,8 @@ def run_sweep(
     """
     started = time.perf_counter()
     check_spec(spec, fmu)
-    edges = _edges(spec)
-    with Store(out, _identity(spec, fmu, edges), _columns(spec), _about(spec, fmu)) as store:
+    files = _own_files(spec)
+    with Store(out, _identity(spec, fmu, files), _columns(spec), _about(spec, fmu)) as store:
         resumed = len(store.rows)
         jobs = [
             Job(index, (index, case))
@@ -73,7 +73,7 @@ def run_sweep(
         ]
         if jobs:
             simulation = Simulation(
-                spec.name, spec.base, fmu.path.name, fmu.path.read_bytes(), edges, spec.keep_logs
+                spec.name, spec.base, fmu.path.name, fmu.path.read_bytes(), files, spec.keep_logs
             )
             ends = run_jobs(simulation, jobs, workers=workers, scheduler=scheduler)
             for ended in watch(ends, len(jobs)) if watch else ends:
@@ -112,22 +112,25 @@ def _columns(spec: Spec) -> dict[str, pa.DataType]:
     return {**column_types(spec.cases), **metrics, "status": pa.string(), "reason": pa.string()}
 
 
-def _edges(spec: Spec) -> dict[str, bytes]:
-    """The user's own edges that occur: path -> content."""
-    names = {spec.base.get("workpiece", ""), *(case.get("workpiece", "") for case in spec.cases)}
+def _own_files(spec: Spec) -> dict[str, bytes]:
+    """The user's own edges and controllers that occur: path -> content."""
+    tables = (spec.base, *spec.cases)
     return {
-        name: Path(name).read_bytes() for name in sorted(names) if name.lower().endswith(".csv")
+        name: Path(name).read_bytes()
+        for field, suffix in OWN_FILES.items()
+        for name in sorted({str(table.get(field, "")) for table in tables})
+        if name.lower().endswith(suffix)
     }
 
 
-def _identity(spec: Spec, fmu: FmuFile, edges: dict[str, bytes]) -> dict[str, Any]:
+def _identity(spec: Spec, fmu: FmuFile, files: dict[str, bytes]) -> dict[str, Any]:
     """What results that stand in one table have in common."""
-    edge_hashes = {hashlib.sha256(content).hexdigest() for content in edges.values()}
+    hashes = {hashlib.sha256(content).hexdigest() for content in files.values()}
     study = {
         "base": spec.base,
         "cases": spec.cases,
         "keep_logs": spec.keep_logs,
-        "edges": sorted(edge_hashes),
+        "edges": sorted(hashes),
     }
     text = json.dumps(study, sort_keys=True, default=str)
     return {

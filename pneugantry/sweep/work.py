@@ -15,6 +15,7 @@ from typing import Any
 from pneugantry.analysis.metrics import Metrics, tracking_metrics
 from pneugantry.jobs.job import Function
 from pneugantry.sweep.cases import Case
+from pneugantry.sweep.spec import OWN_FILES
 from pneugantry.sweep.vary import changed
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.fmu_file import cache_folder
@@ -38,25 +39,27 @@ class Simulation:
     base: Mapping[str, Any]
     fmu_name: str
     fmu: bytes
-    edges: Mapping[str, bytes]  # a user's own edges: path in the cases -> content
+    files: Mapping[str, bytes]  # a user's own edges and controllers: path in the cases -> content
     keep_logs: bool = False
 
     def __call__(self) -> Function:
         fmu = FmuFile.read(_unpacked(self.fmu_name, self.fmu))
-        edges = {
-            path: str(_unpacked(Path(path).name, content)) for path, content in self.edges.items()
+        files = {
+            path: str(_unpacked(Path(path).name, content)) for path, content in self.files.items()
         }
-        return partial(self._run, fmu, edges)
+        return partial(self._run, fmu, files)
 
     def _run(
-        self, fmu: FmuFile, edges: Mapping[str, str], numbered: tuple[int, Case]
+        self, fmu: FmuFile, files: Mapping[str, str], numbered: tuple[int, Case]
     ) -> dict[str, Any]:
         """One case: its metrics, or the reason why the run ended before its time; its log as
         Parquet where it is kept.
         """
         index, case = numbered
         table = changed(self.base, case) | {"name": f"{self.name}_{index:06d}"}
-        table |= {"workpiece": edges[table["workpiece"]]} if table.get("workpiece") in edges else {}
+        for name in OWN_FILES:
+            if table.get(name) in files:
+                table[name] = files[table[name]]
         result = run_scenario(scenario_from(table), fmu)
         done = result.outcome == "done"
         metrics = tracking_metrics(result.log)._asdict() if done else {}
