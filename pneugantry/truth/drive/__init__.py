@@ -1,0 +1,3 @@
+"""Independent truth plant of a DC drive with an elastic joint: the second plant that judges the
+diagnosis.
+"""
