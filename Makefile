@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow lint wheel lock clean
+.PHONY: demo test test-slow lint docs wheel lock clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -20,6 +20,9 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(READY) ## the site, into site/; a broken link fails it
+	$(BIN)/mkdocs build --strict --quiet
 
 wheel: $(READY) ## the wheel in a clean environment outside the checkout
 	$(BIN)/python -m benchmarks.clean_install

@@ -26,7 +26,7 @@ from modelica_fmu.errors import RunError
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("modelica_fmu", "pyfmi_runner", "controllers", "pneugantry")
-FMPY_SCRIPT = ROOT / "README.md"
+FMPY_SCRIPT = ROOT / "docs" / "tutorials" / "fmu-in-other-tools.md"
 
 __all__ = ["build_wheel", "main", "top_level"]
 

@@ -1,7 +1,7 @@
 """A new user's path from a fresh clone, timed: environment, plot, own controller, own effect:
 `python -m benchmarks.new_user`.
 
-Every step is what README.md and the notebooks of the clone say: their commands, their snippets,
+Every step is what README.md, tutorials and notebooks of the clone say: their commands, their snippets,
 nothing of our own.
 """
 
@@ -38,18 +38,19 @@ class Step:
 
 
 def steps(clone: Path) -> Iterator[Step]:
-    """What follows the clone, as its README and notebooks have it."""
+    """What follows the clone, as its README, tutorials and notebooks have it."""
     readme = (clone / "README.md").read_text(encoding="utf-8")
-    plot = re.search(r"^    (pneugantry run .*--plot .*)$", readme, re.MULTILINE)
-    controller = re.search(
-        r"^## A controller of one's own$.*?```python\n(.*?)```", readme, re.MULTILINE | re.DOTALL
-    )
+    plot = re.search(r"^(pneugantry run .*--plot .*)$", readme, re.MULTILINE)
+    page = (clone / "docs" / "tutorials" / "my-own-controller.md").read_text(encoding="utf-8")
+    controller = re.search(r'```python title="straight_pi.py"\n(.*?)```', page, re.DOTALL)
     if plot is None or controller is None:
-        raise RunError("README.md names no command with --plot, or shows no controller")
+        raise RunError("README.md names no command with --plot, or the tutorial no controller")
     yield Step("environment", ("make", ".venv/.ready"))
     yield Step("first plot", tuple(shlex.split(plot[1])))
     yield Step(
-        "first own controller", ("python", "my_controller.py"), ("my_controller.py", controller[1])
+        "first own controller",
+        ("pneugantry", "run", "--workpiece", "straight", "--controller", "straight_pi.py"),
+        ("straight_pi.py", controller[1]),
     )
     yield Step(
         "first own effect",

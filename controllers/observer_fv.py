@@ -31,7 +31,7 @@ M_X, M_Z = 7.3, 2.25  # kg, §4.1.1
 
 
 class ObserverFvParams(NamedTuple):
-    """Defaults: tuned on an edge and on plants that no table scores (docs/thesis.md)."""
+    """Defaults: tuned on an edge and on plants that no table scores (docs/results/thesis.md)."""
 
     k_p: float = 1.0  # share of the force error that is added
     k_i: float = 5.0  # 1/s

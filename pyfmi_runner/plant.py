@@ -39,7 +39,8 @@ SHAPES = {
     "incline_30": 2.0,
     "curved": 3.0,
 }  # Types.EdgeShape
-FINISH = (0.20e-3, 0.08e-3, 0.03e-3)  # m, amplitudes of the medium surface finish, plant.md [A]
+# m, amplitudes of the medium surface finish, docs/explanation/plant.md [A]
+FINISH = (0.20e-3, 0.08e-3, 0.03e-3)
 
 
 class PlantSetup(Protocol):

@@ -1,5 +1,5 @@
-"""Workpiece edges z_w(x): contact begins at z = z_0 + z_w(x), z_0 the stand-off (plant.md
-"Workpieces").
+"""Workpiece edges z_w(x): contact begins at z = z_0 + z_w(x), z_0 the stand-off
+(docs/explanation/plant.md, "Workpieces").
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ STANDOFF = {
 }
 WORKPIECES = tuple(STANDOFF)
 HIGHEST = 0.090  # m, where the highest point of a user's profile stands by default
-# Surface finish: amplitude m, wave length m, phase rad (plant.md, assumption A)
+# Surface finish: amplitude m, wave length m, phase rad (docs/explanation/plant.md, assumption A)
 FINISH = ((0.20e-3, 0.060, 0.3), (0.08e-3, 0.027, 1.1), (0.03e-3, 0.013, 2.0))
 BUMPS = (
     (50.0, 0.78, 0.16),

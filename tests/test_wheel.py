@@ -39,7 +39,7 @@ def test_every_file_of_the_packages_is_in_the_wheel(wheel: Path) -> None:
         path.relative_to(ROOT).as_posix()
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.is_file() and path.suffix not in GENERATED
+        if path.is_file() and "__pycache__" not in path.parts and path.suffix not in GENERATED
     }
     models = {f"pneugantry/models/{path.name}" for path in (ROOT / "models").glob("*.mo")}
     assert models

@@ -16,7 +16,7 @@ from pyfmi_runner.log import PHASES, Log
 __all__ = ["Metrics", "Task", "task_frame", "tracking_metrics"]
 
 Array = NDArray[np.float64]
-F_CONTACT = 2.0  # N, below it the edge's angle is not estimated (plant.md, "Controller")
+F_CONTACT = 2.0  # N, below it the edge's angle is not estimated (docs/explanation/plant.md)
 
 
 class Task(NamedTuple):

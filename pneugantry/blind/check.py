@@ -87,7 +87,7 @@ class Score:
 
 
 def score(labels: dict[str, dict[str, Any]], results: dict[str, dict[str, Any]]) -> Score:
-    """The score table of gap.md."""
+    """The score table of docs/reference/gap.md."""
     rows = [_judged(seed, labels[seed], results[seed]) for seed in results]
 
     def share(key: str, *kinds: str) -> float:

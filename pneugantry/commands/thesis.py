@@ -21,7 +21,7 @@ HELP = """Run every table and conclusion of the thesis: ours beside the printed,
   pneugantry thesis --plants 0            without the table over drawn plants
   pneugantry thesis --draws 2             fewer settings: faster, wider intervals
 
-What the thesis does not print was chosen once for all tables: docs/thesis.md."""
+What the thesis does not print was chosen once for all tables: docs/results/thesis.md."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:

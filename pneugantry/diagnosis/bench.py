@@ -57,7 +57,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-TOLERANCE = 0.02  # RMS share by which a rig's parameters are off (gap.md, "Logs")
+TOLERANCE = 0.02  # RMS share by which a rig's parameters are off (docs/reference/gap.md)
 # Set by the valves' electronics and by the friction model's own regularisation, not by the rig's
 # mechanics: seen exact on both labelled example campaigns (within 0.01 % and 0.7 %), so hardly any
 # tolerance. C_c: what the smoothed speed leaves of it is biased by a tenth.

@@ -357,7 +357,7 @@ def _parameters(effect: Effect, hypothesis: Hypothesis) -> dict[str, Any]:
 
 
 def report_json(d: Diagnosis) -> dict[str, Any]:
-    """The JSON of gap.md, "gap/1"."""
+    """The JSON of docs/reference/gap.md, "gap/1"."""
     gap = None
     if d.gap is not None:
         gap = {

@@ -37,8 +37,8 @@ def next_experiment(
     second: Mapping[str, float],
     keys: Sequence[Sequence[str]],
 ) -> dict[str, Any] | None:
-    """The candidate in which the two fitted plants differ most, as gap.md has it; None where none
-    of them tells.
+    """The candidate in which the two fitted plants differ most (docs/reference/gap.md); None
+    where none of them tells.
 
     `first`, `second`: fitted values by name; `keys`: the effects of each. The separation is the RMS
     over channels and time of the difference of what the sensors would say for the same commands, in

@@ -179,7 +179,7 @@ def _verdict(bench: OwnBench, found: OwnSearch) -> tuple[str, float]:
 
 
 def own_json(d: OwnDiagnosis) -> dict[str, Any]:
-    """The JSON of gap.md, "gap/1"; further keys: path, errors, gaps."""
+    """The JSON of docs/reference/gap.md, "gap/1"; further keys: path, errors, gaps."""
     gap = d.gaps[d.judged.name]
     return {
         "schema": "gap/1",

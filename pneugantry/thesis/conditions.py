@@ -1,5 +1,5 @@
 """The conditions of the thesis' runs, and the values that it does not print, chosen once for all
-tables (docs/thesis.md).
+tables (docs/results/thesis.md).
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class Choice:
 
 
 CHOICE = Choice()
-# K_c and C_c of Fig. 5.7's poles and zero, beta as in `plant.md`
+# K_c and C_c of Fig. 5.7's poles and zero, beta as in `docs/explanation/plant.md`
 SOFT = Choice(contact_stiffness=1.0e4, contact_damping=30.0, ddfm_limit=12.0)
 
 

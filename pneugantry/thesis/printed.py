@@ -1,5 +1,5 @@
 """What the thesis prints, as data: one `Printed` row per line of a table. Source:
-thesis_results.md, table numbers as there.
+docs/reference/thesis-results.md, table numbers as there.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ def write(folder: Path, campaign: Campaign, setups: dict[str, Setup] | None = No
     folder.mkdir(parents=True, exist_ok=True)
     for name, frame in campaign.items():
         frame.to_parquet(folder / f"{name}.parquet")
-    text = "# One measuring campaign: every log is 1 kHz, SI units; columns as in spec/gap.md.\n"
+    text = "# One measuring campaign: 1 kHz, SI units; columns as in docs/reference/logs.md.\n"
     (folder / "campaign.toml").write_text(
         text + "".join(_section(setups[name]) for name in campaign)
     )

@@ -28,7 +28,7 @@ def test_the_steps_are_those_of_readme_and_notebook() -> None:
     ).replace("$(VENV)", ".venv")
     assert parser().parse_args(list(found["first plot"].command[1:])).plot
     for name, word in {
-        "first own controller": "class Push(Controller",
+        "first own controller": "class StraightPi(Controller",
         "first own effect": "leaning_workpiece",
     }.items():
         script = found[name].script

@@ -22,7 +22,7 @@ def at_rest(f_x: float = 0.0, f_z: float = 0.0, v_x: float = 0.0, v_z: float = 0
 
 
 def oracle(references: np.ndarray, senses: np.ndarray) -> np.ndarray:
-    """The law of plant.md, written with lists of errors that are summed anew at each sample."""
+    """The law of docs/explanation/plant.md, with lists of errors summed anew at each sample."""
     taken = {"vx": [], "fz": [], "fx": [], "vz": []}
     commands = []
     for (f_nd, v_td), (_, _, v_x, v_z, f_x, f_z, _, _) in zip(references, senses, strict=True):

@@ -1,4 +1,6 @@
-"""Workpieces: closed forms of plant.md, adaptive quadrature for the curved one, users' files."""
+"""Workpieces: closed forms of docs/explanation/plant.md, adaptive quadrature for the curved one,
+users' files.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ X = np.random.default_rng(2).uniform(0.0, 1.0, 200)
 
 
 def slope_angle(x: float) -> float:
-    """theta(x) of the curved workpiece [rad], straight from plant.md."""
+    """theta(x) of the curved workpiece [rad], straight from docs/explanation/plant.md."""
     for peak, s in ((50.0, (0.78 - x) / 0.16), (-10.0, (0.52 - x) / 0.10)):
         if 0 < s < 1:
             return math.radians(peak) * math.sin(math.pi * s) ** 2

@@ -21,7 +21,7 @@ __all__ = ["DDFM", "VDFM", "Coordinates", "Unknown", "unknowns"]
 Array = NDArray[np.float64]
 VDFM, DDFM = 2.0, 3.0  # values of axis_*.friction.law
 CABLE_TOLERANCE = (
-    0.02  # RMS, relative; a rig's cable force against the plant sheet's (gap.md, "Logs")
+    0.02  # RMS, relative; a rig's cable force against the plant sheet's (docs/reference/gap.md)
 )
 # RMS, relative; prior of everything else: it only keeps what no log shows at its nominal value
 WIDE = 1.0

@@ -47,7 +47,7 @@ def fmu() -> FmuFile:
 
 
 def closed_form(axis: str, lag: float) -> control.TransferFunction:
-    """plant.md: K (C_c s + K_c) / ((m s^2 + (C_c + C) s + K_c) (tau s + 1))."""
+    """docs/explanation/plant.md: K (C_c s + K_c) / ((m s^2 + (C_c + C) s + K_c) (tau s + 1))."""
     m, c, k = PLANT[axis]
     return control.tf(
         [k * 30.0, k * 1e4], np.polymul([m, 30.0 + c, 1e4], [lag, 1.0] if lag else [1.0])

@@ -1,5 +1,5 @@
 """The bench compares like with like: its C master gives the bits of our loop, its rows are those
-that cli.md promises.
+that docs/reference/cli.md promises.
 """
 
 from __future__ import annotations

@@ -1,0 +1,50 @@
+"""Records results for the documents: `python docs/record.py [NAME ...]` runs the commands below and
+keeps what they write with `--json`, beside the command and the version. The site draws its tables
+from these files.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT / "docs" / "results" / "data"
+NOMINAL = "../shared/campaigns/nominal"  # another simulator's recording; not in this repository
+COMMANDS = {  # name: the command, without --json
+    "rootlocus_none": "pneugantry rootlocus --axis z --lag none",
+    "rootlocus_z": "pneugantry rootlocus --axis z --lag z",
+    "rootlocus_x": "pneugantry rootlocus --axis z --lag x",
+    "motor": "pneugantry diagnose examples/motor/plant.toml",
+    "replay": f"pneugantry replay {NOMINAL}",
+    "solver_check": "python -m benchmarks.solver_check",
+    "clean_install": "python -m benchmarks.clean_install --short",
+    "benchmark": "pneugantry benchmark --only-paths",
+}
+
+
+def record(name: str) -> None:
+    """Runs a command and keeps its result. Raises CalledProcessError where it fails."""
+    words = COMMANDS[name].split()
+    run = [sys.executable, "-m", "pneugantry", *words[1:]]
+    if words[0] == "python":
+        run = [sys.executable, *words[1:]]
+    with tempfile.TemporaryDirectory() as folder:
+        found = Path(folder) / "found.json"
+        subprocess.run([*run, "--json", str(found)], cwd=ROOT, check=True)
+        text = found.read_text(encoding="utf-8").replace(str(ROOT.parent), "..")
+    result = json.loads(text)
+    said = subprocess.run(
+        ["git", "log", "-1", "--format=%cs"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    kept = {"command": COMMANDS[name], "version": said.stdout.strip(), "result": result}
+    DATA.mkdir(parents=True, exist_ok=True)
+    (DATA / f"{name}.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    for chosen in sys.argv[1:] or COMMANDS:
+        record(chosen)

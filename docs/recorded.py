@@ -1,0 +1,102 @@
+"""Tables of the results pages, from the JSON that `python docs/record.py` keeps."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+DATA = Path(__file__).parent / "results" / "data"
+
+__all__ = ["motor", "replay", "rootlocus", "solver_check"]
+
+
+def _read(name: str) -> tuple[str, Any]:
+    """The sentence that says where a result comes from, and the result."""
+    kept = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+    return f"`{kept['command']}`, version of {kept['version']}.", kept["result"]
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    lines += ["| " + " | ".join(map(str, row)) + " |" for row in rows]
+    return "\n".join(lines)
+
+
+def replay() -> str:
+    """Gap by log and channel."""
+    said, found = _read("replay")
+    names = list(next(iter(found["logs"].values()))["channels"])
+    rows = [
+        (log, *(f"{gap:.3f}" for gap in (entry["gap"], *(entry["channels"][c] for c in names))))
+        for log, entry in found["logs"].items()
+    ]
+    words = (
+        "A campaign that another simulator of the same plant recorded (not part of this "
+        "repository): RMS of (measured - simulated)/sigma over a whole log; 1 is the sensors' noise."
+    )
+    return f"{said} {words}\n\n{_table(('log', 'all', *names), rows)}"
+
+
+def rootlocus() -> str:
+    """Poles and limit gains without lag, with tau_z and with tau_x."""
+    rows, said = [], []
+    for name in ("none", "z", "x"):
+        words, found = _read(f"rootlocus_{name}")
+        said.append(words.split(",")[0])
+        poles = ", ".join(f"{re:.2f}{f' {im:+.2f}j' if im else ''}" for re, im in found["poles"])
+        limit = found["limit_gain"]
+        sampled = found["sampled"]["limit_gain"]
+        rows.append(
+            (f"{found['lag']:g}", poles, f"{limit:.4f}" if limit else "none", f"{sampled:.4f}")
+        )
+    heads = ("lag [s]", "poles [1/s]", "limit gain [V/N]", "sampled at 1 ms")
+    return f"{'; '.join(said)}: zero at {found['zeros'][0][0]:.1f} 1/s.\n\n{_table(heads, rows)}"
+
+
+def solver_check() -> str:
+    """Errors of the FMU's own solver, in sensor sigma."""
+    said, found = _read("solver_check")
+    rows = [
+        (
+            name,
+            f"{row['error']:.0e} ({row['where']})",
+            row["events"],
+            f"{row['gap']:.2f}",
+            f"{row['step_error']:.0e}",
+        )
+        for name, row in found["accuracy"].items()
+    ]
+    heads = (
+        "log, law of friction on z",
+        "against DOP853 at 1e-11",
+        "events",
+        "their instants [us]",
+        "against 1/40 of the step",
+    )
+    ratios = [r for row in found["convergence"].values() for r in row["ratios"]]
+    cvode = max(row["error"] for row in found["cvode"].values())
+    words = (
+        f"Between events the error falls by {min(ratios):.1f} to {max(ratios):.1f} per halving of "
+        f"the step. Model exchange driven by fmpy's CVode stays within {cvode:.3f} sigma."
+    )
+    first = f"{said} Largest error over a log and its eight channels, in sensor sigma."
+    return f"{first}\n\n{_table(heads, rows)}\n\n{words}"
+
+
+def motor() -> str:
+    """The tutorial's plant: causes and gap."""
+    said, found = _read("motor")
+    rows = []
+    for cause in found["causes"]:
+        for name, p in cause["parameters"].items():
+            low, high = p["ci95"]
+            value = f"{p['value']:.4f} [{low:.4f}, {high:.4f}] {p['unit']}"
+            rows.append((cause["effect"], f"{cause['probability']:.2f}", name, value))
+    gap = found["gap"]
+    words = (
+        f"Verdict {found['verdict']}; gap of {gap['log']} {gap['nominal']:.0f} to "
+        f"{gap['augmented']:.2f}, shrink {gap['shrink']:.3f}. Put in: tau_c 0.15, tau_o 0.06 N m."
+    )
+    return f"{said} {words}\n\n{_table(('cause', 'probability', 'parameter', 'value'), rows)}"

@@ -1,0 +1,36 @@
+"""The tutorial's motor: its data are what the script records, and its diagnosis finds what was put in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import pneugantry as pg
+from examples.motor.record import CURRENTS, TAU_C, TAU_O, record
+
+FOLDER = Path(__file__).parents[2] / "examples" / "motor"
+
+
+@pytest.mark.parametrize(("seed", "name"), enumerate(CURRENTS, start=1))
+def test_the_logs_are_what_the_script_records(seed: int, name: str) -> None:
+    kept = pd.read_csv(FOLDER / "data" / f"{name}.csv")
+    made = record(CURRENTS[name], seed)
+    assert (kept - made).abs().max().max() < 1e-3  # integrators differ by less between machines
+
+
+def test_both_hidden_effects_are_found_with_their_sizes_and_the_other_is_not() -> None:
+    found = pg.diagnose(FOLDER / "plant.toml")
+    assert found.verdict == "identified"
+    table = found.causes.set_index("effect")
+    for effect, size in (("coulomb_friction", TAU_C), ("constant_torque", TAU_O)):
+        assert table.loc[effect, "probability"] > 0.9
+        assert table.loc[effect, "low"] < size < table.loc[effect, "high"]
+    assert "unbalance" not in {key for keys in found.answer_set for key in keys}
+    assert found.gap is not None
+    assert found.gap.augmented < 1.1
+    assert found.gap.nominal > 100
+    assert found.gantry is None
+    with pytest.raises(pg.InputError, match="the page shows the gantry"):
+        found.write_html("page.html")
