@@ -15,7 +15,13 @@ SOURCES = ("modelica_fmu", "pyfmi_runner", "controllers", "pneugantry", "benchma
 
 
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
+    words = [
+        sys.executable,
+        "-m",
+        "mkdocs",
+        "build",
+        "--strict",
+    ]  # --quiet would hide warnings from --strict
     done = subprocess.run(
         [*words, "--site-dir", str(tmp_path / "site")],
         cwd=ROOT,
