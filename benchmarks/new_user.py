@@ -1,8 +1,8 @@
 """A new user's path from a fresh clone, timed: environment, plot, own controller, own effect:
 `python -m benchmarks.new_user`.
 
-Every step is what README.md, tutorials and notebooks of the clone say: their commands, their snippets,
-nothing of our own.
+Every step is what README.md, tutorials and notebooks of the clone say: their commands, their
+snippets, nothing of our own.
 """
 
 from __future__ import annotations

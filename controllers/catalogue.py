@@ -21,7 +21,8 @@ from controllers.pressure_feedback import PressureFeedback
 from controllers.smith import Smith
 from controllers.vdfm_comp import VdfmComp
 
-# Silent in the thesis: the activation functions' start. Chosen by Table 5.5 (docs/results/thesis.md):
+# Silent in the thesis: the activation functions' start. Chosen by Table 5.5
+# (docs/results/thesis.md):
 # bounds at the valve's 5 V.
 EBPA_START: dict[str, Any] = {"upper": 5.0, "lower": -5.0, "slope": 3.0}
 CATALOGUE: dict[str, Callable[..., Controller]] = {

@@ -1,4 +1,6 @@
-"""Logistic function and limits that give the same bits in Python and compiled, and never overflow."""
+"""Logistic function and limits that give the same bits in Python and compiled, and
+never overflow.
+"""
 
 import math
 

@@ -34,7 +34,7 @@ def replay() -> str:
     ]
     words = (
         "A campaign that another simulator of the same plant recorded (not part of this "
-        "repository): RMS of (measured - simulated)/sigma over a whole log; 1 is the sensors' noise."
+        "repository): RMS of (measured - simulated)/sigma over a log; 1 is the sensors' noise."
     )
     return f"{said} {words}\n\n{_table(('log', 'all', *names), rows)}"
 

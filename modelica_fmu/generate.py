@@ -149,7 +149,8 @@ void model_locals(const ModelData *q, double *y);
 void model_conditions(const ModelData *q, double *c);
 void model_updates(const ModelData *q, double *d, double *x);
 void model_delays(const ModelData *q, double *value, double *delay, double *maximum);
-void model_delays_used(const ModelData *q, double *used); /* by the parameters alone: does anything read the delayed value? */
+/* by the parameters alone: does anything read the delayed value? */
+void model_delays_used(const ModelData *q, double *used);
 void model_samples(const ModelData *q, double *start, double *interval);
 void model_check(const ModelData *q, double *ok);
 void model_directional(const ModelData *q, const double *seed, double *dx, double *y);
@@ -164,7 +165,9 @@ def source(
     variables: tuple[Variable, ...],
     identity: tuple[str, dict[str, list[int]]],
 ) -> tuple[str, str]:
-    """(model.h, model.c); `identity`: model name, and value references of states and derivatives."""
+    """(model.h, model.c); `identity`: model name, and value references of states and
+    derivatives.
+    """
     hoist = Hoist()
     inputs = groups(system, layout)
     emitter = Emitter(inputs, ("q->p",), hoist)
@@ -305,7 +308,8 @@ def _tables(
     nominals = [abs(variables[i].nominal or 1.0) for i in references["states"]]
     messages = [f"{{{_quoted(a.message)}, {int(a.warning)}}}" for a in system.assertions]
     return f"""const char model_name[] = {_quoted(name)};
-const size_t model_n_variables = {len(variables)}, model_n_states = N_STATES, model_n_indicators = N_RELATIONS;
+const size_t model_n_variables = {len(variables)}, model_n_states = N_STATES,
+    model_n_indicators = N_RELATIONS;
 const ModelVariable model_variables[] = {{
 {rows}
 }};

@@ -24,7 +24,9 @@ FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared
 
 @dataclass(frozen=True)
 class Platform:
-    """A machine an FMU binary is for; `fmi2` and `fmi3` are its folder names in the two standards."""
+    """A machine an FMU binary is for; `fmi2` and `fmi3` are its folder names in the two
+    standards.
+    """
 
     fmi3: str
     fmi2: str

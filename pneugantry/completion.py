@@ -69,9 +69,11 @@ def _bash(prog: str, commands: Commands) -> str:
             if o.choices
             for n in o.names
         ]
-    return f"""# bash completion of {prog}: put it where your completions are, or `source <({prog} completion bash)`
+    return f"""# bash completion of {prog}: put it where your completions are, or
+# `source <({prog} completion bash)`
 _{prog}() {{
-    local word=${{COMP_WORDS[COMP_CWORD]}} before=${{COMP_WORDS[COMP_CWORD-1]}} command=${{COMP_WORDS[1]}} words=
+    local word=${{COMP_WORDS[COMP_CWORD]}} before=${{COMP_WORDS[COMP_CWORD-1]}}
+    local command=${{COMP_WORDS[1]}} words=
     if [ "$COMP_CWORD" -eq 1 ]; then
         COMPREPLY=($(compgen -W '{" ".join(commands)}' -- "$word"))
         return

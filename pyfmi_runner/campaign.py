@@ -395,7 +395,9 @@ def with_controller(campaign: Campaign, file: Path) -> Campaign:
 
 
 def _named_only(controller: str) -> str | None:
-    """A controller as data may name it: never by a path, for no file is run because a log says so."""
+    """A controller as data may name it: never by a path, for no file is run because a
+    log says so.
+    """
     own = controller.lower().endswith((".py", ".fmu"))
     return (Path(controller.replace("\\", "/")).name if own else controller) or None
 

@@ -40,7 +40,9 @@ NAMES = tuple(COLUMNS)
 
 @dataclass(frozen=True)
 class Source:
-    """Where a column of a log comes from: SI value = scale * (factor of the unit) * raw + offset."""
+    """Where a column of a log comes from: SI value = scale * (factor of the unit) * raw
+    + offset.
+    """
 
     column: str
     unit: str

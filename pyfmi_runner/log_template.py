@@ -1,4 +1,6 @@
-"""A set-up file for a recorder's own log: guessed columns, units and start, to be checked by hand."""
+"""A set-up file for a recorder's own log: guessed columns, units and start, to be
+checked by hand.
+"""
 
 from __future__ import annotations
 
@@ -107,7 +109,9 @@ def _unit(name: str, values: NDArray[np.float64]) -> str:
 
 
 def template(path: Path, table: pd.DataFrame) -> str:
-    """The set-up file's text. Raises InputError where the table holds no column that could be one."""
+    """The set-up file's text. Raises InputError where the table holds no column that
+    could be one.
+    """
     found = guessed_columns(table)
     if not set(found) - {"time"}:
         names = ", ".join(repr(str(c)) for c in list(table.columns)[:12])
@@ -125,7 +129,7 @@ def _head(path: Path, table: pd.DataFrame, found: dict[str, Guess]) -> list[str]
         f"# How {path.name} was taken. Written from the log; check every line, then run",
         f"#     pneugantry log check {path.name}",
         'loop = "open"                # "closed" where a controller worked on the force or speed',
-        'clamped = []                 # ["x"], ["x", "z"], ["x until contour"]: carriages held fast',
+        'clamped = []                 # ["x"], ["x", "z"], ["x until contour"]: held carriages',
         f"start = {{ x = {start['x']}, z = {start['z']} }}   # m, the first rows",
         f'workpiece = "none"           # {", ".join(WORKPIECES)}, or a CSV of x, z_w',
         "# standoff = 0.04            # m, from the z piston's start to the workpiece",
@@ -149,7 +153,9 @@ def _first(table: pd.DataFrame, found: dict[str, Guess], axis: str) -> str:
 
 
 def _columns(table: pd.DataFrame, found: dict[str, Guess]) -> list[str]:
-    """The [import] table: every column that a log must have, and the optional ones that are there."""
+    """The [import] table: every column that a log must have, and the optional ones that
+    are there.
+    """
     lines = ["[import]                     # SI = scale * raw + offset, from the unit named"]
     used = {guess.column for guess in found.values()}
     spare = [str(c) for c in table.columns if str(c) not in used]

@@ -71,7 +71,9 @@ def noise_rows(samples: int, seed: int) -> NDArray[np.float64]:
 
 
 def check_sensors(params: SensorParams) -> None:
-    """Raise ValueError for a value out of range: sigma, quantum and tau >= 0, dt > 0, all finite."""
+    """Raise ValueError for a value out of range: sigma, quantum and tau >= 0, dt > 0,
+    all finite.
+    """
     for name, value in params._asdict().items():
         values = value if isinstance(value, tuple) else (value,)
         if name in ("sigma", "quantum") and len(values) != 8:

@@ -1,4 +1,6 @@
-"""Who may import whom: data flows one way, and a library that is wrapped is imported in one place."""
+"""Who may import whom: data flows one way, and a library that is wrapped is imported in
+one place.
+"""
 
 import ast
 import re
@@ -10,7 +12,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-ALLOWED = {  # package: our packages that it may import besides itself; the longest name that fits counts
+# package: our packages that it may import besides itself; the longest name that fits counts
+ALLOWED = {
     "modelica_fmu": set(),
     "controllers": set(),
     "pyfmi_runner": {"modelica_fmu", "controllers"},

@@ -310,7 +310,10 @@ def _own_log(rng: random.Random, folder: Path) -> Read:
     else:
         path.write_text(sound_csv(), encoding="utf-8")
     path.write_bytes(with_bytes_changed(rng, path.read_bytes()))
-    text = f"""plant = {{ fmu = "plant.fmu" }}\ninputs = {{ u_z = "u_z" }}\noutputs.z.sigma = 1e-4\nlog.a.file = "{path.name}"\n"""
+    text = (
+        'plant = { fmu = "plant.fmu" }\ninputs = { u_z = "u_z" }\noutputs.z.sigma = 1e-4\n'
+        f'log.a.file = "{path.name}"\n'
+    )
     (folder / "plant.toml").write_text(text, encoding="utf-8")
     fmu = build_fmu().path
     return lambda: read_own_plant(folder / "plant.toml", fmu)

@@ -521,7 +521,9 @@ def _compile(path: Path) -> None:
 
 @contextmanager
 def _limit(seconds: int) -> Iterator[None]:
-    """TimeoutError after so much processor time of this process, where the system has such alarms."""
+    """TimeoutError after so much processor time of this process, where the system has
+    such alarms.
+    """
     if not hasattr(signal, "SIGPROF"):
         yield
         return

@@ -43,7 +43,9 @@ def limit_cycle(log: Log) -> LimitCycle | None:
 
 
 def _repetition(swing: NDArray[np.float64]) -> tuple[int, float]:
-    """Lag [samples] of the highest autocorrelation past its first zero, and that autocorrelation."""
+    """Lag [samples] of the highest autocorrelation past its first zero, and that
+    autocorrelation.
+    """
     n = len(swing)
     spectrum = np.fft.rfft(swing, 2 * n)
     power = np.fft.irfft(np.abs(spectrum) ** 2)[:n]

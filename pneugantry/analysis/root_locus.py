@@ -104,7 +104,9 @@ def thesis_gains(axis: str) -> tuple[float, float]:
 
 
 def pi_block(k_p: float, k_i: float, period: float = 0.0) -> control.StateSpace:
-    """PI controller, continuous (period 0) or with the forward rectangle rule of `controllers.pi`."""
+    """PI controller, continuous (period 0) or with the forward rectangle rule of
+    `controllers.pi`.
+    """
     a, b = (1.0, period) if period else (0.0, 1.0)
     return control.StateSpace(
         [[a]], [[b]], [[k_i]], [[k_p]], period, states=["integral"], remove_useless_states=False

@@ -136,8 +136,9 @@ def diagnose(
 
     source: a campaign folder, a log file, a `Log`, a pandas table with a log's columns, or the TOML
     description of a plant of one's own. setup: how a single log was taken (keys as in
-    campaign.toml). controller: the rig's own, a Python file, for the closed-loop check. catalogue: effects of one's own, a file or a folder. workers: processes. say:
-    told the name of each stage. Raises InputError naming file, field and hint.
+    campaign.toml). controller: the rig's own, a Python file, for the closed-loop check. catalogue:
+    effects of one's own, a file or a folder. workers: processes. say: told the name of each stage.
+    Raises InputError naming file, field and hint.
     """
     from pneugantry.diagnosis.catalogue import read_catalogue
     from pneugantry.diagnosis.diagnose import diagnose as diagnose_gantry

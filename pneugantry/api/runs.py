@@ -243,7 +243,9 @@ def _fmu_controller(scenario: Scenario) -> Iterator[FmuController | None]:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """Gaps of every log of a campaign: RMS of (measured - simulated)/sigma; 1 is the noise floor."""
+    """Gaps of every log of a campaign: RMS of (measured - simulated)/sigma; 1 is the
+    noise floor.
+    """
 
     campaign: Campaign
     logs: dict[str, dict[str, Any]]  # log: {"gap", "channels", "blocks": {block: {"gap", "floor"}}}
@@ -256,7 +258,9 @@ class Replay:
 
     @property
     def blocks(self) -> pd.DataFrame:
-        """Gap and floor of each block fed with measured signals; columns: log, block, gap, floor."""
+        """Gap and floor of each block fed with measured signals; columns: log, block,
+        gap, floor.
+        """
         rows = [
             (log, block, gap["gap"], gap["floor"])
             for log, entry in self.logs.items()

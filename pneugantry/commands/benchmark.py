@@ -13,7 +13,8 @@ from pyfmi_runner.fmu import FmuFile
 
 HELP = """Speed of every path that steps the FMU, side by side in one run, and what a run costs.
 
-CPU time of the stepping, set-up left out; median over the rounds, and ratio to a master loop in C that does the same.
+CPU time of the stepping, set-up left out; median over the rounds, and ratio to a master loop in
+C that does the same.
 
   pneugantry benchmark                 paths, costs and the profile of a step: some 40 s
   pneugantry benchmark --rounds 3 --only-paths --json out/benchmark.json"""

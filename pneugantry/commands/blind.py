@@ -14,7 +14,9 @@ from pneugantry.progress import bar
 
 HELP = """Draw sealed cases from an independent truth plant, diagnose them, unseal, score.
 
-The labels' hash is printed before the first diagnosis starts. Seeds 1000..1999 are development seeds; take others to judge. With --write the cases are only written, one folder per seed with its truth.json."""
+The labels' hash is printed before the first diagnosis starts. Seeds 1000..1999 are development
+seeds; take others to judge. With --write the cases are only written, one folder per seed with
+its truth.json."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:

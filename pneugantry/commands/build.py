@@ -11,14 +11,15 @@ from pneugantry.options import out_folder
 from pneugantry.progress import Stages
 from pyfmi_runner.plant import DEFAULT_CLASS
 
-HELP = """Compile a Modelica class, or a controller, to an FMU (co-simulation and model exchange in one).
+HELP = """Compile a Modelica class, or a controller, to an FMU (co-simulation and model exchange
+in one).
 
 Rebuilds only if the Modelica file, the compiler or the platforms have changed.
 
   pneugantry build                                       the gantry, FMI 2.0, this machine
   pneugantry build --fmi 3.0
   pneugantry build --class PneuGantry.Valve              one block
-  pneugantry build --controller pi_fv                    a controller, sampled at 1 ms: a loop of two FMUs
+  pneugantry build --controller pi_fv  a controller, sampled at 1 ms: a loop of two FMUs
   pneugantry build --platform linux64 --platform win64   needs the extra [zig]"""
 
 
@@ -39,7 +40,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--controller",
         metavar="NAME",
-        help="controller to export instead of a class (which can be: `pneugantry list controllers`)",
+        help="controller to export instead of a class; `pneugantry list controllers` names them",
     )
     command.add_argument(
         "--fmi", choices=("2.0", "3.0"), default="2.0", help="FMI version (default: %(default)s)"

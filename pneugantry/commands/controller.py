@@ -15,7 +15,8 @@ HELP = """A controller of your own, to start from.
   pneugantry controller init my.py                         writes one that tracks an edge
   pneugantry run --controller my.py --workpiece straight   runs it, in Python or compiled alike
 
-The file is Python: a kernel of arithmetic, `math.*` and plain loops, its parameters and its state. Sweeps take it as controller = "my.py",
+The file is Python: a kernel of arithmetic, `math.*` and plain loops, its parameters and its
+state. Sweeps take it as controller = "my.py",
 `pneugantry diagnose FOLDER --controller my.py` runs a rig's own loop again with it."""
 TEMPLATE = Path(__file__).parents[1] / "own_controller_template.py"
 

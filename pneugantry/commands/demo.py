@@ -19,9 +19,10 @@ from pyfmi_runner.log import write_log
 from pyfmi_runner.run import RunResult, run_scenario
 from pyfmi_runner.scenario import Scenario
 
-HELP = """The main job, from nothing: build the FMU, track the edges, diagnose a rig that does not match the model, write a report.
+HELP = """The main job, from nothing: build the FMU, track the edges, diagnose a rig that does
+not match the model, write a report.
 
-  pneugantry demo                            a rig drawn on the truth plant, with an effect that the diagnosis is not told
+  pneugantry demo  a rig drawn on the truth plant, with an effect that the diagnosis is not told
   pneugantry demo --seed 4                   another one
   pneugantry demo --campaign FOLDER          yours"""
 

@@ -21,15 +21,20 @@ from pneugantry.progress import Stages, bar
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 
-HELP = """Where the sim-to-real gap of a campaign lies, which effect causes it, and how far it shrinks with that effect added.
+HELP = """Where the sim-to-real gap of a campaign lies, which effect causes it, and how far it
+shrinks with that effect added.
 
-Logs that cannot be used are left out and named. One log gives what one log can; the report says what it cannot excite.
+Logs that cannot be used are left out and named. One log gives what one log can; the report says
+what it cannot excite.
 
   pneugantry diagnose FOLDER --html report.html --json out.json
-  pneugantry diagnose FOLDER --augmented out/   the plant with the effect added, as Modelica and as FMU
+  pneugantry diagnose FOLDER --augmented out/
+      the plant with the effect added, as Modelica and as FMU
   pneugantry diagnose LOG.parquet               a campaign of one
-  pneugantry diagnose plant.toml                a plant of your own: FMU, logs and catalogue as that file says (README)
-  pneugantry diagnose FOLDER_OF_CAMPAIGNS       each one: diagnosis.json and diagnosis.html beside it; the same command goes on"""
+  pneugantry diagnose plant.toml
+      a plant of your own: FMU, logs and catalogue as that file says (README)
+  pneugantry diagnose FOLDER_OF_CAMPAIGNS
+      each one: diagnosis.json and diagnosis.html beside it; the same command goes on"""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:

@@ -19,13 +19,17 @@ if TYPE_CHECKING:
 
 HELP = """State space of the FMU at an operating point, from its own directional derivatives.
 
-  pneugantry linearize --point contact_sliding         steady tracking of a 16 degree edge at 30 N, -0.06 m/s
+  pneugantry linearize --point contact_sliding
+      steady tracking of a 16 degree edge at 30 N, -0.06 m/s
   pneugantry linearize --point contact_stuck --save out/stuck.json
   pneugantry linearize --at out/stuck.json --settle --sampled --delay 0.0015 --json out/model.json
-  pneugantry linearize --inputs valve_z.f_a --outputs f_n        a state as input: the plant without its valve
+  pneugantry linearize --inputs valve_z.f_a --outputs f_n
+      a state as input: the plant without its valve
 
-Points: axis_contact (z in contact, no Coulomb friction, as Fig. 5.7), contact_stuck, contact_sliding, free_sliding. A STATE.json holds
-{"states": {..}, "inputs": {..}, "parameters": {..}} by the FMU's names; what it leaves out keeps the model's start value."""
+Points: axis_contact (z in contact, no Coulomb friction, as Fig. 5.7), contact_stuck,
+contact_sliding, free_sliding. A STATE.json holds
+{"states": {..}, "inputs": {..}, "parameters": {..}} by the FMU's names; what it leaves out keeps
+the model's start value."""
 NAMES = ("axis_contact", "contact_stuck", "contact_sliding", "free_sliding")
 CLOSE = 1e-6  # relative, of the checks
 PERIOD = 1e-3  # s

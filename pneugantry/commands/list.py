@@ -10,7 +10,8 @@ from typing import Any
 HELP = """Names that the other commands take, with what they mean.
 
   pneugantry list controllers            whether each can be exported as an FMU
-  pneugantry list parameters axis_z      of the plant, those whose names hold a text: value, unit, meaning
+  pneugantry list parameters axis_z
+      of the plant, those whose names hold a text: value, unit, meaning
   pneugantry list effects                what a diagnosis can find
   pneugantry list gains                  gain tables of the thesis
   pneugantry list workpieces, presets, columns"""

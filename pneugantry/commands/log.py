@@ -15,11 +15,13 @@ from pyfmi_runner.log_template import guessed_columns, template
 
 HELP = """A recorder's own log made usable: columns, units, rate, and how it was taken.
 
-  pneugantry log init rig.csv                   writes rig.toml: guessed columns and units, the set-up to fill in
-  pneugantry log check rig.csv                  reads it as rig.toml says; what was changed, what looks wrong
-  pneugantry log convert rig.csv --out rig.parquet      the same log at 1 kHz in SI units, its set-up inside
+  pneugantry log init rig.csv  writes rig.toml: guessed columns and units, the set-up to fill in
+  pneugantry log check rig.csv  reads it as rig.toml says; what was changed, what looks wrong
+  pneugantry log convert rig.csv --out rig.parquet
+      the same log at 1 kHz in SI units, its set-up inside
 
-Parquet, CSV (comma, semicolon or tab; decimal point or comma) and MATLAB files (-v7). After `init`, every command reads the log as it is:
+Parquet, CSV (comma, semicolon or tab; decimal point or comma) and MATLAB files (-v7). After
+`init`, every command reads the log as it is:
 pneugantry diagnose rig.csv."""
 ACTIONS = ("init", "check", "convert")
 

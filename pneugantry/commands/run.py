@@ -12,13 +12,16 @@ from pneugantry.api.presets import PRESETS
 from pneugantry.options import log_target, picture_target
 from pyfmi_runner.workpiece import WORKPIECES
 
-HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of f_n and v_t over the contouring phase.
+HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of f_n and v_t over
+the contouring phase.
 
   pneugantry run                                   the curved edge, PI force/velocity controller
   pneugantry run --workpiece incline_16 --set contact.K_c=2e4 --plot out/run.png
   pneugantry run --workpiece my_edge.csv           columns x, z_w in metres
-  pneugantry run --preset thesis --workpiece straight --controller observer_fv     a line of the leaderboard
-  pneugantry run --controller my.py --gains Kp_fz=0.03      your own: `pneugantry controller init my.py`
+  pneugantry run --preset thesis --workpiece straight --controller observer_fv
+      a line of the leaderboard
+  pneugantry run --controller my.py --gains Kp_fz=0.03
+      your own: `pneugantry controller init my.py`
   pneugantry run scenario.toml --out out/run.parquet"""
 
 

@@ -18,13 +18,15 @@ from pneugantry.sweep.study import Swept, run_sweep
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 
-HELP = """Parameter studies: every combination of a grid, or a Latin hypercube or Sobol sample, resumable, here or on a Dask cluster.
+HELP = """Parameter studies: every combination of a grid, or a Latin hypercube or Sobol sample,
+resumable, here or on a Dask cluster.
 
   pneugantry sweep study.toml                     results in out/sweep/study/results.parquet
   pneugantry sweep study.toml --workers 8
   pneugantry sweep study.toml --scheduler tcp://host:8786
 
-Each result is on disk as soon as it exists; the same command again goes on where it was. A case that fails is a row with its reason.
+Each result is on disk as soon as it exists; the same command again goes on where it was. A case
+that fails is a row with its reason.
 
   base = "scenario.toml"                          # as `pneugantry run` reads it; or a table [base]
   [grid]                                          # every combination

@@ -126,8 +126,9 @@ def _array(gantry: FmuFile, values: Mapping[str, float], path: str) -> str:
 def _modifiers(tree: Mapping[str, object], indent: int) -> str:
     if not tree:
         return ""
-    entries = [
-        f"{' ' * indent}{name}{_modifiers(sub, indent + 2) if isinstance(sub, Mapping) else f' = {sub}'}"
+    texts = {
+        name: _modifiers(sub, indent + 2) if isinstance(sub, Mapping) else f" = {sub}"
         for name, sub in tree.items()
-    ]
+    }
+    entries = [f"{' ' * indent}{name}{text}" for name, text in texts.items()]
     return "(\n" + ",\n".join(entries) + ")"

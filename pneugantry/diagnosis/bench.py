@@ -219,7 +219,9 @@ class Outcome:
         return self.fit.penalty + self.volume()
 
     def volume(self) -> float:
-        """Occam factor of the fitted parameters: log of prior width over posterior width, squared."""
+        """Occam factor of the fitted parameters: log of prior width over posterior
+        width, squared.
+        """
         spread = np.array([c.spread for c in self.fit.coordinates])
         if len(spread) == 0:
             return 0.0
@@ -529,7 +531,9 @@ class Bench:
     def coordinates(
         self, choice: Choice, views: Sequence[str], starts: Mapping[str, float] | None = None
     ) -> list[Coordinate]:
-        """Tolerance of the views' blocks, less what the effects free, and the effects' parameters."""
+        """Tolerance of the views' blocks, less what the effects free, and the effects'
+        parameters.
+        """
         free = choice.parameter_names
         names = dict.fromkeys(
             name for view in views for name in self.all[view].tolerance if name not in free

@@ -291,7 +291,9 @@ def _unseen(found: Search, best: Trial | None) -> Outcome | None:
 
 
 def _excess(outcome: Outcome, view: str, apart: int = 0) -> float:
-    """Mean square beyond the floor, without the stretches, `apart` in number, that stand out most."""
+    """Mean square beyond the floor, without the stretches, `apart` in number, that
+    stand out most.
+    """
     squares = outcome.squares[view] - float(np.sort(outcome.blocks[view])[::-1][:apart].sum())
     return max(0.0, squares / max(outcome.counts[view], 1) - outcome.floor.get(view, 1.0) ** 2)
 

@@ -190,7 +190,9 @@ def sound_logs(campaign: Campaign) -> tuple[Campaign, list[str]]:
 
 
 def _is_fault(run: LoggedRun, text: str) -> bool:
-    """Whether a warning tells of a fault of the record, not of what an effect may do to a sensor."""
+    """Whether a warning tells of a fault of the record, not of what an effect may do to
+    a sensor.
+    """
     channel = text.split()[0]
     if "coarse converter" in text:
         return converter_step(run.log[channel], SIGMA[channel]) == 0.0

@@ -223,7 +223,9 @@ def _smoothed(
 
 @njit(cache=True)
 def _times(matrix: Array, vector: Array, result: Array) -> None:
-    """Matrix times vector into `result`; for a few states a call of BLAS takes ten times as long."""
+    """Matrix times vector into `result`; for a few states a call of BLAS takes ten
+    times as long.
+    """
     for i in range(len(result)):
         total = 0.0
         for j in range(len(vector)):

@@ -417,7 +417,9 @@ class ContactView:
 
 
 class SensorView:
-    """Position against the integral of the speed, and the force channels where nothing is touched."""
+    """Position against the integral of the speed, and the force channels where nothing
+    is touched.
+    """
 
     name = "sensors"
     tolerance: tuple[str, ...] = ()

@@ -1,4 +1,6 @@
-"""Residuals made white and robust, so that a sum of squares counts information and not repetition."""
+"""Residuals made white and robust, so that a sum of squares counts information and not
+repetition.
+"""
 
 from __future__ import annotations
 

@@ -134,7 +134,9 @@ def _serve(factory: Factory, pipe: Connection) -> None:
 
 
 def _end_with_parent() -> None:
-    """A parent that is killed leaves no worker behind, not even one in the middle of a long case."""
+    """A parent that is killed leaves no worker behind, not even one in the middle of a
+    long case.
+    """
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait([parent.sentinel])

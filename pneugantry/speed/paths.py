@@ -125,7 +125,9 @@ def fmpy_slave(file: FmuFile) -> fmpy.fmi2.FMU2Slave:
 
 
 def fmpy_loop(experiment: Experiment) -> float:
-    """What a user of fmpy writes: setReal, doStep, getReal a sample and the controller in Python."""
+    """What a user of fmpy writes: setReal, doStep, getReal a sample and the controller
+    in Python.
+    """
     plan, fmu = experiment.plan, fmpy_slave(experiment.file)
     read, write, clamps = (
         experiment.references(READ),

@@ -220,7 +220,9 @@ def _check_names(fields: Fields, section: str, names: Case) -> None:
 
 
 def _with_paths(fields: Fields, section: str, case: Case) -> Case:
-    """Files of the user's own, an edge or a controller, as full paths: the case may run elsewhere."""
+    """Files of the user's own, an edge or a controller, as full paths: the case may run
+    elsewhere.
+    """
     return case | {
         name: _full_path(fields, f"{section}.{name}", case[name])
         for name, suffix in OWN_FILES.items()

@@ -29,9 +29,9 @@ ANGLE_ERRORS = (0.0, 10.0, 30.0, 50.0)  # degrees, §4.3.3
 REASONS = {
     1: "a random angle turns the friction on every edge alike; only waves of one length make the "
     "straight edge the worst",
-    4: "with a random angle it holds on the straight edge; on the inclines the error is one step of "
-    "friction as the motion starts, and without the lag K_p K_z = 2 of the f_z loop divides it by "
-    "3 at once",
+    4: "with a random angle it holds on the straight edge; on the inclines the error is one step "
+    "of friction as the motion starts, and without the lag K_p K_z = 2 of the f_z loop divides it "
+    "by 3 at once",
     6: "with a random angle the turns of the friction come with the distance: a slower run meets "
     "them less often",
     9: "its span is 2 beta or more: a limit force drawn above 14 N overshoots Fig. 4.14",

@@ -3,8 +3,8 @@ added to the edge's own.
 
 The thesis prints neither the distance over which an angle is held nor the spread before bounding.
 A draw therefore draws both: the distance log-uniformly within 10..40 mm, the spread within half to
-the whole bound. An angle turns into the next over a tenth of the distance, at most 1 mm: a corner of
-no length would be a jump of the contact's damping force.
+the whole bound. An angle turns into the next over a tenth of the distance, at most 1 mm: a corner
+of no length would be a jump of the contact's damping force.
 """
 
 from __future__ import annotations

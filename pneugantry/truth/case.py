@@ -54,10 +54,10 @@ class CaseSet:
     """What is drawn for a seed.
 
     mixture: share of each kind of COUNTS; rig: spreads of a rig without effects; severity: factor
-    on the drawn sizes; levels: places in the range of sizes (0 least, 1 largest, logarithmic), taken
-    in turn by seed instead of a draw; unknown: kinds of unknown effect (effect names) to draw from,
-    none: the usual ones; in_turn: `unknown` is gone through by seed; missing: channels that the rig does
-    not measure; logs: those of the campaign, none: all seven.
+    on the drawn sizes; levels: places in the range of sizes (0 least, 1 largest, logarithmic),
+    taken in turn by seed instead of a draw; unknown: kinds of unknown effect (effect names) to draw
+    from, none: the usual ones; in_turn: `unknown` is gone through by seed; missing: channels that
+    the rig does not measure; logs: those of the campaign, none: all seven.
     """
 
     name: str

@@ -239,7 +239,9 @@ class Rig:
 
 
 def nominal() -> Rig:
-    """The rig of the diagnosis' nominal model: VDFM on both axes, constant tau, no surface finish."""
+    """The rig of the diagnosis' nominal model: VDFM on both axes, constant tau, no
+    surface finish.
+    """
     return Rig()
 
 

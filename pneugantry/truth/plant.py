@@ -97,7 +97,9 @@ def axis_drive(
 
 @njit
 def base_pull(a: Record, y: np.ndarray, o: int) -> float:
-    """Acceleration [m/s^2] that spring and damper of an elastic base give it, before the axis acts."""
+    """Acceleration [m/s^2] that spring and damper of an elastic base give it, before
+    the axis acts.
+    """
     omega = a.base_omega
     return -omega * omega * y[o + BASE] - 2.0 * a.base_zeta * omega * y[o + BASE + 1]
 

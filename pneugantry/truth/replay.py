@@ -54,7 +54,9 @@ def _setup(name: str, entry: dict, rows: int) -> Setup:
 
 
 def residuals(rig: Rig, setup: Setup, frame: pd.DataFrame, **options: Any) -> np.ndarray:
-    """(measured - simulated) / sigma, shape (rows, 8), with the recorded commands acting on `rig`."""
+    """(measured - simulated) / sigma, shape (rows, 8), with the recorded commands
+    acting on `rig`.
+    """
     outcome = run(rig, setup, commands=frame[["u_x", "u_z"]].to_numpy(float), **options)
     return (frame[list(CHANNELS)].to_numpy(float) - outcome.readings) / SIGMA
 

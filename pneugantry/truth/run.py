@@ -1,4 +1,6 @@
-"""Run one log on one rig: by its own programme and controller, or by replay of recorded commands."""
+"""Run one log on one rig: by its own programme and controller, or by replay of recorded
+commands.
+"""
 
 from __future__ import annotations
 

@@ -43,8 +43,8 @@ def visibility(
     timing: bool,
     kept: list[int],
 ) -> dict[str, float]:
-    """Per log the visibility on its best channel of `kept`; `timing`: also how the commands give the
-    effect away.
+    """Per log the visibility on its best channel of `kept`; `timing`: also how the commands give
+    the effect away.
     """
     out = {}
     for name, outcome in outcomes.items():

@@ -1,4 +1,6 @@
-"""The documentation site: built strictly, its generated parts those of the code, its citations there."""
+"""The documentation site: built strictly, its generated parts those of the code, its citations
+there.
+"""
 
 from __future__ import annotations
 

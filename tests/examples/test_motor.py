@@ -1,4 +1,6 @@
-"""The tutorial's motor: its data are what the script records, and its diagnosis finds what was put in."""
+"""The tutorial's motor: its data are what the script records, and its diagnosis finds what was put
+in.
+"""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def tiny(tmp_path):
 
 
 # ---- functions, arrays, enumerations
-# ---------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------
 
 
 def test_functions_with_loops_ifs_and_arrays(tiny):
@@ -210,7 +210,7 @@ end M;
 
 
 # ---- when, pre, sample, reinit, initial
-# -------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------
 
 
 def test_sample_pre_and_elsewhen(tiny):
@@ -248,7 +248,8 @@ end M;
 def test_assignments_within_a_when_clause_are_sorted_and_pre_is_the_value_before(tiny):
     m = tiny("""
 model M
-  discrete Integer a(start = 1, fixed = true), b(start = 1, fixed = true), c(start = 0, fixed = true);
+  discrete Integer a(start = 1, fixed = true), b(start = 1, fixed = true);
+  discrete Integer c(start = 0, fixed = true);
 equation
   when sample(0.1, 0.1) then
     c = a + b;
@@ -327,7 +328,8 @@ def test_edge_and_change(tiny):
 model M
   Boolean b;
   Integer i;
-  discrete Integer rises(start = 0, fixed = true), changes(start = 0, fixed = true), steps(start = 0, fixed = true);
+  discrete Integer rises(start = 0, fixed = true), changes(start = 0, fixed = true);
+  discrete Integer steps(start = 0, fixed = true);
 equation
   b = sin(6.283185307179586*time) > 0;
   i = if time > 0.7 then 3 elseif time > 0.3 then 2 else 1;
@@ -389,7 +391,7 @@ end M;
 
 
 # ---- events and their times
-# ------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------
 
 
 def test_relations_are_located_and_noevent_is_not(tiny):
@@ -433,7 +435,7 @@ end M;
 
 
 # ---- delay
-# -------------------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------
 
 
 def test_delay_of_a_ramp_of_a_constant_and_of_jumps(tiny):
@@ -542,7 +544,7 @@ end M;
 
 
 # ---- algebra and parameters
-# ------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------
 
 
 def test_linear_loops_of_two_and_three_are_solved(tiny):
@@ -680,7 +682,7 @@ end M;
 
 
 # ---- refusals
-# ----------------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------
 
 FUNCTION = (
     "function f\n  input Real u;\n  output Real y;\nalgorithm\n{body}end f;\nmodel M\n  "

@@ -1,4 +1,6 @@
-"""The command line: exit codes, JSON, and one line on standard error for whatever cannot be used."""
+"""The command line: exit codes, JSON, and one line on standard error for whatever
+cannot be used.
+"""
 
 from __future__ import annotations
 

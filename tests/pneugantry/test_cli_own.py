@@ -1,4 +1,6 @@
-"""What a user brings or asks for: own controllers, gains, presets, names of things, special files."""
+"""What a user brings or asks for: own controllers, gains, presets, names of things,
+special files.
+"""
 
 from __future__ import annotations
 

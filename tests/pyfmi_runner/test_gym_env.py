@@ -1,4 +1,6 @@
-"""The Gymnasium environment: passes the checker, and an agent that is our controller gets our log."""
+"""The Gymnasium environment: passes the checker, and an agent that is our controller
+gets our log.
+"""
 
 from __future__ import annotations
 

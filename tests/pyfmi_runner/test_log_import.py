@@ -1,4 +1,6 @@
-"""A recorder's own log: its columns, units, decimal mark and rate; MATLAB files; swapped commands."""
+"""A recorder's own log: its columns, units, decimal mark and rate; MATLAB files;
+swapped commands.
+"""
 
 from __future__ import annotations
 
@@ -145,8 +147,9 @@ def test_a_matlab_file_s_columns_structures_and_matrices(log: Log, tmp_path: Pat
     savemat(path, {"d": plain, "note": "text", "few": np.zeros(3)})
     units = {"time": "ms", "x": "mm", "z": "mm", "v_x": "mm/s", "v_z": "mm/s", "f_z": "kN"}
     lines = [
-        f'{name} = {{ column = "d.{name}", unit = "{units.get(name, "V" if name[0] == "u" else "N")}" }}'
+        f'{name} = {{ column = "d.{name}", unit = "{unit}" }}'
         for name in NAMES
+        for unit in [units.get(name, "V" if name[0] == "u" else "N")]
     ]
     path.with_suffix(".toml").write_text("[import]\n" + "\n".join(lines), encoding="utf-8")
     read = next(iter(read_campaign(path))).log

@@ -222,18 +222,14 @@ def test_what_a_hypothesis_alone_disturbs_is_not_left_by_the_rig() -> None:
     assert _left_views(found, found.singles[0], Weights()) == frozenset()
 
 
-def test_a_fit_that_leaves_more_than_tolerance_alone_is_no_hypothesis_whatever_luck_it_has_held_out() -> (
-    None
-):
+def test_a_fit_that_leaves_more_than_tolerance_alone_is_no_hypothesis() -> None:
     null = noise(2)
     found = searched(null, (null + 1.0, ("valve_lag/z",)))
     found.held_out, found.singles[0].held_out = outcome(noise(4, 1.2)), outcome(noise(4))
     assert [t for t, _ in contest(found)] == [None]
 
 
-def test_tolerance_that_is_strained_less_is_no_evidence_where_the_likelihood_says_the_contrary() -> (
-    None
-):
+def test_less_strained_tolerance_is_no_evidence_against_the_likelihood() -> None:
     """Evidence is cut view by view and may change its sign thereby; the side that the likelihood
     takes does not.
     """

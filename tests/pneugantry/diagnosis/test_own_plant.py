@@ -1,4 +1,6 @@
-"""A user's own plant with a user's own catalogue: a mass on a guide, simulated apart from its FMU."""
+"""A user's own plant with a user's own catalogue: a mass on a guide, simulated apart
+from its FMU.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ model Cart "A mass on a guide"
   parameter Real C(unit = "N.s/m", min = 0) = 4 "Viscous friction";
   parameter Real F_c(unit = "N", min = 0) = 0 "Coulomb friction; neutral 0";
   parameter Real F_0(unit = "N") = 0 "Constant force; neutral 0";
-  parameter Real rise(unit = "1", min = -1) = 0 "Share by which Coulomb friction is higher at rest; neutral 0";
+  parameter Real rise(unit = "1", min = -1) = 0
+    "Share by which Coulomb friction is higher at rest; neutral 0";
   input Real u(unit = "N") "Force";
   output Real v(start = 0, fixed = true, unit = "m/s") "Speed";
 equation
@@ -71,7 +74,9 @@ SIGMA, PERIOD, ROWS = 0.002, 2e-3, 3000
 
 
 def record(path: Path, seed: int, further: Callable[[float, float], float]) -> None:
-    """Midpoint rule at 0.05 ms; m and C 2 % off; `further`: force against v at speed and position."""
+    """Midpoint rule at 0.05 ms; m and C 2 % off; `further`: force against v at speed
+    and position.
+    """
     rng = np.random.default_rng(seed)
     time = np.arange(ROWS) * PERIOD
     tones = rng.uniform(0.3, 3.0, 5), rng.uniform(0, 2 * math.pi, 5)

@@ -1,4 +1,6 @@
-"""Catalogue, fit, converter, waviness, whitening: each against a closed form or data made for it."""
+"""Catalogue, fit, converter, waviness, whitening: each against a closed form or data
+made for it.
+"""
 
 from __future__ import annotations
 

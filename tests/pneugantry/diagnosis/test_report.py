@@ -75,21 +75,29 @@ addEventListener("load", function () {
   const count = function (what) { return document.querySelectorAll(what).length; };
   const seen = { canvases: count("canvas"), svgs: count("svg.picture"), blank, hidden, wide };
   const tell = function () { console.log("PROBE" + JSON.stringify(seen)); };
-  const c = document.querySelector("canvas"), w = function () { return document.documentElement.dataset.window.split(" ").map(Number); };
+  const c = document.querySelector("canvas"), root = document.documentElement;
+  const w = function () { return root.dataset.window.split(" ").map(Number); };
   if (!c) { tell(); return; }
   const at = function (type, x, more) {
     const box = c.getBoundingClientRect();
-    const place = { clientX: box.left + x * box.width, clientY: box.top + 40, bubbles: true, cancelable: true, button: 0 };
-    c.dispatchEvent(type === "wheel" ? new WheelEvent(type, { ...place, ...more }) : new PointerEvent(type, { ...place, ...more }));
+    const place = { clientX: box.left + x * box.width, clientY: box.top + 40,
+                    bubbles: true, cancelable: true, button: 0 };
+    const Kind = type === "wheel" ? WheelEvent : PointerEvent;
+    c.dispatchEvent(new Kind(type, { ...place, ...more }));
   };
   const steps = [
-    function () { seen.whole = w(); at("wheel", 0.5, { deltaY: -400 }); at("wheel", 0.5, { deltaY: -400 }); },
-    function () { seen.zoomed = w(); at("pointerdown", 0.5); at("pointermove", 0.4); at("pointerup", 0.4); },
+    function () { seen.whole = w();
+      at("wheel", 0.5, { deltaY: -400 }); at("wheel", 0.5, { deltaY: -400 }); },
+    function () { seen.zoomed = w();
+      at("pointerdown", 0.5); at("pointermove", 0.4); at("pointerup", 0.4); },
     function () { seen.panned = w(); document.getElementById("difference").click(); },
     function () { document.getElementById("difference").click(); at("dblclick", 0.5); },
     function () { seen.reset = w(); tell(); }
   ];
-  const next = function () { const step = steps.shift(); if (step) { step(); setTimeout(next, 150); } };
+  const next = function () {
+    const step = steps.shift();
+    if (step) { step(); setTimeout(next, 150); }
+  };
   next();
 });
 </script>"""

@@ -1,4 +1,6 @@
-"""Jobs in workers: every job ends once, with a value or a reason, whatever becomes of the workers."""
+"""Jobs in workers: every job ends once, with a value or a reason, whatever becomes of
+the workers.
+"""
 
 from __future__ import annotations
 

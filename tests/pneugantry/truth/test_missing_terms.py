@@ -1,4 +1,6 @@
-"""Terms that no list names: their laws, their labels, and that random functions absorb no known one."""
+"""Terms that no list names: their laws, their labels, and that random functions absorb no known
+one.
+"""
 
 from __future__ import annotations
 
