@@ -29,9 +29,8 @@ def first_sentence(text: str) -> str:
 def summary(path: Path) -> str:
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
-        helped = re.search(
-            r'^HELP = """(.*)$', text, re.MULTILINE
-        )  # a command says there what it does
+        # a command says there what it does
+        helped = re.search(r'^HELP = """(.*?)"""', text, re.MULTILINE | re.DOTALL)
         return first_sentence(helped[1] if helped else ast.get_docstring(ast.parse(text)) or "")
     comment = re.match(r"\s*/\*(.*?)\*/", text, re.DOTALL)
     return first_sentence(re.sub(r"\n\s*\*", "\n", comment[1])) if comment else ""

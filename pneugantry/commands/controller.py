@@ -16,8 +16,8 @@ HELP = """A controller of your own, to start from.
   pneugantry run --controller my.py --workpiece straight   runs it, in Python or compiled alike
 
 The file is Python: a kernel of arithmetic, `math.*` and plain loops, its parameters and its
-state. Sweeps take it as controller = "my.py",
-`pneugantry diagnose FOLDER --controller my.py` runs a rig's own loop again with it."""
+state. Sweeps take it as controller = "my.py", `pneugantry diagnose FOLDER --controller my.py`
+runs a rig's own loop again with it."""
 TEMPLATE = Path(__file__).parents[1] / "own_controller_template.py"
 
 

@@ -32,7 +32,7 @@ what it cannot excite.
       the plant with the effect added, as Modelica and as FMU
   pneugantry diagnose LOG.parquet               a campaign of one
   pneugantry diagnose plant.toml
-      a plant of your own: FMU, logs and catalogue as that file says (README)
+      a plant of your own: FMU, logs and catalogue as that file says
   pneugantry diagnose FOLDER_OF_CAMPAIGNS
       each one: diagnosis.json and diagnosis.html beside it; the same command goes on"""
 

@@ -12,16 +12,15 @@ from pneugantry.progress import Stages
 if TYPE_CHECKING:
     from pneugantry.analysis.identify.identification import Identification
 
-HELP = """Plant parameters with 95 % intervals, by the thesis' tests (App. C, section 4.1) and by
-one fit to all logs.
+HELP = """Plant parameters with 95 % intervals, by the thesis' tests (App. C, section 4.1) and
+by one fit to all logs.
 
   pneugantry identify FOLDER          a campaign (a folder with campaign.toml)
   pneugantry identify LOG.parquet     one log: says what it cannot tell
 
 The fit replays the whole plant by the recorded commands. Its intervals count the sensors' noise,
-the rounding of the recorded commands,
-and what is left where the plant does not fit. F_w of an axis that is only pushed one way is
-taken as on the plant sheet, +-2 % RMS."""
+the rounding of the recorded commands, and what is left where the plant does not fit. F_w of an
+axis that is only pushed one way is taken as on the plant sheet, +-2 % RMS."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:

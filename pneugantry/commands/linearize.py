@@ -27,9 +27,8 @@ HELP = """State space of the FMU at an operating point, from its own directional
       a state as input: the plant without its valve
 
 Points: axis_contact (z in contact, no Coulomb friction, as Fig. 5.7), contact_stuck,
-contact_sliding, free_sliding. A STATE.json holds
-{"states": {..}, "inputs": {..}, "parameters": {..}} by the FMU's names; what it leaves out keeps
-the model's start value."""
+contact_sliding, free_sliding. A STATE.json holds {"states": {..}, "inputs": {..}, "parameters":
+{..}} by the FMU's names; what it leaves out keeps the model's start value."""
 NAMES = ("axis_contact", "contact_stuck", "contact_sliding", "free_sliding")
 CLOSE = 1e-6  # relative, of the checks
 PERIOD = 1e-3  # s

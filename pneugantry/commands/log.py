@@ -21,8 +21,7 @@ HELP = """A recorder's own log made usable: columns, units, rate, and how it was
       the same log at 1 kHz in SI units, its set-up inside
 
 Parquet, CSV (comma, semicolon or tab; decimal point or comma) and MATLAB files (-v7). After
-`init`, every command reads the log as it is:
-pneugantry diagnose rig.csv."""
+`init`, every command reads the log as it is: pneugantry diagnose rig.csv."""
 ACTIONS = ("init", "check", "convert")
 
 

@@ -12,9 +12,8 @@ from pyfmi_runner.log import MEASURED
 HELP = """Measured log against the FMU: gap per log, channel and block; 1 is the noise floor.
 
 A log's gap: the whole plant driven by the recorded commands, RMS of (measured - simulated)/sigma
-over the eight channels.
-A block's gap: the block fed with measured signals; its floor is that of the nominal plant's own
-noisy log.
+over the eight channels. A block's gap: the block fed with measured signals; its floor is that of
+the nominal plant's own noisy log.
 
   pneugantry replay FOLDER          a campaign (a folder with campaign.toml)
   pneugantry replay LOG.parquet     one log"""

@@ -27,11 +27,9 @@ HELP = """Root locus of an axis' force loop, linearised from the FMU (Fig. 5.6 a
   pneugantry rootlocus --axis x --lag 0.2 --delay 0.005 --pade 4 --plot out/x.png
 
 Poles and zeros are the open loop's, from u [V] to the axis' force [N]; a delay adds those of its
-Pade approximation. limit_gain [V/N]
-is the proportional gain at which the continuous loop becomes unstable, with the exact delay;
-null where there is none.
-sampled.limit_gain is that of the loop sampled every millisecond, and is finite even without a
-lag."""
+Pade approximation. limit_gain [V/N] is the proportional gain at which the continuous loop
+becomes unstable, with the exact delay; null where there is none. sampled.limit_gain is that of
+the loop sampled every millisecond, and is finite even without a lag."""
 LONGEST_DELAY = 1.0  # s
 PADE_ORDERS = range(1, 11)
 

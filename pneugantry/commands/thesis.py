@@ -14,8 +14,8 @@ from pneugantry.thesis.study import run_study
 from pneugantry.thesis.tables import met_share
 from pyfmi_runner.build import build_fmu
 
-HELP = """Run every table and conclusion of the thesis: ours beside the printed, which conclusion
-holds, and the leaderboard.
+HELP = """Run every table and conclusion of the thesis: ours beside the printed, which
+conclusion holds, and the leaderboard.
 
   pneugantry thesis                       tables and figures in out/thesis
   pneugantry thesis --json out/thesis.json
