@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from pneugantry.blind.description import relocated
 from pneugantry.blind.sets import TRUTH
 from pneugantry.truth.drive.case import DriveSet, draw_drive_case
 
@@ -27,15 +27,7 @@ def write_drive_case(folder: Path, seed: int, case_set: DriveSet | None = None) 
     """Writes the logs, the description and the truth of a seed to `folder/SEED`; returns it."""
     out = folder / str(seed)
     _write_logs(out, seed, case_set)
-    example = os.path.relpath(DESCRIPTION.parent, out.resolve())
-    text = DESCRIPTION.read_text(encoding="utf-8")
-    for old, new in (
-        ('model = "', f'model = "{example}/'),
-        ('catalogue = "', f'catalogue = "{example}/'),
-        ('file = "data/', 'file = "'),
-    ):
-        text = text.replace(old, new)
-    (out / "plant.toml").write_text(text, encoding="utf-8")
+    (out / "plant.toml").write_text(relocated(DESCRIPTION, out), encoding="utf-8")
     return out
 
 

@@ -1,0 +1,121 @@
+"""The servo pendulum's rungs, its logs and its planted errors: `python -m examples.bam --help`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+
+from examples.bam.convert import description, read_raw, write_logs, write_planted
+from examples.bam.servo import (
+    FITTED_GAINS,
+    HELD_GAINS,
+    RUNGS,
+    error,
+    log_names,
+    published,
+    refitted,
+)
+from modelica_fmu.errors import InputError
+
+RAW = Path(__file__).resolve().parents[3] / "shared" / "real" / "bam_xl330"
+REFITTED = Path(__file__).parent / "refitted.toml"
+README_TABLE = {  # RMS position error [rad], as the README beside the data has it
+    "m1": (0.137, 0.124, 0.196, 0.033, 0.237),
+    "m3": (0.103, 0.099, 0.134, 0.016, 0.256),
+    "m6": (0.108, 0.093, 0.167, 0.012, 0.265),
+}
+README_LOGS = (
+    "sin_sin_kp400",
+    "sin_sin_kp200",
+    "lift_and_drop_kp400",
+    "sin_time_square_kp100",
+    "up_and_down_kp800",
+)
+
+
+def rungs(raw: Path, rungs_of: tuple[str, ...] = ("m1", "m3", "m6")) -> dict[str, dict]:
+    """Errors of each rung: as published, and refitted on the gains 100 and 400 of these logs."""
+    logs = {name: read_raw(raw, name) for name in log_names()}
+    fitted = {name: logs[name] for name in log_names(FITTED_GAINS)}
+    table = {}
+    for rung in rungs_of:
+        before = published(raw, rung)
+        after = refitted(before, RUNGS[rung], fitted)
+        table[rung] = {
+            "readme": {n: error(before, n, logs[n]) for n in README_LOGS},
+            "values": {name: after[name] for name in (*RUNGS[rung], "alpha")},
+            **{
+                f"{what}_{which}": _mean([error(values, n, logs[n]) for n in log_names(gains)])
+                for what, values in (("published", before), ("refitted", after))
+                for which, gains in (("fitted", FITTED_GAINS), ("held", HELD_GAINS))
+            },
+        }
+    return table
+
+
+def _mean(errors: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def printed(table: dict[str, dict]) -> str:
+    """The tables in Markdown."""
+    lines = ["RMS position error in rad, ours (README beside the data), published parameters:", ""]
+    lines.append("| rung | " + " | ".join(README_LOGS) + " |")
+    lines.append("|---" * (len(README_LOGS) + 1) + "|")
+    for rung, row in table.items():
+        known = README_TABLE.get(rung, ())
+        cells = [
+            f"{row['readme'][name]:.3f} ({value:.3f})"
+            for name, value in zip(README_LOGS, known, strict=True)
+        ]
+        lines.append(f"| {rung} | " + " | ".join(cells) + " |")
+    lines += ["", "All 16 logs, RMS; refitted on the gains 100 and 400, the others held out:", ""]
+    lines += ["| rung | published, 100 + 400 | published, 200 + 800 | refitted | held out |"]
+    lines += ["|---|---|---|---|---|"]
+    for rung, row in table.items():
+        cells = [
+            f"{row[key]:.4f}"
+            for key in ("published_fitted", "published_held", "refitted_fitted", "refitted_held")
+        ]
+        lines.append(f"| {rung} | " + " | ".join(cells) + " |")
+    for rung, row in table.items():
+        values = ", ".join(f"{name} {value:.5g}" for name, value in row["values"].items())
+        lines += ["", f"{rung} refitted: {values}"]
+    return "\n".join(lines)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m examples.bam", description=__doc__)
+    parser.add_argument("what", choices=("rungs", "convert", "planted"))
+    parser.add_argument("--raw", type=Path, default=RAW, metavar="DIR", help="recorded CSV files")
+    parser.add_argument("--out", type=Path, default=Path("out/bam"), metavar="DIR")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="the rungs' table as JSON")
+    options = parser.parse_args(arguments)
+    try:
+        if options.what == "rungs":
+            table = rungs(options.raw)
+            print(printed(table))
+            if options.json:
+                options.json.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+        elif options.what == "convert":
+            logs = write_logs(options.raw, options.out)
+            text = description(options.out, logs, {})
+            (options.out / "plant.toml").write_text(text, encoding="utf-8")
+            print(f"{len(logs)} logs and plant.toml in {options.out}")
+        else:
+            right = tomllib.loads(REFITTED.read_text(encoding="utf-8"))["parameters"]
+            folders = write_planted(options.raw, options.out, right)
+            print(f"{len(folders)} planted errors in {options.out}")
+    except InputError as wrong:
+        print(wrong, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,187 @@
+"""The servo pendulum: its FMU against an integration apart from it, its raw files, planted errors."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from examples.bam.__main__ import RAW, README_LOGS, README_TABLE, REFITTED, main
+from examples.bam.convert import (
+    FULL,
+    PARAMETER,
+    PLANT,
+    planted_errors,
+    read_raw,
+    write_planted,
+)
+from examples.bam.servo import (
+    FIELDS,
+    PERIOD,
+    RUNGS,
+    error,
+    log_names,
+    positions,
+    published,
+    refitted,
+    setting,
+)
+from modelica_fmu.errors import InputError
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.fmu import FmuFile, FmuSession
+
+recorded = pytest.mark.skipif(not RAW.is_dir(), reason="../shared/real is not on this machine")
+RIGHT = tomllib.loads(REFITTED.read_text())["parameters"]
+MODEL = {  # name here: parameter of the model
+    "k_t": "motor.k_t",
+    "R": "motor.R",
+    "armature": "armature",
+    "q_offset": "pendulum.q_offset",
+    "m": "pendulum.m",
+    "l": "pendulum.l",
+    "V": "motor.V",
+    "gain": "firmware.gain",
+    "T_c": "gearbox.T_c",
+    "d": "gearbox.d",
+    "T_s": "gearbox.T_s",
+    "w_s": "gearbox.w_s",
+    "alpha": "gearbox.alpha",
+    "load_motor": "gearbox.load_motor",
+    "load_external": "gearbox.load_external",
+    "load_external_rest": "gearbox.load_external_rest",
+    "load_motor_square": "gearbox.load_motor_square",
+    "load_external_square": "gearbox.load_external_square",
+}
+VALUES = {field: float(RIGHT.get(MODEL.get(field, ""), 0.0)) for field in FIELDS}
+
+
+def made_up(gain: int, start: float = 0.1) -> pd.DataFrame:
+    """A log's goals without a recording: a swing that saturates the duty, and a drop at the end."""
+    time = np.arange(400) * PERIOD
+    return pd.DataFrame(
+        {
+            "time": time,
+            "position": np.full(400, start),
+            "goal_position": 1.2 * np.sin(4.0 * time),
+            "torque_enable": (time < 1.7).astype(int),
+            "load": np.zeros(400),
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> FmuFile:
+    folder = tmp_path_factory.mktemp("fmu")
+    return FmuFile.read(build_fmu("Servo.Plant", PLANT.parent / "Servo.mo", out=folder).path)
+
+
+@pytest.mark.parametrize("gain", [100, 800])
+def test_the_model_moves_as_the_integration_apart_from_it(fmu: FmuFile, gain: int) -> None:
+    log = made_up(gain)
+    parameters = {**RIGHT, "firmware.kp": float(gain), "q_start": 0.1}
+    out = np.empty(len(log))
+    with FmuSession(fmu, parameters=parameters) as session:
+        for row, (goal, enable) in enumerate(
+            zip(log["goal_position"], log["torque_enable"], strict=True)
+        ):
+            session.set({"goal": float(goal), "enable": float(enable)})
+            out[row] = session.get("q")
+            session.step(PERIOD)
+    apart = out - positions(VALUES, f"made_up_kp{gain}", log, 50)
+    assert np.sqrt(np.mean(apart**2)) < 2e-3
+    assert np.ptp(out) > 0.5
+
+
+def test_a_pendulum_without_friction_swings_as_the_closed_form_says() -> None:
+    free = {**dict.fromkeys(FIELDS, 0.0), "R": 1.0, "m": 0.49, "l": 0.1, "w_s": 1.0, "alpha": 1.0}
+    log = made_up(0, start=0.02).assign(torque_enable=0)
+    got = positions(free, "free_kp0", log, 200)
+    want = 0.02 * np.cos(np.sqrt(9.80665 / 0.1) * log["time"])
+    assert np.abs(got - want).max() < 1e-3
+
+
+def test_a_refit_finds_the_parameters_that_made_a_log() -> None:
+    log = made_up(400)
+    log["position"] = positions(VALUES, "made_up_kp400", log, 5)
+    start = {**VALUES, "k_t": 0.9 * VALUES["k_t"], "load_motor": 0.2}
+    found = refitted(start, ("k_t", "load_motor"), {"made_up_kp400": log})
+    assert found["k_t"] == pytest.approx(VALUES["k_t"], rel=1e-3)
+    assert found["load_motor"] == pytest.approx(VALUES["load_motor"], rel=1e-2)
+
+
+def test_the_wrapped_load_is_read_back(tmp_path: Path) -> None:
+    log = made_up(100).assign(load=[*[-100 % 65536] * 200, 51679.4, *[70.0] * 199])
+    log.to_csv(tmp_path / "sin_sin_kp100.csv", index=False)
+    load = read_raw(tmp_path, "sin_sin_kp100")["load"]
+    assert set(load) == {-100.0, 70.0}
+    assert load.abs().max() <= FULL
+
+
+def test_24_planted_errors_one_and_two_at_a_time(tmp_path: Path) -> None:
+    cases = planted_errors()
+    assert len({case.name for case in cases}) == len(cases) == 24
+    assert [len(case.factors) for case in cases].count(2) == 10
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    for name in log_names():
+        made_up(int(setting(name))).to_csv(raw / f"{name}.csv", index=False)
+    folders = write_planted(raw, tmp_path / "out", RIGHT)
+    for case, folder in zip(cases, folders, strict=True):
+        described = tomllib.loads((folder / "plant.toml").read_text())
+        truth = json.loads((folder / "truth.json").read_text())
+        assert {c["effect"]: 1 / c["factor"] for c in truth["causes"]} == pytest.approx(
+            dict(case.factors)
+        )
+        for effect, factor in case.factors.items():
+            name = PARAMETER[effect]
+            assert described["parameters"][name] == pytest.approx(RIGHT[name] * factor)
+        assert (folder / described["log"]["sin_sin_kp100"]["file"]).is_file()
+        assert (folder / described["plant"]["model"]).is_file()
+    assert described["log"]["sin_sin_kp200"]["use"] == "held out"
+
+
+def test_every_planted_effect_is_in_the_catalogue() -> None:
+    for effect, name in PARAMETER.items():
+        entry = tomllib.loads((PLANT.parent / "effects" / f"{effect}.toml").read_text())
+        assert name in entry["form"][0]["parameters"]
+
+
+def test_a_missing_log_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(InputError, match="no such log"):
+        read_raw(tmp_path, "sin_sin_kp100")
+    assert main(["convert", "--raw", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@recorded
+def test_the_published_rungs_give_the_errors_of_the_readme() -> None:
+    for rung, errors in README_TABLE.items():
+        values = published(RAW, rung)
+        got = [error(values, name, read_raw(RAW, name)) for name in README_LOGS]
+        assert got == pytest.approx(list(errors), rel=0.03, abs=0.001), rung
+
+
+@recorded
+def test_the_refitted_rung_halves_what_the_published_one_leaves() -> None:
+    logs = {name: read_raw(RAW, name) for name in log_names((200, 800))}
+    held = {
+        "published": [error(published(RAW, "m6"), name, log) for name, log in logs.items()],
+        "refitted": [error(VALUES, name, log) for name, log in logs.items()],
+    }
+    rms = {key: float(np.sqrt(np.mean(np.square(values)))) for key, values in held.items()}
+    assert rms["refitted"] < 0.5 * rms["published"]
+
+
+@recorded
+@pytest.mark.slow
+def test_a_refit_of_the_richest_rung_gives_the_stored_parameters() -> None:
+    logs = {name: read_raw(RAW, name) for name in log_names((100, 400))}
+    found = refitted(published(RAW, "m6"), RUNGS["m6"], logs)
+    left = [np.mean([error(v, n, log) for n, log in logs.items()]) for v in (found, VALUES)]
+    assert left[0] == pytest.approx(left[1], rel=0.02)
