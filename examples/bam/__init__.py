@@ -1,1 +1,1 @@
-"""A really measured servo pendulum (BAM XL330): its friction ladder, and errors planted on purpose."""
+"""A really measured servo pendulum (BAM XL330): its friction ladder, and planted errors."""

@@ -106,8 +106,9 @@ def description(
 
 
 def write_planted(raw: Path, out: Path, right: Mapping[str, float]) -> list[Path]:
-    """Writes one folder per planted error, beside the logs that all share: plant.toml with the wrong
-    values and truth.json, which no diagnosis reads. `right`: parameters of the model that fits.
+    """Writes one folder per planted error, beside the logs that all share: plant.toml with the
+    wrong values and truth.json, which no diagnosis reads. `right`: parameters of the model that
+    fits.
     """
     logs = write_logs(raw, out / "logs")
     folders = []

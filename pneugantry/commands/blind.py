@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.blind.check import TARGETS, diagnose_cases, draw_cases, score, unseal
+from pneugantry.blind.check import diagnose_cases, draw_cases, unseal
+from pneugantry.blind.score import TARGETS, score
 from pneugantry.blind.sets import SETS, named_set, write_cases
 from pneugantry.options import out_folder
 from pneugantry.progress import bar

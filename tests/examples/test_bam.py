@@ -1,4 +1,4 @@
-"""The servo pendulum: its FMU against an integration apart from it, its raw files, planted errors."""
+"""The servo pendulum: its FMU against another integration, its raw files, planted errors."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pneugantry.blind.check import score
+from pneugantry.blind.score import score
 from pneugantry.diagnosis.catalogue import read_catalogue
 from pneugantry.diagnosis.diagnose import diagnose, report_json
 from pneugantry.truth.campaign import write
