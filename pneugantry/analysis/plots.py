@@ -41,12 +41,21 @@ PHASE_SHADE = {
 }
 
 
+class ShownFigure(Figure):
+    """A figure that a notebook shows as a picture, with no display magic."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png")
+        return buffer.getvalue()
+
+
 def axes_grid(
     rows: int, columns: int, width: float = 9.0, height: float = 1.9
 ) -> tuple[Figure, NDArray[np.object_]]:
     """A figure that no window system knows of, with its axes (rows, columns)."""
     mpl.rcParams.update(STYLE)
-    figure = Figure(figsize=(width, height * rows), layout="constrained")
+    figure = ShownFigure(figsize=(width, height * rows), layout="constrained")
     return figure, np.asarray(figure.subplots(rows, columns, squeeze=False))
 
 
@@ -55,7 +64,7 @@ def tracking_figure(log: Log, title: str = "") -> Figure:
     commands.
     """
     task, time = task_frame(log), log.time
-    figure, axes = axes_grid(5, 1)
+    figure, axes = axes_grid(5, 1, width=10.5)
     f_n, v_t, theta, edge, command = axes[:, 0]
     for ax in (f_n, v_t, theta, command):
         _shade_phases(ax, log)
@@ -78,7 +87,7 @@ def tracking_figure(log: Log, title: str = "") -> Figure:
     ):
         ax.set_ylabel(label)
         if ax.get_legend_handles_labels()[0]:
-            ax.legend(loc="upper left" if ax is theta else "lower left", ncols=3)
+            ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))  # beside: never over a curve
     figure.suptitle(title)
     return figure
 

@@ -5,6 +5,7 @@ out; no computing here.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,65 +14,180 @@ from numpy.typing import NDArray
 
 from pneugantry.analysis.plots import AUGMENTED, MEASURED, NOMINAL, REFERENCE, axes_grid
 
-__all__ = ["lag_figure", "locus_axes", "loop_figure", "root_locus_figure", "stick_slip_figure"]
+__all__ = [
+    "LocusPicture",
+    "lag_figure",
+    "limit_figure",
+    "locus_axes",
+    "loop_figure",
+    "root_locus_figure",
+    "stick_slip_figure",
+    "window",
+]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+FAR = 2.0  # / delay, from which on a pole is one of the delay's approximation
+CLEAR = 0.12  # of the axes' height, between two labels
+ROOM = 1.6  # of the axes over what decides
 COLOURS = (MEASURED, NOMINAL, AUGMENTED, "#8b6bb1")
 
 
-def locus_axes(ax: Axes, poles: Complex, zeros: Complex, branches: Complex, title: str) -> None:
-    """Branches (gains, poles), open-loop poles x and zeros o, and the imaginary axis; rad/s."""
+@dataclass(frozen=True, eq=False)
+class LocusPicture:
+    """A locus to draw: open-loop poles and zeros, branches (gains, poles) in rad/s, and what is
+    marked on it.
+    """
+
+    poles: Complex
+    zeros: Complex
+    branches: Complex
+    gains: Array  # V/N, of the branches' rows
+    limit: tuple[float, float] | None = None  # V/N and rad/s, where the loop becomes unstable
+    marked: tuple[float, ...] = ()  # V/N, gains whose closed-loop poles are dots with a label
+    delay: float = 0.0  # s; its Pade poles lie far out and do not set the axes
+    words: str = ""  # what stands beside a limit, or in place of one
+
+
+def window(picture: LocusPicture) -> tuple[float, float, float]:
+    """(left, right, top) of the axes [rad/s]: what decides on stability fills them, the far poles
+    and zeros of a delay's approximation do not.
+    """
+    near = np.abs(picture.poles)
+    if picture.delay > 0:
+        near = near[near < FAR / picture.delay]
+    reach = max([*near, picture.limit[1] if picture.limit else 0.0, 1.0])
+    top = ROOM * reach
+    zeros = -picture.zeros.real[(picture.zeros.real < 0) & (np.abs(picture.zeros) < 4 * top)]
+    if picture.limit is None and len(zeros):  # the branches bend round the zero to the real axis
+        top = max(top, 1.1 * float(zeros.max()))
+        return -2.2 * float(zeros.max()), 0.6 * reach, top
+    return -1.15 * max([top, *zeros]), 0.6 * reach, top
+
+
+def locus_axes(ax: Axes, picture: LocusPicture, title: str) -> None:
+    """Branches, open-loop poles x and zeros o, the limit gain, labelled gains, the imaginary axis."""
+    left, right, top = window(picture)
+    ax.axvspan(0.0, right, color="#f5ece6", zorder=0, linewidth=0)
     ax.axvline(0.0, color=REFERENCE, linewidth=0.8)
-    for i in range(branches.shape[1]):
-        ax.plot(branches[:, i].real, branches[:, i].imag, color=COLOURS[i % len(COLOURS)])
-    ax.plot(poles.real, poles.imag, "x", color="black", label="poles")
-    ax.plot(zeros.real, zeros.imag, "o", color="black", fillstyle="none", label="zeros")
+    for i in range(picture.branches.shape[1]):
+        line = picture.branches[:, i]
+        ax.plot(line.real, line.imag, color=COLOURS[i % len(COLOURS)])
+    for values, mark, name in ((picture.poles, "x", "poles"), (picture.zeros, "o", "zeros")):
+        ax.plot(values.real, values.imag, mark, color="black", fillstyle="none", label=name)
+    _mark_gains(ax, picture, top)
+    if picture.limit is not None:
+        at = picture.limit[1]
+        ax.plot([0.0, 0.0], [at, -at], "D", color=NOMINAL, markersize=5, label=picture.words)
+    elif picture.words:
+        ax.plot([], [], " ", label=picture.words)
+    outside = [v for v in (*picture.poles, *picture.zeros) if not left <= v.real <= right]
+    if outside:
+        ax.plot([], [], " ", label=f"{len(outside)} further out, at {_places(outside)}")
+    ax.set_xlim(left, right)
+    ax.set_ylim(-top, top)
     ax.set_xlabel("real [1/s]")
     ax.set_ylabel("imaginary [rad/s]")
     ax.set_title(title)
 
 
-def root_locus_figure(panels: Mapping[str, tuple[Complex, Complex, Complex]]) -> Figure:
-    """One locus a panel: title -> (poles, zeros, branches), as Fig. 5.6 and 5.7."""
-    figure, axes = axes_grid(1, len(panels), width=4.5 * len(panels), height=4.0)
-    for ax, (title, (poles, zeros, lines)) in zip(axes[0], panels.items(), strict=True):
-        locus_axes(ax, poles, zeros, lines, title)
-    axes[0, 0].legend(loc="best")
+def _places(values: Sequence[complex]) -> str:
+    upper = sorted({f"{v.real:.0f}" for v in values}, key=float)
+    return ", ".join(upper)
+
+
+def _mark_gains(ax: Axes, picture: LocusPicture, top: float) -> None:
+    """Dots where the loop of a marked gain has its poles, the gain beside the highest of them."""
+    left, right, _ = window(picture)
+    last = complex("inf")
+    for gain in picture.marked:
+        row = picture.branches[int(np.argmin(np.abs(picture.gains - gain)))]
+        inside = row[(row.real > left) & (row.real < right) & (np.abs(row.imag) <= top)]
+        ax.plot(inside.real, inside.imag, ".", color="black", markersize=5)
+        highest = inside[np.argmax(inside.imag)] if len(inside) else last
+        if abs(highest - last) > CLEAR * top:  # labels that do not cover each other
+            last = complex(highest)
+            place = (float(highest.real), float(highest.imag))
+            ax.annotate(f"{gain:.2g}", place, (4, 4), textcoords="offset points", fontsize=7)
+
+
+def root_locus_figure(panels: Mapping[str, LocusPicture]) -> Figure:
+    """One locus a panel by title, as Fig. 5.6 and 5.7; numbers beside dots are gains [V/N]."""
+    figure, axes = axes_grid(1, len(panels), width=4.5 * len(panels), height=4.6)
+    for ax, (title, picture) in zip(axes[0], panels.items(), strict=True):
+        locus_axes(ax, picture, title)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14))
     return figure
 
 
 def loop_figure(
-    locus: tuple[Complex, Complex, Complex],
-    frequency: Array,
-    curves: Mapping[str, Complex],
-    title: str,
+    picture: LocusPicture, frequency: Array, curves: Mapping[str, Complex], title: str
 ) -> Figure:
     """Root locus, Bode and Nyquist of one loop; curves: name -> L at the frequencies [rad/s]."""
-    figure, axes = axes_grid(2, 2, width=10.0, height=3.6)
-    locus_axes(axes[0, 0], *locus, "root locus")
+    figure, axes = axes_grid(2, 2, width=11.0, height=4.2)
+    locus, nyquist, magnitude, phase = axes[0, 0], axes[1, 0], axes[0, 1], axes[1, 1]
+    locus_axes(locus, picture, "root locus; dots: proportional gain [V/N]")
+    locus.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
+    seen = frequency <= _highest(frequency, curves)
     for colour, (name, values) in zip(COLOURS, curves.items(), strict=False):
-        axes[0, 1].loglog(frequency, np.abs(values), color=colour, label=name)
-        axes[1, 1].semilogx(
-            frequency, np.degrees(np.unwrap(np.angle(values))), color=colour, label=name
-        )
-        axes[1, 0].plot(values.real, values.imag, color=colour, label=name)
-    axes[0, 1].axhline(1.0, color=REFERENCE, linewidth=0.8)
-    axes[0, 1].set_ylabel("|L|")
-    axes[0, 1].set_title("Bode")
-    axes[0, 1].legend(loc="best")
-    axes[1, 1].axhline(-180.0, color=REFERENCE, linewidth=0.8)
-    axes[1, 1].set_ylim(-400, 20)
-    axes[1, 1].set_ylabel("phase [deg]")
-    for ax in axes[:, 1]:
-        ax.set_xlabel("frequency [rad/s]")
-    axes[1, 0].plot([-1.0], [0.0], "+", color="black")
-    axes[1, 0].set_xlim(-3, 3)
-    axes[1, 0].set_ylim(-3, 3)
-    axes[1, 0].set_xlabel("Re L")
-    axes[1, 0].set_ylabel("Im L")
-    axes[1, 0].set_title("Nyquist")
+        lag = np.degrees(np.unwrap(np.angle(values)))
+        magnitude.loglog(frequency[seen], np.abs(values[seen]), color=colour, label=name)
+        phase.semilogx(frequency[seen], lag[seen], color=colour)
+        nyquist.plot(values.real, values.imag, color=colour, label=name)
+    _bode_axes(magnitude, phase)
+    _nyquist_axes(nyquist, frequency, curves)
     figure.suptitle(title)
+    return figure
+
+
+def _highest(frequency: Array, curves: Mapping[str, Complex]) -> float:
+    """Frequency up to which a loop's gain counts: its phase beyond that decides nothing."""
+    counts = [frequency[np.abs(values) > 1e-3].max() for values in curves.values()]
+    return float(max(counts))
+
+
+def _bode_axes(magnitude: Axes, phase: Axes) -> None:
+    magnitude.axhline(1.0, color=REFERENCE, linewidth=0.8)
+    magnitude.set_ylabel("|L|")
+    magnitude.set_title("Bode")
+    magnitude.legend(loc="lower left")
+    phase.axhline(-180.0, color=REFERENCE, linewidth=0.8)
+    phase.set_ylabel("phase [deg]")
+    for ax in (magnitude, phase):
+        ax.set_xlabel("frequency [rad/s]")
+
+
+def _nyquist_axes(ax: Axes, frequency: Array, curves: Mapping[str, Complex]) -> None:
+    """About the critical point: as far as the loops reach where their phase is past -90 degrees."""
+    reach = [1.2]
+    for values in curves.values():
+        past = np.degrees(np.unwrap(np.angle(values))) < -100.0
+        reach.append(float(np.abs(values[past & (frequency > 1.0)]).max(initial=0.0)))
+    side = 1.2 * min(max(reach), 8.0)
+    turn = np.linspace(0.0, 2 * np.pi, 200)
+    ax.plot(np.cos(turn), np.sin(turn), color=REFERENCE, linewidth=0.6, linestyle=":")
+    ax.plot([-1.0], [0.0], "+", color="black", markersize=9)
+    ax.annotate("-1", (-1.0, 0.0), (-12, 5), textcoords="offset points", fontsize=8)
+    ax.set_xlim(-side, side)
+    ax.set_ylim(-side, side)
+    ax.set_aspect("equal")
+    ax.set_xlabel("Re L")
+    ax.set_ylabel("Im L")
+    ax.set_title("Nyquist")
+
+
+def limit_figure(lag: Array, limits: Mapping[str, Array], marks: Mapping[str, float]) -> Figure:
+    """Limit gain [V/N] over the valve's lag [s]: name -> gains; marks: name -> lag."""
+    figure, axes = axes_grid(1, 1, width=7.0, height=3.6)
+    ax = axes[0, 0]
+    for style, colour, (name, values) in zip(("o", "-"), COLOURS, limits.items(), strict=False):
+        ax.loglog(lag, values, style, color=colour, label=name, markersize=4)
+    for name, place in marks.items():
+        ax.axvline(place, color=REFERENCE, linewidth=0.8, linestyle=":")
+        ax.text(place, 1.0, name, transform=ax.get_xaxis_transform(), ha="center", va="bottom")
+    ax.set_xlabel("lag of the valve [s]")
+    ax.set_ylabel("limit gain [V/N]")
+    ax.legend(loc="best")
     return figure
 
 

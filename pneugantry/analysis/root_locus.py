@@ -33,7 +33,9 @@ __all__ = [
 ]
 
 PADE_ORDER = 3
-GAINS = 400  # on a branch
+GAINS = 400  # on a branch, before it is refined
+REFINED = 10  # rounds of halving steps
+SMOOTH = 2e-3  # of the locus' size, the longest step of a pole
 
 
 @dataclass(frozen=True)
@@ -142,11 +144,29 @@ def closed_poles(model: control.StateSpace, gain: float) -> NDArray[np.complex12
 def branches(
     model: control.StateSpace, highest: float, count: int = GAINS
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Gains 0..highest and the closed-loop poles at each (gains, poles), each column one branch."""
+    """Gains 0..highest and the closed-loop poles at each (gains, poles), each column one branch.
+
+    Where the poles move far from one gain to the next, as at a break-in point, gains are put
+    between, so that the branches are drawn smoothly.
+    """
     gains = np.concatenate([[0.0], np.geomspace(1e-5 * highest, highest, count)])
-    found = [closed_poles(model, 0.0)]
+    near = 5.0 * max(float(np.abs(np.r_[model.poles(), zeros_of(model)]).max()), 1.0)
+    for _ in range(REFINED):
+        found = _followed(model, gains)
+        jumps = np.abs(np.diff(found, axis=0))
+        jumps[np.abs(found[1:]) > near] = 0.0  # far out nobody looks
+        wide = np.flatnonzero(jumps.max(axis=1) > SMOOTH * near)
+        if len(wide) == 0:
+            break
+        gains = np.sort(np.r_[gains, 0.5 * (gains[wide] + gains[wide + 1])])
+    return gains, _followed(model, gains)
+
+
+def _followed(model: control.StateSpace, gains: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Closed-loop poles at each gain, in the order that moves them least."""
+    found = [closed_poles(model, float(gains[0]))]
     for gain in gains[1:]:
         now = closed_poles(model, float(gain))
         _, order = linear_sum_assignment(np.abs(found[-1][:, None] - now[None, :]))
         found.append(now[order])
-    return gains, np.array(found)
+    return np.array(found)

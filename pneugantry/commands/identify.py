@@ -56,7 +56,11 @@ def _draw(found: Identification, folder: Path) -> None:
     from pneugantry.analysis.plots import save
     from pneugantry.analysis.plots_identify import hysteresis_figure, interval_figure, lag_figure
 
-    figures = {"lags": lag_figure(found.steps), "intervals": interval_figure(found.joint)}
+    figures = {"lags": lag_figure(found.steps)}
+    if "logs" in found.joint.sources.values():
+        figures["intervals"] = interval_figure(found.joint)
+    else:
+        print("no picture of intervals: the plant does not replay these logs")
     if found.hysteresis is not None:
         figures["hysteresis"] = hysteresis_figure(found.hysteresis)
     for name, figure in figures.items():

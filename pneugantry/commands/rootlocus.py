@@ -254,20 +254,25 @@ def _verify(locus: RootLocus) -> dict[str, Any]:
 
 def _draw(locus: RootLocus, path: Path) -> None:
     from pneugantry.analysis.frequency import grid, response
+    from pneugantry.analysis.locus_picture import locus_picture
     from pneugantry.analysis.plots import save
     from pneugantry.analysis.plots_linear import loop_figure
-    from pneugantry.analysis.root_locus import branches, loop_with_pi, with_pade
+    from pneugantry.analysis.root_locus import loop_with_pi
 
     loop: ForceLoop = locus.loop
-    limit = locus.limit or locus.sampled_limit
-    rational = with_pade(loop, locus.pade.order if locus.pade else 1)
-    _, lines = branches(rational, 30 * (limit.gain if limit else 1.0))
     w = grid(locus.period, 1e-1)
     curves = {"with PI of Table 4.6, sampled": response(loop_with_pi(loop, locus.period))(w)}
+    limit = locus.limit or locus.sampled_limit
     if limit:
-        curves["proportional at the limit gain"] = limit.gain * response(loop.plant, loop.delay)(w)
+        seen = (
+            response(loop.plant, loop.delay)
+            if locus.limit
+            else response(loop.sampled(locus.period))
+        )
+        kind = "" if locus.limit else ", sampled"
+        curves[f"proportional at the limit gain {limit.gain:.4f} V/N{kind}"] = limit.gain * seen(w)
     title = (
         f"{loop.axis} force loop, {f'lag {loop.lag:g} s' if loop.lag else 'no lag'}, delay "
         f"{loop.delay:g} s"
     )
-    save(loop_figure((locus.poles, locus.zeros, lines), w, curves, title), path)
+    save(loop_figure(locus_picture(locus), w, curves, title), path)
