@@ -66,7 +66,7 @@ def window(picture: LocusPicture) -> tuple[float, float, float]:
 
 
 def locus_axes(ax: Axes, picture: LocusPicture, title: str) -> None:
-    """Branches, open-loop poles x and zeros o, the limit gain, labelled gains, the imaginary axis."""
+    """Branches, open-loop poles x and zeros o, limit gain, labelled gains, imaginary axis."""
     left, right, top = window(picture)
     ax.axvspan(0.0, right, color="#f5ece6", zorder=0, linewidth=0)
     ax.axvline(0.0, color=REFERENCE, linewidth=0.8)

@@ -152,6 +152,8 @@ def run(
         changes["workpiece"] = None
     chosen = chosen_scenario(scenario, named, **changes)
     own = None if isinstance(controller, str) else controller
+    if own is not None:
+        chosen = replace(chosen, controller=type(own).__name__)  # what the log and figures say
     with _fmu_controller(chosen) as exported:
         done = run_scenario(
             chosen,
