@@ -18,6 +18,7 @@ from controllers.observer_fv import ObserverFv
 from controllers.pi_fv import PiFv
 from controllers.pid_fv import PidFv
 from controllers.pressure_feedback import PressureFeedback
+from controllers.robust_fv import RobustFv
 from controllers.smith import Smith
 from controllers.vdfm_comp import VdfmComp
 
@@ -43,6 +44,7 @@ CATALOGUE: dict[str, Callable[..., Controller]] = {
     "pi_fv_smith": Smith,
     "pi_fv_pressure": PressureFeedback,
     "observer_fv": ObserverFv,
+    "robust_fv": RobustFv,
 }
 ALIASES = {"pi_force_velocity": "pi_fv"}  # as campaign.toml writes it
 

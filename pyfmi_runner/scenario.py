@@ -17,7 +17,7 @@ from typing import Any, NoReturn, TypeVar
 
 from modelica_fmu.errors import InputError
 from pyfmi_runner.log import MEASURED, PHASES, STROKE_X, STROKE_Z, write_atomically
-from pyfmi_runner.sensors import SensorParams, check_sensors
+from pyfmi_runner.sensors import SensorParams, check_sensors, converter_steps
 from pyfmi_runner.timing import LoopTiming
 from pyfmi_runner.workpiece import check_workpiece, default_standoff
 
@@ -395,11 +395,16 @@ def _timing(fields: Fields, phases: Phases) -> LoopTiming:
 
 
 def _sensors(fields: Fields) -> SensorParams:
-    sub = fields.sub("sensors", (*_SENSOR_NUMBERS, "sigma", "quantum", "noise"))
+    keys = (*_SENSOR_NUMBERS, "sigma", "quantum", "converter_bits", "noise")
+    sub = fields.sub("sensors", keys)
     values: dict[str, Any] = {key: sub.number(key) for key in _SENSOR_NUMBERS if key in sub}
     values["noise"] = sub.of_type("noise", bool, True)
-    for key in ("sigma", "quantum"):
-        channels, default = sub.sub(key, MEASURED), getattr(SensorParams(), key)
+    defaults = {"sigma": SensorParams().sigma, "quantum": SensorParams().quantum}
+    if "converter_bits" in sub:  # the rig's converter over +-10 V; a quantum given stays
+        bits = sub.of_type("converter_bits", int, 12)
+        defaults["quantum"] = _valid(sub, "converter_bits", lambda: converter_steps(bits))
+    for key, default in defaults.items():
+        channels = sub.sub(key, MEASURED)
         values[key] = tuple(
             channels.number(c, d, 0.0) for c, d in zip(MEASURED, default, strict=True)
         )

@@ -19,6 +19,7 @@ __all__ = [
     "SensorParams",
     "SensorState",
     "check_sensors",
+    "converter_steps",
     "initial_state",
     "noise_rows",
     "sense",
@@ -27,6 +28,19 @@ __all__ = [
 Channels = tuple[float, float, float, float, float, float, float, float]
 # RMS noise per channel in its unit, Table 3.3
 SIGMA: Channels = (0.3e-3, 0.1e-3, 1.0e-3, 0.5e-3, 0.05, 0.05, 0.05, 0.05)
+BORES = 0.032, 0.019  # m, x and z (App. A)
+# Each channel's unit per volt: positions and speeds Eq. B-2 and B.3, contact forces Eq. B-1, 48 and
+# 49 kPa per volt on the bores Eq. B-3
+PER_VOLT: Channels = (
+    0.180,
+    0.056,
+    0.3333,
+    0.1323,
+    17.0,
+    17.0,
+    48e3 * math.pi / 4.0 * BORES[0] ** 2,
+    49e3 * math.pi / 4.0 * BORES[1] ** 2,
+)
 NO_STEPS: Channels = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -56,6 +70,19 @@ class SensorState(NamedTuple):
     out_z: float  # m/s
     in_x: float  # m/s, true speed
     in_z: float  # m/s
+
+
+def converter_steps(bits: int = 12) -> Channels:
+    """Step of a converter over +-10 V per channel, in its unit, by the calibration lines of App. B
+    (Eq. B-1 to B-3, B.3; pressure times the bore's area): 12 bits are the thesis' rig.
+
+    Raises ValueError for bits outside 1..24.
+    """
+    if not 1 <= bits <= 24:
+        raise ValueError(f"bits must be 1..24, got {bits!r}")
+    volts = 20.0 / 2**bits
+    x, z, v_x, v_z, f_x, f_z, f_ax, f_az = (volts * slope for slope in PER_VOLT)
+    return x, z, v_x, v_z, f_x, f_z, f_ax, f_az
 
 
 def initial_state(v_x: float = 0.0, v_z: float = 0.0) -> SensorState:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from controllers.interface import Controller, Reference, Sense
 from pneugantry.analysis.linearise import active_part
 
-__all__ = ["controller_model"]
+__all__ = ["controller_model", "flat_state", "state_like"]
 
 # N, force of the point about which it is linearised: |f| > 2 N, so that the angle estimate is at
 # work
@@ -33,13 +33,13 @@ def controller_model(
     controller.reset()
     controller.step(*_point(axis, 0.0))  # a first sample may set the state up
     template = controller.state
-    n = len(_flat(template))
+    n = len(flat_state(template))
 
     def outcome(change: NDArray[np.float64]) -> NDArray[np.float64]:
         state, command = controller.kernel(
-            controller.params, _filled(template, iter(change[:n])), *_point(axis, change[n])
+            controller.params, state_like(template, iter(change[:n])), *_point(axis, change[n])
         )
-        return np.array([*_flat(state), getattr(command, f"u_{axis}")])
+        return np.array([*flat_state(state), getattr(command, f"u_{axis}")])
 
     matrix = np.column_stack(
         [(outcome(d) - outcome(-d)) / (2 * STEP) for d in STEP * np.eye(n + 1)]
@@ -64,12 +64,12 @@ def _point(axis: str, error: float) -> tuple[Reference, Sense]:
     return Reference(LEVEL, 0.0), Sense(0.5, 0.05, 0.0, 0.0, f_x, f_z, 0.0, 0.0)
 
 
-def _flat(state: Any) -> NDArray[np.float64]:
+def flat_state(state: Any) -> NDArray[np.float64]:
     """The numbers of a nested NamedTuple state; flags are no numbers."""
     numbers: list[float] = []
     for item in state:
         if isinstance(item, tuple):
-            numbers.extend(_flat(item))
+            numbers.extend(flat_state(item))
         elif isinstance(item, np.ndarray):
             raise ValueError("a controller whose state holds arrays has no linear model")
         elif not isinstance(item, bool):
@@ -77,9 +77,10 @@ def _flat(state: Any) -> NDArray[np.float64]:
     return np.array(numbers)
 
 
-def _filled(template: Any, numbers: Any) -> Any:
+def state_like(template: Any, numbers: Any) -> Any:
+    """A state of the template's shape from an iterator of numbers, flags as they are."""
     items = [
-        _filled(item, numbers)
+        state_like(item, numbers)
         if isinstance(item, tuple)
         else item
         if isinstance(item, bool)

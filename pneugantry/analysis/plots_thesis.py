@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pneugantry.analysis.plots import AUGMENTED, MEASURED, NOMINAL, REFERENCE, axes_grid
 
-__all__ = ["Curve", "Panel", "panels_figure"]
+__all__ = ["Bars", "Curve", "Panel", "bars_figure", "panels_figure"]
 
 Curve = tuple[NDArray, NDArray]  # x, y
 COLOURS = (MEASURED, NOMINAL, AUGMENTED, "#c98a1b", "#6a4c93", "#888888")
@@ -55,5 +55,31 @@ def panels_figure(panels: list[Panel], title: str, columns: int = 1, height: flo
             ax.legend(loc="best")
     for ax in axes.ravel()[len(panels) :]:
         ax.remove()
+    figure.suptitle(title)
+    return figure
+
+
+@dataclass(frozen=True)
+class Bars:
+    """One pair of axes of horizontal bars."""
+
+    title: str
+    label: str
+    names: list[str]
+    values: NDArray
+
+
+def bars_figure(bars: list[Bars], title: str) -> Figure:
+    """Bars below one another, each as high as it has names."""
+    heights = [0.16 * len(b.names) + 0.5 for b in bars]
+    figure = Figure(figsize=(7.2, sum(heights)), layout="constrained")
+    axes = figure.subplots(len(bars), 1, height_ratios=heights, squeeze=False).ravel()
+    for ax, b in zip(axes, bars, strict=True):
+        ax.barh(range(len(b.names)), b.values, color=NOMINAL)
+        ax.set_yticks(range(len(b.names)), b.names, fontsize=6)
+        ax.invert_yaxis()
+        ax.axvline(0.0, color=REFERENCE, lw=0.8)
+        ax.set_xlabel(b.label, fontsize=7)
+        ax.set_title(b.title, fontsize=8)
     figure.suptitle(title)
     return figure

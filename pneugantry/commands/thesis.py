@@ -9,9 +9,7 @@ from typing import Any
 
 from pneugantry.options import out_folder
 from pneugantry.progress import counter
-from pneugantry.thesis.report import report, study_lines
-from pneugantry.thesis.study import run_study
-from pneugantry.thesis.tables import met_share
+from pneugantry.thesis.runner import Tell
 from pyfmi_runner.build import build_fmu
 
 HELP = """Run every table and conclusion of the thesis: ours beside the printed, which
@@ -21,11 +19,30 @@ conclusion holds, and the leaderboard.
   pneugantry thesis --json out/thesis.json
   pneugantry thesis --plants 0            without the table over drawn plants
   pneugantry thesis --draws 2             fewer settings: faster, wider intervals
+  pneugantry thesis --gap                 what explains the thesis' own measurement
+  pneugantry thesis --board               every controller on every structure of plant
+  pneugantry thesis --list                every table and figure: ours, or why not
 
 What the thesis does not print was chosen once for all tables: docs/results/thesis.md."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
+    mode = command.add_mutually_exclusive_group()
+    mode.add_argument(
+        "--gap",
+        action="store_true",
+        help="the thesis' own sim-to-real gap, ranked; picture in DIR/gap.png",
+    )
+    mode.add_argument(
+        "--board",
+        action="store_true",
+        help="the leaderboard over structures, with margins; exit 1 where the limits are missed",
+    )
+    mode.add_argument(
+        "--list",
+        action="store_true",
+        help="every table and figure of the thesis: where ours is, or why there is none",
+    )
     command.add_argument(
         "--out",
         metavar="DIR",
@@ -54,25 +71,71 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    modes = {"gap": _gap, "board": _board, "list": _contents}
+    chosen = next((run for name, run in modes.items() if getattr(options, name)), _study)
     started = time.perf_counter()
+    found, lines, code = chosen(options, counter("thesis"))
+    print("\n".join(lines))
+    print(f"({time.perf_counter() - started:.0f} s)")
+    return found, code
+
+
+Answer = tuple[dict[str, Any], list[str], int]  # JSON, lines, exit code
+
+
+def _study(options: argparse.Namespace, tell: Tell) -> Answer:
+    from pneugantry.thesis.report import report, study_lines
+    from pneugantry.thesis.study import run_study
+    from pneugantry.thesis.tables import met_share
+
     study = run_study(
         build_fmu().path,
         workers=max(options.workers, 1),
-        tell=counter("thesis"),
+        tell=tell,
         plants=max(options.plants, 0),
         draws=max(options.draws, 1),
     )
-    print("\n".join(study_lines(study)))
+    lines = list(study_lines(study))
     if not options.no_figures:
-        from pneugantry.thesis.figures import (
-            draw_figures,
-        )  # matplotlib loads only when something is drawn
+        from pneugantry.thesis.figures import draw_figures
 
-        print(f"{len(draw_figures(study, options.out))} figures: {options.out}")
+        lines.append(f"{len(draw_figures(study, options.out))} figures: {options.out}")
     held = sum(v.holds for v in study.verdicts)
-    print(
+    lines.append(
         f"{held} of {len(study.verdicts)} conclusions hold where nothing was fitted, "
         f"{met_share(study.cells):.0%} of the printed simulation numbers, each once, met within "
-        f"25 % at the fitted setting  ({time.perf_counter() - started:.0f} s)"
+        "25 % at the fitted setting"
     )
-    return report(study), 0
+    return report(study), lines, 0
+
+
+def _gap(options: argparse.Namespace, tell: Tell) -> Answer:
+    from pneugantry.thesis.gap import DRAWS, run_gap
+    from pneugantry.thesis.gap_report import draw_gap, gap_lines, gap_report
+
+    draws = min(max(options.draws, 2), DRAWS)
+    gap = run_gap(build_fmu().path, workers=max(options.workers, 1), tell=tell, draws=draws)
+    lines = list(gap_lines(gap))
+    if not options.no_figures:
+        lines.append(f"picture: {draw_gap(gap, options.out)}")
+    return gap_report(gap), lines, 0
+
+
+def _board(options: argparse.Namespace, tell: Tell) -> Answer:
+    """Exit code 1 where the robust controller misses what is asked of it."""
+    from pneugantry.thesis.board_report import board_lines, board_report
+    from pneugantry.thesis.structure_board import run_board
+
+    board = run_board(
+        build_fmu().path,
+        workers=max(options.workers, 1),
+        tell=tell,
+        plants=max(options.plants, 0),
+    )
+    return board_report(board), list(board_lines(board)), 0 if board.met else 1
+
+
+def _contents(options: argparse.Namespace, tell: Tell) -> Answer:
+    from pneugantry.thesis.contents import contents_lines, contents_report
+
+    return contents_report(), list(contents_lines()), 0

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from pneugantry.thesis.random_finish import edge_with_finish
 from pyfmi_runner.scenario import Scenario, thesis_phases
 from pyfmi_runner.sensors import SensorParams
+from pyfmi_runner.timing import LoopTiming
 from pyfmi_runner.workpiece import STANDOFF
 
 __all__ = [
@@ -124,6 +125,8 @@ class Run:
     v_td: float = -0.06  # m/s
     noise: bool = True
     plant: tuple[tuple[str, float], ...] = ()  # parameters that differ from the choice's
+    sensors: tuple[tuple[str, Any], ...] = ()  # fields of SensorParams that differ
+    delay: float = 0.0  # s, from sample to action
     angle_error: float = 0.0  # rad, of the theta that PI FV works with
     seed: int = 0
     choice: Choice = field(default=CHOICE, repr=False)
@@ -147,7 +150,7 @@ def scenario_of(run: Run) -> Scenario:
     )
     end = start + min(printed_end - printed_start, choice.motion)
     phases = {"approach": (0.0, APPROACH), "contact": (APPROACH, start), "contour": (start, end)}
-    sensors = SensorParams(noise=run.noise)
+    sensors = SensorParams(noise=run.noise)._replace(**dict(run.sensors))
     return Scenario(
         name=f"{run.workpiece} {run.controller}",
         workpiece=_edge(run),
@@ -157,6 +160,7 @@ def scenario_of(run: Run) -> Scenario:
         phases=phases,
         plant=plant | dict(run.plant),
         sensors=sensors,
+        timing=LoopTiming(delay=run.delay),
         seed=run.seed,
     )
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from controllers.gains import TABLE_3_11, PidGains
 from pneugantry.analysis.force_loop import force_loop
 from pneugantry.analysis.root_locus import root_locus
-from pneugantry.thesis.conditions import CHOICE, SOFT, Run
+from pneugantry.thesis.conditions import CHOICE, MOTION_START, SOFT, Run
 from pneugantry.thesis.printed import PRINTED_NOTES
 from pneugantry.thesis.runner import Results
 from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["Finding", "finding_runs", "findings", "limit_gains"]
+__all__ = ["WHOLE", "Finding", "finding_runs", "findings", "limit_gains"]
 
+F_ND, V_TD = 30.0, -0.06  # N, m/s
 EDGES = ("straight", "curved")
 K_P = TABLE_3_11.f_z.k_p + 0.1  # V/N: Table 4.6's and the k_v of Eq. 5-21 (Table 5.4)
 STEEP = TABLE_3_11._replace(f_z=PidGains(K_P, TABLE_3_11.f_z.k_i))
@@ -30,6 +33,13 @@ EBPA = {
 }
 
 
+# the curved edge to its end, past the -10 degree dip that the tables' window leaves out
+WHOLE = Run("curved", choice=replace(CHOICE, motion=10.0))
+DIP = (0.42, 0.52)  # m
+ROUGHNESS = (0.25, 0.5, 1.0, 1.5)  # of the fitted finish's heights
+MATERIALS = {"wood": (1.0, 9.0), "aluminium": (2.0, 10.4), "steel": (4.2, 15.6)}  # N, Table 3.8
+
+
 @dataclass(frozen=True)
 class Finding:
     """One sentence and its numbers."""
@@ -44,12 +54,20 @@ def finding_runs() -> list[Run]:
         *(_part(name, edge) for name in NEURAL_PARTS for edge in EDGES),
         *EBPA.values(),
         Run("curved", "pi_fv_ebpa"),
+        WHOLE,
+        *(_rough(share) for share in ROUGHNESS),
     ]
 
 
 def findings(results: Results, limits: dict[str, float]) -> list[Finding]:
     """From finished runs and the limit gains of `limit_gains`."""
-    return [_gain(results, limits), _limit_cycle(results), *_notes()]
+    return [
+        _gain(results, limits),
+        _limit_cycle(results),
+        _whole_edge(results),
+        _materials(results),
+        *_notes(),
+    ]
 
 
 def limit_gains(fmu: FmuFile) -> dict[str, float]:
@@ -95,6 +113,50 @@ def _limit_cycle(results: Results) -> Finding:
     numbers["curved, momentum 0: share of time, z valve at a limit"] = curved.limits_z
     text = "EBPA from weights of 0.1 meets its RMSE through a limit cycle of the valve."
     return Finding("EBPA limit cycle", text, numbers)
+
+
+def _whole_edge(results: Results) -> Finding:
+    trace = results.trace(WHOLE)
+    moving = trace.time >= MOTION_START
+    dip = moving & (trace.x > DIP[0]) & (trace.x < DIP[1])
+    numbers = {
+        "x at the end [m]": float(trace.x[-1]),
+        "RMSE f_n [N]": results[WHOLE].rmse_fn,
+        "RMSE f_n within the tables' window [N]": results[Run("curved")].rmse_fn,
+    }
+    if dip.any():
+        numbers |= {
+            "RMSE f_n in the dip [N]": float(np.sqrt(np.mean((F_ND - trace.f_n[dip]) ** 2))),
+            "RMSE v_t in the dip [m/s]": float(np.sqrt(np.mean((V_TD - trace.v_t[dip]) ** 2))),
+            "steepest angle in the dip [deg]": float(np.degrees(trace.theta[dip].min())),
+        }
+    text = "The curved edge run whole, its -10 degree dip included; PI FV, measured finish."
+    return Finding("Curved edge, whole", text, numbers)
+
+
+def _rough(share: float) -> Run:
+    """The straight edge with the finish's heights times `share`, gains as in §3.5."""
+    heights = tuple(
+        (f"workpiece.A[{k}]", share * a) for k, a in enumerate(CHOICE.measured.amplitude, start=1)
+    )
+    return Run("straight", gains="table_3_7", plant=heights)
+
+
+def _materials(results: Results) -> Finding:
+    numbers: dict[str, float] = {}
+    for name, (rmse, me) in MATERIALS.items():
+        numbers |= {f"{name}, measured: RMSE f_n [N]": rmse, f"{name}, measured: ME f_n [N]": me}
+    for share in ROUGHNESS:
+        scores = results[_rough(share)]
+        numbers |= {
+            f"finish x {share:g}: RMSE f_n [N]": scores.rmse_fn,
+            f"finish x {share:g}: ME f_n [N]": scores.me_fn,
+        }
+    text = (
+        "Table 3.8: the profiles of wood, aluminium and steel are not printed; the straight edge "
+        "with the fitted finish scaled shows which height would give each."
+    )
+    return Finding("Materials", text, numbers)
 
 
 def _notes() -> list[Finding]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -50,13 +51,22 @@ class Trace(NamedTuple):
     f_az: Array  # N
 
 
-def score_log(log: Log, *, quiet: float, v_td: float, f_nd: float) -> Scores:
-    """Errors over the window that begins `quiet` seconds before the speed is asked for and ends
-    with the contouring phase.
+def score_log(
+    log: Log,
+    *,
+    quiet: float,
+    v_td: float,
+    f_nd: float,
+    skip: float = 0.0,
+    motion: float = math.inf,
+) -> Scores:
+    """Errors over the window that begins `quiet` seconds before the speed is asked for (or `skip`
+    seconds after it) and ends with the contouring phase, or `motion` seconds into it.
     """
     contour = log["phase"] == PHASES.index("contour")
-    begin = float(log.time[contour][0]) - quiet
-    window = (log.time >= begin - 1e-9) & (log["phase"] <= PHASES.index("contour"))
+    asked = float(log.time[contour][0])
+    window = (log.time >= asked - quiet + skip - 1e-9) & (log.time <= asked + motion)
+    window &= log["phase"] <= PHASES.index("contour")
     f_n, v_t, _ = task_frame(log)
     e_f, e_v = (f_nd - f_n)[window], (v_td - v_t)[window]
     return Scores(float(np.abs(e_f).max()), float(np.abs(e_v).max()), _rms(e_f), _rms(e_v))

@@ -13,7 +13,7 @@ from pneugantry.thesis.anfis_study import AnfisFit, anfis_fit
 from pneugantry.thesis.conclusions import tracking_runs
 from pneugantry.thesis.conditions import CHOICE, DDFM, VDFM, Run
 from pneugantry.thesis.edge import valve_runs
-from pneugantry.thesis.findings import Finding, finding_runs, findings, limit_gains
+from pneugantry.thesis.findings import WHOLE, Finding, finding_runs, findings, limit_gains
 from pneugantry.thesis.judge import (
     cell_shares,
     ladder_traced,
@@ -92,7 +92,7 @@ def traced_runs() -> frozenset[Run]:
         Run("straight", "pi_fv_ebpa"),
     ]
     angles = [run for run in tracking_runs() if run.angle_error != 0.0]
-    return frozenset([*valve_runs(), *fixed, *networks, *more, *angles])
+    return frozenset([WHOLE, *valve_runs(), *fixed, *networks, *more, *angles])
 
 
 def run_study(

@@ -1,0 +1,175 @@
+"""Every table and figure of the thesis: where ours is, or why there is none. A line a figure, so
+that nothing is left out unsaid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+__all__ = ["Entry", "contents", "contents_lines", "contents_report"]
+
+STUDY, FIGURE = "pneugantry thesis", "out/thesis/"
+PHOTO = "a photograph or drawing of the rig or of a part"
+PRINCIPLE = "a principle from the literature, nothing to reproduce"
+SHEET = "a maker's data sheet"
+CALIBRATION = "a calibration of the rig's sensors; its line gives the 12-bit converter's steps"
+RIG = "a measurement of the rig alone; its numbers are parameters of the plant"
+TRACES = "a measured trace without printed samples; its scores stand in the table named"
+TUNING = "a tuning series judged by eye; the gains that it chose are in controllers/gains.py"
+
+
+class Entry(NamedTuple):
+    """A table or figure. Exactly one of `ours` and `why_not` is given, or both where ours is a
+    part.
+    """
+
+    name: str  # "Table 4.7", "Fig. 5.6"
+    ours: str  # command, file or module that gives it; "" where there is none
+    why_not: str
+
+
+def _range(chapter: str, first: int, last: int) -> list[str]:
+    return [f"Fig. {chapter}.{k}" for k in range(first, last + 1)]
+
+
+def _tables() -> Iterator[Entry]:
+    yield Entry("Table 2.1", "", PRINCIPLE)
+    yield Entry("Table 3.1", "pyfmi_runner/log.py", "")
+    yield Entry("Table 3.2", "pneugantry/thesis/structures.py", "its response times are structures")
+    yield Entry("Table 3.3", "pyfmi_runner/sensors.py", "")
+    yield Entry("Table 3.4", STUDY, "Jatta's robot is not described; two of its rows stand in 6.1")
+    for name in ("3.5", "3.6", "3.7", "3.11", "4.6", "5.1"):
+        yield Entry(f"Table {name}", "controllers/gains.py", "")
+    yield Entry(
+        "Table 3.8", STUDY, "by the finish's height: the materials' profiles are not printed"
+    )
+    for name in ("3.9", "3.10", "3.12"):
+        yield Entry(f"Table {name}", f"{STUDY} --gap", "")
+    yield Entry("Table 3.13", "models/PneuGantry.mo", "")
+    yield Entry("Table 3.14", STUDY, "")
+    for k in range(1, 6):
+        yield Entry(f"Table 4.{k}", "pneugantry/thesis/lag_readings.py", "")
+    for k in range(7, 16):
+        yield Entry(f"Table 4.{k}", STUDY, "")
+    yield Entry("Table 5.2", STUDY, "")
+    yield Entry("Table 5.3", "controllers/ebpa.py", "")
+    yield Entry("Table 5.4", "controllers/mbpm.py", "")
+    yield Entry("Table 5.5", STUDY, "")
+    yield Entry("Table 6.1", STUDY, "")
+    yield Entry("Table C.1", f"{STUDY} --gap", "")
+    yield Entry("Table C.2", f"{STUDY} --gap", "")
+
+
+def _chapters_1_to_3() -> Iterator[Entry]:
+    for name in (*_range("1", 1, 2), *_range("2", 1, 24)):
+        yield Entry(name, "", PRINCIPLE)
+    for name in _range("3", 1, 4):
+        yield Entry(name, "", PHOTO)
+    yield Entry("Fig. 3.5", "pyfmi_runner/sensors.py", "")
+    for name in (*_range("3", 6, 10), "Fig. 3.12", "Fig. 3.18"):
+        yield Entry(name, "", PRINCIPLE)
+    yield Entry("Fig. 3.11", "controllers/vdfm_comp.py", "")
+    yield Entry("Fig. 3.13", "controllers/pi_fv.py", "")
+    for name in _range("3", 14, 17):
+        yield Entry(name, "", TUNING)
+    for name in _range("3", 19, 21):
+        yield Entry(name, "", f"{TRACES}: 3.8")
+    yield Entry("Fig. 3.22", "", f"{TRACES}; wood, Table 3.8's edge at +3 degrees")
+    yield Entry(
+        "Fig. 3.23", STUDY, "conclusion 8 runs -10 degrees; the measured trace has no samples"
+    )
+    yield Entry("Fig. 3.24", "", "92 degrees: no edge z_w(x) has that slope")
+    yield Entry("Fig. 3.25", "", f"{TRACES}; steel's profile is not printed")
+    for name in _range("3", 26, 29):
+        yield Entry(name, f"{STUDY} --gap", "scores of Tables 3.9, 3.10; no samples printed")
+    for name in _range("3", 30, 33):
+        yield Entry(name, f"{STUDY} --gap", "scores of Table 3.12; no samples printed")
+    yield Entry("Fig. 3.34", STUDY, "scores of Table 3.14; no samples printed")
+
+
+def _chapter_4() -> Iterator[Entry]:
+    for name in (*_range("4", 1, 1), *_range("4", 3, 4)):
+        yield Entry(name, "", RIG)
+    yield Entry("Fig. 4.2", "models/PneuGantry.mo", "")
+    yield Entry("Fig. 4.5", "pyfmi_runner/sensors.py", "")
+    yield Entry("Fig. 4.6", "pyfmi_runner/sensors.py", "")
+    yield Entry("Fig. 4.7", "pneugantry/thesis/random_finish.py", "")
+    yield Entry("Fig. 4.8", "", "x velocity tuning: its set point is not printed")
+    yield Entry("Fig. 4.9", "", f"{TRACES}: none")
+    yield Entry("Fig. 4.10", f"{FIGURE}fig_4_10_4_18_friction_models", "")
+    yield Entry("Fig. 4.11", "", f"{TRACES}: none")
+    yield Entry("Fig. 4.12", "", PRINCIPLE)
+    for number in ("4.13", "4.14", "4.16", "4.17"):
+        yield Entry(f"Fig. {number}", f"{FIGURE}fig_4_14_4_17_hysteresis", "")
+    yield Entry("Fig. 4.15", "", "the same test without the cable, F_w = 0: its friction is ours")
+    yield Entry("Fig. 4.18", f"{FIGURE}fig_4_10_4_18_friction_models", "")
+    yield Entry("Fig. 4.19", "controllers/anfis.py", "")
+    yield Entry("Fig. 4.20", f"{FIGURE}fig_4_20_anfis", "")
+    yield Entry("Fig. 4.21", "pneugantry run", "")
+    pieces = ("straight", "incline_7", "incline_16", "curved")
+    for k, piece in zip(range(22, 26), pieces, strict=True):
+        yield Entry(f"Fig. 4.{k}", f"{FIGURE}fig_4_{k}_{piece}", "")
+    for name in _range("4", 26, 29):
+        yield Entry(name, STUDY, "scores of Table 4.8; the measured angle is not printed")
+    yield Entry("Fig. 4.30", f"{FIGURE}fig_4_30_valves", "")
+    yield Entry("Fig. 4.31", f"{FIGURE}fig_4_31_angle_error", "")
+    for k, piece in zip((32, 34, 35, 36), pieces, strict=True):
+        number = "4_32_4_33" if k == 32 else f"4_{k}"
+        for name in ("Fig. 4.32", "Fig. 4.33") if k == 32 else (f"Fig. 4.{k}",):
+            yield Entry(name, f"{FIGURE}fig_{number}_reversals_{piece}", "")
+
+
+def _chapter_5_and_appendices() -> Iterator[Entry]:
+    for name in _range("5", 1, 3):
+        yield Entry(name, f"{FIGURE}fig_5_1_5_3_scheduler", "")
+    yield Entry("Fig. 5.4", "controllers/perfect_friction.py", "")
+    yield Entry("Fig. 5.5", f"{FIGURE}fig_5_5_perfect_compensator", "")
+    yield Entry("Fig. 5.6", "pneugantry rootlocus --lag x", "")
+    yield Entry("Fig. 5.7", "pneugantry rootlocus --lag none", "")
+    yield Entry("Fig. 5.8", "controllers/smith.py", "")
+    yield Entry("Fig. 5.9", "", "another group's neural Smith predictor, cited and not used (§5.3)")
+    yield Entry("Fig. 5.10", "", PRINCIPLE)
+    yield Entry("Fig. 5.11", "controllers/mbpm_comp.py", "")
+    yield Entry("Fig. 5.12", "controllers/nn_inputs.py", "")
+    names = ("5_13_5_14_ebpa_zero", "5_15_5_16_ebpa", "5_17_5_18_mbpm", "5_19_5_20_mbpm_curved")
+    for k, name in zip(range(13, 21, 2), names, strict=True):
+        for number in (k, k + 1):
+            yield Entry(f"Fig. 5.{number}", f"{FIGURE}fig_{name}", "")
+    yield Entry("Fig. 5.21", "controllers/nn_inputs.py", "")
+    for name in _range("A", 1, 11):
+        yield Entry(name, "", SHEET)
+    yield Entry("Fig. B.1", "", PHOTO)
+    for name in _range("B", 2, 13):
+        yield Entry(name, "pyfmi_runner/sensors.py", CALIBRATION)
+    for name in (*_range("C", 1, 2), *_range("D", 1, 9)):
+        yield Entry(name, "", "a picture of a block diagram or of its settings")
+    for name in _range("C", 3, 8):
+        yield Entry(name, "pneugantry identify", "its numbers are Tables C.1 and C.2")
+    for name in _range("C", 9, 13):
+        yield Entry(name, STUDY, "the test runs on the FMU (JSON `lags`); no samples printed")
+    for name in _range("E", 1, 13):
+        yield Entry(name, "", TUNING)
+
+
+def contents() -> list[Entry]:
+    """Tables, then figures, in the order of the thesis."""
+    return [*_tables(), *_chapters_1_to_3(), *_chapter_4(), *_chapter_5_and_appendices()]
+
+
+def contents_report() -> dict[str, Any]:
+    """The JSON, `thesis_list/1`."""
+    entries = contents()
+    return {
+        "schema": "thesis_list/1",
+        "entries": [entry._asdict() for entry in entries],
+        "ours": sum(bool(entry.ours) for entry in entries),
+    }
+
+
+def contents_lines() -> Iterator[str]:
+    entries = contents()
+    for entry in entries:
+        yield f"{entry.name:<12}{entry.ours or '-':<58}{entry.why_not}"
+    ours = sum(bool(entry.ours) for entry in entries)
+    yield f"{ours} of {len(entries)} tables and figures have ours beside them; the others say why"

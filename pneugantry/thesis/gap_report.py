@@ -1,0 +1,120 @@
+"""The gap's answer as JSON, lines and a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneugantry.analysis.plots import save
+from pneugantry.analysis.plots_thesis import Bars, bars_figure
+from pneugantry.thesis.gap import CLEAR, TABLES, Gap, GapCell, Ranked
+
+__all__ = ["draw_gap", "gap_lines", "gap_report"]
+
+SHOWN = 12  # structures in the table and the picture
+
+
+def gap_report(gap: Gap) -> dict[str, Any]:
+    """The JSON, `thesis_gap/1`."""
+    rows = zip(gap.cells, gap.predicted, gap.deviation, gap.strays, strict=True)
+    return {
+        "schema": "thesis_gap/1",
+        "printed": [{**asdict_of(p), "explained_by_edge": p.explained} for p in gap.printed],
+        "best": asdict(gap.best),
+        "factors": [asdict(r) for r in gap.factors],
+        "structures": [asdict(r) for r in gap.structures],
+        "cells": [
+            {**c._asdict(), "predicted": float(p), "sd": float(d), "stray": float(s)}
+            for c, p, d, s in rows
+        ],
+        "unknown": gap.unexplained,
+        "answer": answer(gap),
+    }
+
+
+def asdict_of(row: Any) -> dict[str, Any]:
+    return dict(row._asdict())
+
+
+def answer(gap: Gap) -> list[str]:
+    """In words, each sentence borne by a number above."""
+    said = []
+    for p in gap.printed:
+        word = "takes away" if p.explained > 0 else "adds"
+        said.append(
+            f"{p.column}: the measured edge {word} {abs(p.explained):.0%} of the squared gap "
+            "between Table 4.7 and Table 3.12"
+        )
+    best = gap.best
+    scored = ", ".join(f"{t} {w}" for t, w in zip(TABLES, best.windows, strict=True))
+    said.append(f"our plant comes nearest with {best.edge}, {best.contact} N/m, windows: {scored}")
+    top = gap.structures[0]
+    if top.gain > CLEAR:
+        said.append(f"on top of that {top.name} gains {top.gain:.1f} log units")
+    else:
+        said.append("no single effect at its usual size gains more than the odds of 20 to 1")
+    unknown = ", ".join(gap.unexplained)
+    said.append(f"unknown: {unknown}" if unknown else "no column strays beyond two deviations")
+    return said
+
+
+def gap_lines(gap: Gap) -> Iterator[str]:
+    yield "From the print alone: RMS difference from Table 3.12 (print's step), four workpieces"
+    yield f"  {'':<10}{'Table 4.7':>12}{'Table 4.8':>12}{'step':>8}   measured edge explains"
+    for p in gap.printed:
+        yield (
+            f"  {p.column:<10}{p.modelled:>12.3g}{p.measured:>12.3g}{p.resolution:>8.3g}   "
+            f"{p.explained:.0%} of the squared gap"
+        )
+    yield "\nFactors: log likelihood lost where one alone is changed (0: the best combination)"
+    yield from (_line(r) for r in gap.factors)
+    yield f"\nOn top of it, one at its usual size: log units gained (clear beyond {CLEAR:g})"
+    yield from (_line(r) for r in gap.structures[:SHOWN])
+    rest = [r for r in gap.structures[SHOWN:] if r.name == "nothing"]
+    yield from (_line(r) for r in rest)
+    yield "\nCells: measured, predicted +- deviation, stray in deviations (! beyond 2)"
+    yield from _cell_lines(gap)
+    yield "\nAnswer"
+    yield from (f"  - {sentence}" for sentence in answer(gap))
+
+
+def _line(r: Ranked) -> str:
+    return f"  {r.name:<38}{r.gain:>8.1f}   P {r.probability:.2f}"
+
+
+def _cell_lines(gap: Gap) -> Iterator[str]:
+    for c, p, d, s in zip(gap.cells, gap.predicted, gap.deviation, gap.strays, strict=True):
+        yield (
+            f"  {_label(c):<38}{c.value:>8.3g}{p:>9.3g} +- {d:<8.2g}{s:>6.1f}"
+            f"{' !' if abs(s) > 2.0 else ''}"
+        )
+
+
+def _label(c: GapCell) -> str:
+    return f"{c.table} {c.row if c.row == c.workpiece else f'{c.workpiece} {c.row}'}, {c.column}"
+
+
+def draw_gap(gap: Gap, out: Path) -> Path:
+    """One picture: factors, structures, strays."""
+    top = gap.structures[:SHOWN]
+    bars = [
+        Bars("factors, changed alone", "log units", *_names(gap.factors)),
+        Bars("on top of the best, at usual size", "log units", *_names(top)),
+        Bars(
+            "measured - predicted",
+            "standard deviations",
+            [_label(c) for c in gap.cells],
+            np.asarray(gap.strays),
+        ),
+    ]
+    path = out / "gap.png"
+    save(bars_figure(bars, "The thesis' own sim-to-real gap"), path)
+    return path
+
+
+def _names(ranked: list[Ranked]) -> tuple[list[str], np.ndarray]:
+    return [r.name for r in ranked], np.array([r.gain for r in ranked])

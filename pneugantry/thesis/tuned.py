@@ -1,0 +1,17 @@
+"""What `python -m pneugantry.thesis.robust_design` found for the peers of `robust_fv`."""
+
+from __future__ import annotations
+
+__all__ = ["TUNED"]
+
+TUNED: dict[str, dict[str, float]] = {
+    "pi_fv": {
+        "f_z.k_p": 0.0302,
+        "f_z.k_i": 0.254,
+        "v_x.k_p": 1.31,
+        "v_x.k_i": 0.4,
+        "f_x.k_p": 0.00186,
+        "f_x.k_i": 0.248,
+    },
+    "pi_fv_mbpm": {"h_1": 0.00543, "h_2": 0.172, "lam": 0.489, "k_z": 0.1, "k_v": 0.0606},
+}

@@ -1,0 +1,200 @@
+"""The leaderboard over structures, the gap and the list, short."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controllers.catalogue import make_controller
+from pneugantry.thesis import figures, gap
+from pneugantry.thesis.board_report import board_lines, board_report
+from pneugantry.thesis.contents import contents
+from pneugantry.thesis.entrants import Entrant, entrants
+from pneugantry.thesis.gap import (
+    DRAWS,
+    Combination,
+    GapCell,
+    chosen_windows,
+    likelihood,
+    measured_cells,
+    predicted_cells,
+    print_gaps,
+)
+from pneugantry.thesis.loop_limits import FoundMargins, cosimulated_margins, linear_margins
+from pneugantry.thesis.robust_design import PEERS, design_plants, distances, needed
+from pneugantry.thesis.runner import run_one
+from pneugantry.thesis.structure_board import (
+    LIMIT,
+    NOMINAL_LIMIT,
+    BoardRow,
+    Outcome,
+    StructureBoard,
+    entrant_runs,
+)
+from pneugantry.thesis.structures import NOMINAL, catalogue_structures, pairs, structures
+from pneugantry.thesis.tuned import TUNED
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.sensors import converter_steps
+
+ROOT = Path(__file__).resolve().parents[3]
+ROBUST = Entrant("robust_fv", "robust_fv")
+
+
+@pytest.fixture(scope="module")
+def fmu() -> FmuFile:
+    return FmuFile.read(build_fmu().path)
+
+
+def test_structures_hold_what_the_board_promises(fmu):
+    chosen = [*structures(), *pairs(), *catalogue_structures(fmu)]
+    names = [s.name for s in chosen]
+    assert len(set(names)) == len(names) > 100
+    for wanted in ("VDFM on z", "LuGre on z", "Stribeck on both", "dead time 20 ms", "noise x 3"):
+        assert wanted in names
+    assert {"second lag 40 ms", "supply droop 20%", "stiffness x 0.5", "stiffness x 2"} <= {*names}
+    moved = {s.name: s for s in chosen}
+    assert dict(moved["valve_delay/z +"].plant) == {"valve_z.delay_time": pytest.approx(0.01)}
+    assert dict(moved["contact_stiffness -"].plant) == {"contact.K_c": pytest.approx(3.5e4)}
+
+
+@pytest.mark.parametrize("name", ["nominal", "dead time 20 ms", "second lag 40 ms", "LuGre on z"])
+def test_robust_controller_meets_its_limit_where_it_is_hardest(fmu, name):
+    structure = next(s for s in structures() if s.name == name)
+    limit = NOMINAL_LIMIT if structure is NOMINAL else LIMIT
+    for run in entrant_runs(ROBUST, [structure])[name]:
+        done = run_one(run, fmu)
+        assert done.scores.rmse_fn <= limit
+        assert done.effort.noise_z < 0.2  # V
+        assert done.effort.limits_z < 0.05
+
+
+def test_robust_controller_bears_finishes_that_nothing_was_tuned_to(fmu):
+    run = NOMINAL.run("straight", "robust_fv", finish="random", draw=77)
+    ours, pi = run_one(run, fmu), run_one(run.changed(controller="pi_fv"), fmu)
+    assert ours.scores.rmse_fn < 0.5 * pi.scores.rmse_fn
+
+
+def test_robust_design_keeps_the_distance_that_it_demands(fmu):
+    plants = design_plants(fmu)
+    found = distances(make_controller("robust_fv"), plants)
+    assert all(found[plant.label] >= 0.95 * needed(plant) for plant in plants)
+    slack = {plant.label for plant in plants if needed(plant) == -math.inf}
+    assert slack == {"dead time 10 ms, z stuck", "dead time 20 ms, z stuck"}
+    old = distances(make_controller("observer_fv"), plants)
+    assert old["dead time 10 ms, z"] < 0.0  # what the design was for
+
+
+def test_margins_from_co_simulation_are_those_of_the_linear_loop(fmu):
+    linear, found = linear_margins(ROBUST, fmu), cosimulated_margins(ROBUST, fmu)
+    assert linear is not None
+    assert found.delay == pytest.approx(linear.delay, rel=0.15)
+    assert linear_margins(Entrant("mbpm", "pi_fv_mbpm"), fmu) is None
+
+
+def test_entrants_are_the_catalogue_and_its_tuned_peers():
+    names = [e.name for e in entrants()]
+    assert {"pi_fv", "observer_fv", "robust_fv"} <= {*names}
+    assert set(TUNED) <= set(PEERS) - {"robust_fv"}
+    for entrant in entrants():
+        make_controller(entrant.controller, **dict(entrant.options))
+
+
+def row(name: str, **rmse: float) -> BoardRow:
+    outcomes = {key: Outcome(value, 0.1, 0.0) for key, value in rmse.items()}
+    return BoardRow(name, outcomes, [], None, FoundMargins(math.inf, 0.04))
+
+
+def test_a_board_is_met_only_where_every_asked_structure_is():
+    late, stiff = structures()[10], structures()[-1]
+    chosen = [NOMINAL, late, stiff]
+    pi = row("pi_fv", **{NOMINAL.name: 3.0, late.name: 3.9, stiff.name: 4.1})
+    good = row("robust_fv", **{NOMINAL.name: 0.9, late.name: 1.4, stiff.name: 9.0})
+    board = StructureBoard([good, pi], chosen)
+    assert board.met
+    assert set(board.asked()) == {NOMINAL.name, late.name}  # the PI is lost on the third itself
+    bad = row("robust_fv", **{NOMINAL.name: 0.9, late.name: 1.6, stiff.name: 0.5})
+    report = board_report(StructureBoard([bad, pi], chosen))
+    assert report["met"] is False
+    assert report["missed"] == {late.name: 1.6}
+    assert report["rows"][0]["margins_cosimulated"]["gain"] is None  # JSON has no infinity
+    assert any("MISSED" in line for line in board_lines(StructureBoard([bad, pi], chosen)))
+
+
+def test_printed_gap_of_rmse_closes_with_the_measured_edge():
+    gaps = {p.column: p for p in print_gaps()}
+    assert gaps["RMSE f_n"].explained > 0.95
+    assert gaps["ME v_t"].explained < 0.0
+    assert gaps["RMSE f_n"].modelled == pytest.approx(
+        math.sqrt((1.4**2 + 0.2**2 + 0.6**2 + 0.6**2) / 4)
+    )
+
+
+def test_measured_cells_are_those_of_three_tables():
+    cells = measured_cells()
+    assert len(cells) == 16 + 6 + 6
+    assert {c.table for c in cells} == {"3.9", "3.10", "3.12"}
+    assert cells[0].half_step in (0.1, 0.0005)
+
+
+def test_a_likelihood_prefers_the_truth_and_allows_for_the_print():
+    cells = [GapCell("3.12", "a", "a", "RMSE f_n", value) for value in (3.0, 1.2)]
+    right, wrong = np.array([[3.05, 1.15], [2.95, 1.25]]), np.array([[4.0, 2.0], [4.1, 1.9]])
+    assert likelihood(cells, right)[0] > likelihood(cells, wrong)[0] + 3.0
+    exact = likelihood(cells, np.array([[3.0, 1.2]]))
+    assert exact[2][1] == pytest.approx(math.hypot(0.1 / math.sqrt(3.0), 0.12))
+
+
+def test_gap_windows_are_chosen_table_by_table(fmu, monkeypatch):
+    monkeypatch.setattr(
+        gap, "measured_rows", lambda: [r for r in gap.printed_rows() if r.table == "3.12"][:1]
+    )
+    drawn = predicted_cells(str(fmu.path), "random angle", "K_c 1e4", NOMINAL, draws=2)
+    assert drawn is not None
+    assert {name: d.shape for name, d in drawn.items()} == dict.fromkeys(gap.WINDOWS, (2, 4))
+    steady = drawn["steady motion"]
+    assert (steady[:, 3] < drawn["motion"][:, 3]).all()  # the start's v_t error is left out
+    cells = [c for c in measured_cells() if c.table == "3.12"][:4]
+    c = Combination("random angle", "K_c 1e4", ("motion", "motion", "steady motion"))
+    assert np.array_equal(chosen_windows(cells, drawn, c), steady)
+    assert DRAWS >= 2
+
+
+def test_every_table_and_figure_is_listed_once_with_ours_or_a_reason():
+    entries = contents()
+    names = [entry.name for entry in entries]
+    assert len(set(names)) == len(names)
+    assert all(entry.ours or entry.why_not for entry in entries)
+    drawn = set(re.findall(r"fig_[0-9]_[0-9][0-9_a-z]*", Path(figures.__file__).read_text("utf-8")))
+    for entry in entries:
+        if entry.ours.endswith((".py", ".mo")):
+            assert (ROOT / entry.ours).exists(), entry
+        elif entry.ours.startswith("out/thesis/"):
+            stem = entry.ours.removeprefix("out/thesis/")
+            own = stem in drawn or re.match(
+                r"fig_4_\d+(_4_33)?(_reversals)?_(straight|incl|curved)", stem
+            )
+            assert own, entry
+
+
+def test_the_list_names_what_the_thesis_lists():
+    text = sorted((ROOT.parent / "shared" / "thesis").glob("*.txt"))
+    if not text:
+        pytest.skip("the thesis' text is not beside the checkout")
+    said = text[0].read_text(encoding="utf-8")
+    wanted = {f"Fig. {n}" for n in re.findall(r"Figure ([1-6A-E]\.\d+):", said)}
+    wanted |= {f"Table {n}" for n in re.findall(r"Table ([1-6A-E]\.\d+):", said)}
+    assert len(wanted) > 200
+    missing = wanted - {entry.name for entry in contents()}
+    assert not missing
+
+
+def test_converter_steps_are_the_rigs():
+    steps = converter_steps()
+    assert steps[4] == pytest.approx(0.083, abs=5e-4)  # N
+    assert steps[2] == pytest.approx(1.6e-3, abs=5e-5)  # m/s
+    assert converter_steps(13)[4] == pytest.approx(0.5 * steps[4])
+    with pytest.raises(ValueError, match=r"1\.\.24"):
+        converter_steps(0)
