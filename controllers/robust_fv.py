@@ -4,9 +4,9 @@ lag inversion with a rate term, friction observer with a lead, proportional-inte
 In the task frame a normal force f_dn = f_nd + k_p e_fn + I_n - d v_n (k_p and d of each axis) and a
 tangential one f_dt = k_v e_vt + I_t are asked for, and turned into the axes. Each axis adds a share
 of its friction as observed and led, f_d = f + share (phi + lead phi'), and drives its valve
-(tau f' + f = K (u - u_0), Eq. 4-5) by u = u_0 + (f_d + k_f (f_d - f_a) - k_d f_a') / K. k_d acts as a
-longer lag: it leaves room for k_f and k_p where dead time and the valve's own stages (Table 3.2:
-40 ms) take phase.
+(tau f' + f = K (u - u_0), Eq. 4-5) by u = u_0 + (f_d + k_f (f_d - f_a) - k_d f_a') / K. k_d acts
+as a longer lag: it leaves room for k_f and k_p where dead time and the valve's own stages take
+phase (Table 3.2: 40 ms).
 
 Observer: phi' = (f_a - f_c - m a - phi) / T, written with s = phi + m v / T so that no acceleration
 is needed; its bandwidth is 1 / T: 200 rad/s on z, 15 rad/s on x. A second stage of the same T gives

@@ -100,7 +100,7 @@ def x_plant(
 def _split(
     axis: str, parameters: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float], float]:
-    """Parameters that shape the operating point, the valve's second stage, and its dead time [s]."""
+    """Parameters that shape the operating point, the valve's second stage, its dead time [s]."""
     own = {n: v for n, v in parameters.items() if not n.endswith((".delay_time", ".tau_2"))}
     second = f"valve_{axis}.tau_2"
     stage = {second: parameters[second]} if second in parameters else {}

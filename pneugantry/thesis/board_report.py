@@ -117,10 +117,11 @@ def _asked_lines(board: StructureBoard) -> Iterator[str]:
     yield f"\nAsked of {ROBUST}: {LIMIT:g} N wherever the thesis' PI stays below {PI_LIMIT:g} N"
     worst = sorted(asked.items(), key=lambda item: -item[1][1])[:8]
     for name, (pi, robust) in worst:
-        yield f"  {name:<34} PI {pi:.2f}, {ROBUST} {robust:.2f}{' MISSED' if robust > LIMIT else ''}"
-    missed = sum(r > LIMIT for _, r in asked.values())
+        missed = " MISSED" if robust > LIMIT else ""
+        yield f"  {name:<34} PI {pi:.2f}, {ROBUST} {robust:.2f}{missed}"
+    lost = sum(r > LIMIT for _, r in asked.values())
     nominal = board.row(ROBUST).outcomes[NOMINAL.name].rmse_fn
     yield (
-        f"  {len(asked) - missed} of {len(asked)} structures within {LIMIT:g} N; nominal "
+        f"  {len(asked) - lost} of {len(asked)} structures within {LIMIT:g} N; nominal "
         f"{nominal:.2f} N of {NOMINAL_LIMIT:g} N: {'met' if board.met else 'NOT MET'}"
     )

@@ -3,8 +3,8 @@ simulation gives, factor by factor.
 
 First from the print alone: how far Table 4.7 (modelled edge) and Table 4.8 (measured edge) are from
 Table 3.12. Then on our plant: edge, contact and scored windows in every combination, and on top of
-the best one the friction scatter of Tables C.1, C.2, tau over x, and every effect of the catalogue at
-its usual size. A combination's score is the log likelihood of the measured cells.
+the best one the friction scatter of Tables C.1, C.2, tau over x, and every effect of the catalogue
+at its usual size. A combination's score is the log likelihood of the measured cells.
 
 A cell's prediction is the mean over draws of the edge; its variance is that of the draws, plus that
 of the print's rounding, plus (TOLERANCE of the prediction) squared for a rig that is nowhere quite

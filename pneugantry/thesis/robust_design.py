@@ -1,16 +1,16 @@
 """Design of `robust_fv`, and of its peers with the same means: the same linear margins asked for,
 the same runs, the same number of candidates.
 
-A candidate must keep, with every plant of `design_plants` in python-control, the distance |1 + L| of
-its loops from the critical point (`needed`). Of those that do, the best is the one whose RMSE f_n,
-relative to what is asked for (1.0 N on the nominal plant, 1.5 N elsewhere, the thesis' PI FV where
-that exceeds 4 N or the friction is a stick band), has the smallest mean sixth power over training
-runs: structures and draws of the random finish that no board scores. Local random search;
+A candidate must keep, with every plant of `design_plants` in python-control, the distance |1 + L|
+of its loops from the critical point (`needed`). Of those that do, the best is the one whose RMSE
+f_n, relative to what is asked for (1.0 N on the nominal plant, 1.5 N elsewhere, the thesis' PI FV
+where that exceeds 4 N or the friction is a stick band), has the smallest mean sixth power over
+training runs: structures and draws of the random finish that no board scores. Local random search;
 `python -m pneugantry.thesis.robust_design [NAME ...]` prints values, cost and distance.
 
 Dead time and presliding together are left out of the linear demand: at rest the displacement-
-dependent law is a spring without loss, which no controller fast enough holds 10 ms late; off rest it
-slips. Runs judge that case (contact phase of every run with dead time).
+dependent law is a spring without loss, which no controller fast enough holds 10 ms late; off rest
+it slips. Runs judge that case (contact phase of every run with dead time).
 """
 
 from __future__ import annotations
