@@ -14,8 +14,9 @@ from typing import Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.blind.campaigns import diagnose_campaigns
+from pneugantry.blind.sets import LabelledSet
 from pneugantry.truth.campaign import write as write_truth
-from pneugantry.truth.case import DEVELOPMENT, CaseSet
+from pneugantry.truth.case import DEVELOPMENT
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.log import write_atomically
 
@@ -24,7 +25,7 @@ __all__ = ["DEVELOPMENT_SEEDS", "diagnose_cases", "draw_cases", "unseal"]
 DEVELOPMENT_SEEDS = range(1000, 2000)  # thresholds and weights may look at these, and at no others
 
 
-def draw_cases(folder: Path, seeds: Iterable[int], case_set: CaseSet = DEVELOPMENT) -> str:
+def draw_cases(folder: Path, seeds: Iterable[int], case_set: LabelledSet = DEVELOPMENT) -> str:
     """Writes one campaign folder per seed and the sealed labels; returns the labels' SHA-256."""
     labels = {}
     for seed in seeds:

@@ -9,15 +9,18 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 from modelica_fmu.errors import InputError
 from pneugantry.jobs.job import Function, Job
 from pneugantry.jobs.run import run_jobs
+from pneugantry.truth.campaign import Campaign
 from pneugantry.truth.campaign import write as write_campaign
 from pneugantry.truth.case import MIXTURE, CaseSet
 from pneugantry.truth.effects import MISSING_FORMS, RANDOM_FORMS
 from pneugantry.truth.form import Form
 from pneugantry.truth.nuisance import NUISANCE, PLAIN
+from pneugantry.truth.odd_rigs import OddRigs
 from pyfmi_runner.log import write_atomically
 
 __all__ = ["SETS", "TRUTH", "named_set", "write_case", "write_cases"]
@@ -31,7 +34,16 @@ def _effects(forms: Sequence[Form]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(form.effect for form in forms))
 
 
-SETS = {
+class LabelledSet(Protocol):
+    """Anything that makes a campaign and its truth of a seed."""
+
+    @property
+    def name(self) -> str: ...
+
+    def draw(self, seed: int) -> tuple[Campaign, dict]: ...
+
+
+SETS: dict[str, LabelledSet] = {
     each.name: each
     for each in (
         CaseSet("plain", MIXTURE, PLAIN),
@@ -50,12 +62,13 @@ SETS = {
             in_turn=True,
         ),
         CaseSet("both12", {"both": 1.0}, unknown=_effects(MISSING_FORMS)),
+        OddRigs(),
         CaseSet("random", {"unknown": 1.0}, unknown=_effects(RANDOM_FORMS), in_turn=True),
     )
 }
 
 
-def named_set(name: str) -> CaseSet:
+def named_set(name: str) -> LabelledSet:
     """The set of this name. Raises InputError for one that does not exist."""
     if name not in SETS:
         raise InputError(
@@ -64,7 +77,7 @@ def named_set(name: str) -> CaseSet:
     return SETS[name]
 
 
-def write_case(folder: Path, case_set: CaseSet, seed: int) -> Path:
+def write_case(folder: Path, case_set: LabelledSet, seed: int) -> Path:
     """Writes campaign and truth of a seed to `folder/SEED`; returns that folder."""
     campaign, label = case_set.draw(seed)
     out = folder / str(seed)
@@ -79,7 +92,7 @@ class Writer:
     """Writes one seed in a worker."""
 
     folder: Path
-    case_set: CaseSet
+    case_set: LabelledSet
 
     def __call__(self) -> Function:
         return partial(write_case, self.folder, self.case_set)
@@ -87,7 +100,7 @@ class Writer:
 
 def write_cases(
     folder: Path,
-    case_set: CaseSet,
+    case_set: LabelledSet,
     seeds: Iterable[int],
     workers: int = 2,
     done: Callable[[int], object] | None = None,

@@ -6,6 +6,7 @@ import json
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -13,6 +14,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.blind.sets import SETS, TRUTH, named_set, write_case
 from pneugantry.cli import main
 from pneugantry.truth.case import CaseSet
+from pneugantry.truth.odd_rigs import ODD_RIGS, OddRigs
 from pneugantry.truth.parameters import CHANNELS
 
 QUICK = CaseSet("quick", {"one": 1.0}, logs=("contact_steps",), missing=("f_ax",))
@@ -60,8 +62,26 @@ def test_a_seed_gives_the_same_campaign_again(written: Path, tmp_path: Path) -> 
 
 def test_every_named_set_plans_its_seeds() -> None:
     for name, case_set in SETS.items():
-        kinds = {case_set.plan(seed).kind for seed in range(78900, 78960)}
-        assert kinds == set(case_set.mixture), name
+        if isinstance(case_set, CaseSet):
+            kinds = {case_set.plan(seed).kind for seed in range(78900, 78960)}
+            assert kinds == set(case_set.mixture), name
+
+
+def test_odd_rigs_are_off_in_one_thing_each() -> None:
+    odd = OddRigs()
+    plans = {rig.name: odd.plan(place) for place, rig in enumerate(ODD_RIGS)}
+    assert plans["standoff"].standoff == 5e-4
+    plain = plans["standoff"].rig
+    assert np.allclose(
+        plans["dead_points"].rig.axis["offset"] / plain.axis["offset"], [1.016, 0.988]
+    )
+    assert np.std(list(plans["wide_tolerance"].tolerance.values())) > 0.03
+    assert [c.size for c in plans["supply_cycling"].causes] == [0.03]
+    for name, field, value in (("noise", "noise", 1.4), ("hum", "hum", 0.1)):
+        assert plans[name].rig.sensor[field].max() == value
+    assert {plan.kind for plan in plans.values()} == {"none", "one", "unknown"}
+    with pytest.raises(ValueError, match=r"seed must be 0\.\.8"):
+        odd.plan(9)
 
 
 def test_an_unknown_set_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
