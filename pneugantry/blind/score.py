@@ -1,4 +1,4 @@
-"""Scores of diagnoses against what the rigs really had: every row of the table of gap.md.
+"""Scores of diagnoses against what the rigs really had: the table of docs/reference/gap.md.
 
 Pure functions of two JSON objects, the truth of a case and the answer `gap/1` to it: any plant, any
 engine. An answer names the causes whose probability is at least one half; it is right when these
