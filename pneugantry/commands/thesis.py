@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import time
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from modelica_fmu.errors import InputError
 from pneugantry.options import out_folder
 from pneugantry.progress import counter
 from pneugantry.thesis.runner import Tell
@@ -63,6 +65,13 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         type=int,
         default=8,
         help="settings of each group: slides of the waves, draws of the finish (default 8)",
+    )
+    command.add_argument(
+        "--controllers",
+        metavar="NAME",
+        nargs="+",
+        default=[],
+        help="of --board: these alone, as the board names them (default all)",
     )
     command.add_argument(
         "--workers", metavar="N", type=int, default=2, help="processes (default 2)"
@@ -124,13 +133,22 @@ def _gap(options: argparse.Namespace, tell: Tell) -> Answer:
 def _board(options: argparse.Namespace, tell: Tell) -> Answer:
     """Exit code 1 where the robust controller misses what is asked of it."""
     from pneugantry.thesis.board_report import board_lines, board_report
+    from pneugantry.thesis.entrants import JUDGED, entrants
     from pneugantry.thesis.structure_board import run_board
 
+    names = [*options.controllers]
+    known = [entrant.name for entrant in entrants()]
+    for name in names:
+        if name not in known:
+            near = get_close_matches(name, known, n=1, cutoff=0.0)[0]
+            message = f"no controller {name!r} on the board"
+            raise InputError(message, field="--controllers", hint=f"nearest is {near!r}")
     board = run_board(
         build_fmu().path,
         workers=max(options.workers, 1),
         tell=tell,
         plants=max(options.plants, 0),
+        names=[*dict.fromkeys([*names, *JUDGED])] if names else (),
     )
     return board_report(board), list(board_lines(board)), 0 if board.met else 1
 

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from statistics import median
 from typing import Any
 
-from pneugantry.thesis.entrants import BENCHMARK, ROBUST
+from pneugantry.thesis.entrants import ROBUST
 from pneugantry.thesis.structure_board import (
     LIMIT,
     NOMINAL_LIMIT,
@@ -27,7 +27,7 @@ def board_report(board: StructureBoard) -> dict[str, Any]:
     """The JSON, `thesis_board/1`; infinite margins are null: none was found up to the search's
     end.
     """
-    asked = board.asked() if _judged(board) else {}
+    asked = board.asked()
     return {
         "schema": "thesis_board/1",
         "limits": {"structure": LIMIT, "nominal": NOMINAL_LIMIT, "where_pi_below": PI_LIMIT},
@@ -36,10 +36,6 @@ def board_report(board: StructureBoard) -> dict[str, Any]:
         "structures": {s.name: s.family for s in board.structures},
         "rows": [_row(row) for row in board.rows],
     }
-
-
-def _judged(board: StructureBoard) -> bool:
-    return {BENCHMARK, ROBUST} <= {row.name for row in board.rows}
 
 
 def _row(row: BoardRow) -> dict[str, Any]:
@@ -84,8 +80,7 @@ def board_lines(board: StructureBoard) -> Iterator[str]:
         )
     yield from _family_lines(board)
     yield from _margin_lines(board)
-    if _judged(board):
-        yield from _asked_lines(board)
+    yield from _asked_lines(board)
 
 
 def _family_lines(board: StructureBoard) -> Iterator[str]:

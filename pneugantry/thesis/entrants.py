@@ -11,9 +11,10 @@ from controllers.catalogue import controller_names
 from pneugantry.thesis.robust_design import PEERS
 from pneugantry.thesis.tuned import TUNED
 
-__all__ = ["BENCHMARK", "ROBUST", "Entrant", "entrants", "tuned_entrants"]
+__all__ = ["BENCHMARK", "JUDGED", "ROBUST", "Entrant", "entrants", "tuned_entrants"]
 
 BENCHMARK, ROBUST = "pi_fv", "robust_fv"
+JUDGED = (BENCHMARK, ROBUST)  # without them nothing is asked
 
 
 @dataclass(frozen=True)
@@ -35,5 +36,5 @@ def tuned_entrants() -> list[Entrant]:
     for name, values in TUNED.items():
         peer = PEERS[name]
         options = tuple(peer.options(values).items())
-        found.append(Entrant(f"{name}, tuned", peer.controller, options))
+        found.append(Entrant(f"{name}_tuned", peer.controller, options))
     return found

@@ -36,6 +36,7 @@ def report(study: Study) -> dict[str, Any]:
             "rmse_ddfm": study.plant.anfis.rmse_ddfm,
         },
         "lags": study.plant.lags,
+        "chosen": asdict(CHOICE),
         "contacts": {"K_c 5e4": asdict(CHOICE), "K_c 1e4": asdict(SOFT)},
     }
 

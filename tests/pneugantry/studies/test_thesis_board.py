@@ -1,5 +1,6 @@
 """The leaderboard over structures, the gap and the list, short."""
 
+import importlib.util
 import math
 import re
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from controllers.catalogue import make_controller
+from modelica_fmu.errors import InputError
 from pneugantry.thesis import figures, gap
 from pneugantry.thesis.board_report import board_lines, board_report
 from pneugantry.thesis.contents import contents
@@ -37,6 +39,7 @@ from pneugantry.thesis.structures import NOMINAL, catalogue_structures, pairs, s
 from pneugantry.thesis.tuned import TUNED
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.scenario import scenario_from
 from pyfmi_runner.sensors import converter_steps
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -198,3 +201,22 @@ def test_converter_steps_are_the_rigs():
     assert converter_steps(13)[4] == pytest.approx(0.5 * steps[4])
     with pytest.raises(ValueError, match=r"1\.\.24"):
         converter_steps(0)
+
+
+def test_the_results_page_holds_what_was_recorded():
+    spec = importlib.util.spec_from_file_location("thesis_page", ROOT / "docs" / "thesis_page.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    text = module.PAGE.read_text(encoding="utf-8")
+    assert set(re.findall(r"<!-- thesis: (\w+) -->", text)) == set(module.PARTS)
+    assert module.page(text) == text  # python docs/thesis_page.py
+
+
+def test_a_scenario_takes_the_rigs_converter():
+    given = scenario_from({"sensors": {"converter_bits": 12}})
+    assert given.sensors.quantum == converter_steps(12)
+    assert scenario_from({}).sensors.quantum == (0.0,) * 8
+    with pytest.raises(InputError, match=r"converter_bits.*1\.\.24|1\.\.24"):
+        scenario_from({"sensors": {"converter_bits": 40}})

@@ -1,0 +1,218 @@
+"""Writes the generated parts of `docs/results/thesis.md` anew from what `python docs/record.py
+thesis thesis_gap thesis_board` kept: `python docs/thesis_page.py`. No figure of those parts is
+typed.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent / "results"
+PAGE, DATA = HERE / "thesis.md", HERE / "data"
+SHOWN = 12  # structures, factors
+FAMILIES = ("friction", "valve", "contact", "sensors", "catalogue", "beyond")
+
+
+def read(name: str) -> tuple[str, dict[str, Any]]:
+    """Where a result comes from, and the result."""
+    kept = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+    return f"`{kept['command']}`, version of {kept['version']}.", kept["result"]
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    lines += ["| " + " | ".join(map(str, row)) + " |" for row in rows]
+    return "\n".join(lines)
+
+
+def shares() -> str:
+    said, found = read("thesis")
+    rows = [
+        (group, *(f"{k['mean']:.0%} ({k['low']:.0%} to {k['high']:.0%})" for k in kinds.values()))
+        for group, kinds in found["met_shares"].items()
+    ]
+    words = (
+        f"{said} {found['unique_cells']} printed simulation numbers, each counted once; at the "
+        f"fitted setting {found['met_share']:.0%} are met within 25 %. Mean and range over the "
+        "settings:"
+    )
+    return f"{words}\n\n{table(('settings', 'met', 'met, the print unrounded'), rows)}"
+
+
+def conclusions() -> str:
+    said, found = read("thesis")
+    rows = []
+    for c in found["conclusions"]:
+        groups = "; ".join(f"{g} {s['held']}/{s['of']}" for g, s in c["groups"].items())
+        fitted = {True: "yes", False: "no", None: "-"}[c["fitted"]]
+        rows.append(
+            (c["id"], c["text"], c["check"], "yes" if c["holds"] else "**no**", fitted, groups)
+        )
+    held = sum(c["holds"] for c in found["conclusions"])
+    reasons = "\n".join(f"- {c['id']}: {c['reason']}." for c in found["conclusions"] if c["reason"])
+    heads = ("", "conclusion", "check", "holds", "fitted", "settings in which it holds")
+    return (
+        f"{said} {held} of {len(rows)} hold where nothing was fitted.\n\n{table(heads, rows)}\n\n"
+        f"Why not:\n\n{reasons}"
+    )
+
+
+def numbers() -> str:
+    """Mean and range of each conclusion's numbers."""
+    _, found = read("thesis")
+    rows = []
+    for c in found["conclusions"]:
+        spans = (
+            f"{name} {mean:.3g} ({c['ranges'][name][0]:.3g} to {c['ranges'][name][1]:.3g})"
+            for name, mean in c["numbers"].items()
+            if mean is not None
+        )
+        rows.append((c["id"], "; ".join(spans)))
+    return table(("", "numbers over the settings that nothing was fitted to: mean (range)"), rows)
+
+
+def findings() -> str:
+    said, found = read("thesis")
+    parts = [said]
+    for finding in found["findings"]:
+        rows = [(n, f"{v:.3g}") for n, v in finding["numbers"].items() if v is not None]
+        parts.append(f"**{finding['name']}.** {finding['text']}\n\n{table(('', ''), rows)}")
+    return "\n\n".join(parts)
+
+
+def board() -> str:
+    said, found = read("thesis_board")
+    rows, worst = [], []
+    for row in found["rows"]:
+        linear, cosim = row["margins_linear"], row["margins_cosimulated"]
+        shown = [row["nominal"], row["median"], row["worst"]]
+        drawn = row["drawn_plants"]
+        rows.append(
+            (
+                f"`{row['controller']}`",
+                *(f"{v:.2f}" for v in shown),
+                row["worst_on"],
+                f"{row['command_noise']:.3f}",
+                f"{row['share_at_limits']:.0%}",
+                f"{drawn['median']:.2f} ({drawn['worst']:.2f})" if drawn else "",
+                _margin(linear),
+                _margin(cosim),
+            )
+        )
+        by = {f: [] for f in FAMILIES}
+        for name, outcome in row["outcomes"].items():
+            if found["structures"][name] in by:
+                by[found["structures"][name]].append(outcome["rmse_fn"])
+        worst.append((f"`{row['controller']}`", *(f"{max(v):.2f}" for v in by.values())))
+    limits, missed = found["limits"], found["missed"]
+    verdict = "met" if found["met"] else f"missed on {', '.join(missed)}"
+    heads = (
+        "controller",
+        "nominal",
+        "median",
+        "worst",
+        "on",
+        "command noise [V]",
+        "at limits",
+        "drawn plants",
+        "gain, delay margin, python-control",
+        "co-simulated",
+    )
+    return (
+        f"{said} RMSE f_n [N], the worse of straight and curved, over {len(found['structures'])} "
+        f"structures. Asked of `robust_fv`: {limits['structure']} N wherever the thesis' PI stays "
+        f"below {limits['where_pi_below']} N, {limits['nominal']} N on the nominal plant: "
+        f"**{verdict}**.\n\n{table(heads, rows)}\n\nWorst in each family of structures:\n\n"
+        f"{table(('controller', *FAMILIES), worst)}"
+    )
+
+
+def _margin(found: dict[str, Any] | None) -> str:
+    if found is None:
+        return "learns"
+    if found.get("stable") is False or found["gain"] == 0.0:
+        return "unstable"
+    gain = "none" if found["gain"] is None else f"{found['gain']:.1f}"
+    delay = "none" if found["delay"] is None else f"{1e3 * found['delay']:.0f} ms"
+    return f"{gain}, {delay}"
+
+
+def gap() -> str:
+    said, found = read("thesis_gap")
+    printed = [
+        (
+            p["column"],
+            f"{p['modelled']:.3g}",
+            f"{p['measured']:.3g}",
+            f"{p['explained_by_edge']:.0%}",
+        )
+        for p in found["printed"]
+    ]
+    ranked = [
+        table(
+            ("", "log units", "P"),
+            [(r["name"], f"{r['gain']:.1f}", f"{r['probability']:.2f}") for r in rows],
+        )
+        for rows in (found["factors"], found["structures"][:SHOWN])
+    ]
+    heads = (
+        "RMS difference from Table 3.12",
+        "Table 4.7",
+        "Table 4.8",
+        "closed by the measured edge",
+    )
+    answer = "\n".join(f"- {sentence}" for sentence in found["answer"])
+    parts = (
+        said,
+        answer,
+        "From the print alone:",
+        table(heads, printed),
+        "On our plant, one factor changed alone (0: the best combination):",
+        ranked[0],
+        "On top of the best, one effect at its usual size:",
+        ranked[1],
+    )
+    return "\n\n".join(parts)
+
+
+def contents() -> str:
+    from pneugantry.thesis.contents import contents as entries
+
+    rows = [(e.name, f"`{e.ours}`" if e.ours else "-", e.why_not) for e in entries()]
+    heads = ("", "ours", "why not, or what is left out")
+    return f"`pneugantry thesis --list`.\n\n{table(heads, rows)}"
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "shares": shares,
+    "conclusions": conclusions,
+    "numbers": numbers,
+    "findings": findings,
+    "board": board,
+    "gap": gap,
+    "contents": contents,
+}
+
+
+def page(text: str) -> str:
+    """The page with every part between its marks written anew. Raises KeyError for an unknown
+    part.
+    """
+    marks = r"(<!-- thesis: (\w+) -->\n).*?(<!-- end -->)"
+    return re.sub(marks, lambda m: f"{m[1]}{part(m[2])}\n{m[3]}", text, flags=re.DOTALL)
+
+
+def part(name: str) -> str:
+    """A part, or what to run where its result has not been recorded."""
+    try:
+        return PARTS[name]()
+    except FileNotFoundError as error:
+        return f"Not recorded yet: `python docs/record.py {Path(error.filename).stem}`."
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
