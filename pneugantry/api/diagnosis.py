@@ -88,7 +88,7 @@ class Diagnosis:
             )
         from pneugantry.diagnosis.report import write_report
 
-        return write_report(self.gantry, Path(path))
+        return write_report(self.gantry, Path(path), self.fmu)
 
     def write_augmented(self, folder: PathLike) -> tuple[Path, Path]:
         """The plant with the causes added, as Modelica and as FMU; returns both paths."""

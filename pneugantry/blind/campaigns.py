@@ -50,7 +50,7 @@ class Diagnoser:
     def _diagnose(self, fmu: FmuFile, catalogue: Any, folder: Path) -> str:
         result = diagnose(long_enough(read_campaign(folder, strict=self.strict)), fmu, catalogue)
         if self.pages:
-            write_report(result, folder / "diagnosis.html")
+            write_report(result, folder / "diagnosis.html", fmu)
         return json.dumps(report_json(result), default=float)
 
 

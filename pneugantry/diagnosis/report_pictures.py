@@ -19,11 +19,12 @@ from pyfmi_runner.log import COLUMNS, MEASURED, SIGMA
 __all__ = ["BLOCKS", "gap_svg", "packed", "panel_svg", "plant_svg", "ticks", "unit_of"]
 
 Array = NDArray[np.float64]
-INK, LINE, QUIET = "#1c2430", "#5b6675", "#d5dbe3"
+INK, LINE, QUIET = "var(--ink)", "var(--line)", "var(--quiet)"  # of the style sheet: light, dark
+DARK = "#1c2430"  # on a block's own light fill
 CURVES = {
-    "measured": ("#7b8592", 2.4, ""),
-    "nominal": ("#c44e00", 1.3, "5 3"),
-    "augmented": ("#0064a8", 1.3, ""),
+    "measured": ("var(--measured)", 2.4, ""),
+    "nominal": ("var(--orange)", 1.3, "5 3"),
+    "augmented": ("var(--blue)", 1.3, ""),
 }  # colour, width, dashes
 BLOCKS = {  # x, y, width, height, caption
     "timing": (196, 272, 128, 54, ("timing", "delay of the loop")),
@@ -90,7 +91,7 @@ def plant_svg(shares: Mapping[str, float]) -> str:
     ]
     body += _wires()
     body.append(
-        f'<rect x="20" y="34" width="104" height="162" rx="6" fill="#f5f7fa" '
+        f'<rect x="20" y="34" width="104" height="162" rx="6" fill="var(--soft)" '
         f'stroke="{LINE}" stroke-dasharray="4 3"/>'
     )
     body += [_text(72, 112, "controller"), _text(72, 128, "(not judged)", size=10.5, fill=LINE)]
@@ -126,17 +127,18 @@ def _block(
     middle, centre = x + width / 2, y + height / 2
     shade = tuple(round(255 + share * (full - 255)) for full in (240, 140, 40))
     value = f"{100 * share:.0f} %" if named else "–"
-    frame = f'fill="rgb{shade}" stroke="{INK}" stroke-width="{1 + 3 * share:.1f}"'
+    frame = f'fill="rgb{shade}" stroke="{LINE}" stroke-width="{1 + 3 * share:.1f}"'
     return [
         f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="6" {frame}/>',
-        _text(middle, centre - 9, captions[0], weight="600"),
-        _text(middle, centre + 4, captions[1], size=10.5),
+        _text(middle, centre - 9, captions[0], weight="600", fill=DARK),
+        _text(middle, centre + 4, captions[1], size=10.5, fill=DARK),
         _text(
             middle,
             centre + 20,
             value,
             weight="700" if share >= 0.1 else "400",
             size=13 if share >= 0.1 else 11,
+            fill=DARK,
         ),
     ]
 
@@ -216,7 +218,7 @@ def gap_svg(rows: Sequence[tuple[str, float, float]], floor: float, after: str) 
             f'stroke-width="6" opacity=".35"/>'
         )
         body.append(
-            f'<circle cx="{at(nominal):.1f}" cy="{y}" r="5" fill="#fff" '
+            f'<circle cx="{at(nominal):.1f}" cy="{y}" r="5" fill="var(--paper)" '
             f'stroke="{CURVES["nominal"][0]}" stroke-width="2"/>'
         )
         body.append(
@@ -333,14 +335,16 @@ def panel_svg(
 
 
 def packed(
-    time: Array, curves: Mapping[str, Array], phases: Sequence[tuple[str, float, float]]
+    time: Array,
+    curves: Mapping[str, Array],
+    phases: Sequence[tuple[str, float, float]],
+    samples: int = SAMPLES,
 ) -> dict[str, Any]:
-    """The curves (N, 8) for the page's script: 16 bits a sample, every sample up to SAMPLES a
+    """The curves (N, 8) for the page's script: 16 bits a sample, every sample up to `samples` a
     curve, beyond that bins' extremes.
     """
-    step = (
-        1 if len(time) <= SAMPLES else 2 * math.ceil(len(time) / SAMPLES)
-    )  # samples a bin; a bin gives two points
+    # samples a bin; a bin gives two points
+    step = 1 if len(time) <= samples else 2 * math.ceil(len(time) / samples)
     channels = []
     for i, channel in enumerate(MEASURED):
         unit, factor = unit_of(channel)
@@ -357,6 +361,7 @@ def packed(
                 "low": low,
                 "scale": scale,
                 "data": data,
+                "difference": {} if step == 1 else _differences(curves, i, step),
             }
         )
     spacing = (
@@ -374,10 +379,24 @@ def packed(
         "phases": [list(p) for p in phases],
         "panel": PANEL,
         "curves": {name: styles[name] for name in curves},
-        "ink": INK,
-        "quiet": QUIET,
-        "line": LINE,
     }
+
+
+def _differences(curves: Mapping[str, Array], i: int, step: int) -> dict[str, dict[str, Any]]:
+    """(measured - model)/sigma of channel i by model, for a log whose samples are thinned: extremes
+    of two curves cannot be subtracted.
+    """
+    found = {}
+    for name, values in curves.items():
+        if name == "measured":
+            continue
+        off = (curves["measured"][:, i] - values[:, i]) / SIGMA[MEASURED[i]]
+        column = _decimated(off, step)
+        finite = column[np.isfinite(column)]
+        low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+        scale = (high - low) / (MISSING - 1) or 1.0
+        found[name] = {"low": low, "scale": scale, "data": _base64(column, low, scale)}
+    return found
 
 
 def _decimated(values: Array, step: int) -> Array:

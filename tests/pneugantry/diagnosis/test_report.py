@@ -40,7 +40,9 @@ from pneugantry.diagnosis.headline import (
 )
 from pneugantry.diagnosis.report import write_report
 from pneugantry.diagnosis.report_pictures import SAMPLES, gap_svg, packed, plant_svg, ticks
+from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup
+from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA, Log
 
 Array = NDArray[np.float64]
@@ -600,16 +602,19 @@ def test_the_command_prints_it(kind: str, capsys: pytest.CaptureFixture[str]) ->
 # ---------------------------------------------------------------- in a browser
 
 
-def opened(html: Path, folder: Path) -> tuple[str, Array]:
+def opened(
+    html: Path, folder: Path, size: str = "1200,3200", more: tuple[str, ...] = ()
+) -> tuple[str, Array]:
     """Standard error and screenshot of Chromium showing a page."""
     assert CHROMIUM is not None
     shot = folder / "shot.png"
     command = [
         CHROMIUM,
         *FLAGS,
+        *more,
         f"--user-data-dir={folder / 'profile'}",
         f"--screenshot={shot}",
-        "--window-size=1200,3200",
+        f"--window-size={size}",
         html.resolve().as_uri(),
     ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
@@ -641,6 +646,59 @@ def test_a_browser_shows_it_without_errors(kind: str, tmp_path: Path) -> None:
         assert f - e == pytest.approx(d - c)
         assert e > c
         assert seen["reset"] == seen["whole"]
+
+
+def replayed_page(folder: Path) -> Path:
+    """A page with every log, its diagnosis made by hand and its logs replayed on the FMU."""
+    d = diagnosis("identified")
+    d.values = {"axis_z.C": 46.1, "valve_z.tau": 0.14}
+    return write_report(d, folder / "report.html", FmuFile.read(build_fmu().path))
+
+
+def test_every_log_is_in_the_page_with_its_blocks_over_time(tmp_path: Path) -> None:
+    text = replayed_page(tmp_path).read_text(encoding="utf-8")
+    logs = list(campaign().logs)
+    assert sorted(re.findall(r'class="data" data-log="(\w+)"', text)) == sorted(logs)
+    assert sorted(re.findall(r'class="of-log" data-log="(\w+)"', text)) == sorted(logs)
+    assert text.count('<svg class="strip"') == len(logs)
+    said = words(text)
+    assert re.search(
+        r"Made 20\d\d-\d\d-\d\d .* by pneugantry .*, nominal FMU sha256 [0-9a-f]{16}", said
+    )
+    assert "What to do next." in said
+    found = re.search(r'data-log="free_motion">(\{.*?\})</script>', text)
+    assert found
+    data = json.loads(found[1])
+    assert len(data["channels"]) == len(MEASURED)
+
+
+LOOK = f"<script>{(Path(__file__).parent / 'look.js').read_text(encoding='utf-8')}</script>"
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on PATH (apt-get install chromium)")
+@pytest.mark.parametrize(("width", "dark"), [(1200, False), (480, False), (1200, True)])
+def test_width_contrast_keyboard_and_the_choice_of_a_log(
+    width: int, dark: bool, tmp_path: Path
+) -> None:
+    html = replayed_page(tmp_path)
+    text = html.read_text(encoding="utf-8")
+    html.write_text(text.replace("</body>", LOOK + "</body>"), encoding="utf-8")
+    more = ("--blink-settings=preferredColorScheme=0",) if dark else ()
+    log, picture = opened(html, tmp_path, f"{width},4000", more)
+    console = [line for line in log.splitlines() if "CONSOLE" in line]
+    assert len(console) == 1, console
+    told = re.sub(r'", source:.*$', "", console[0].split("PROBE", 1)[1]).replace('\\"', '"')
+    seen = json.loads(told)
+    assert seen["words"] >= 4.5  # WCAG AA for text
+    assert seen["curves"] >= 3.0  # and for graphics
+    assert seen["dark"] == dark
+    assert (float(picture.mean()) < 0.5) == dark
+    assert not seen["wide"]
+    assert seen["focus"]
+    assert seen["title"].startswith("Signals of free_motion")
+    assert seen["strips"] == 1
+    start, end = map(float, seen["after"].split())
+    assert end - start < 0.8 * 3.0  # s: "+" has zoomed in
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on PATH (apt-get install chromium)")
