@@ -369,7 +369,6 @@ def test_nominal_campaign_gives_the_plant_sheet(tmp_path: Path) -> None:
     target = tmp_path / "nominal.json"
     assert main(["identify", str(NOMINAL), "--json", str(target)]) == 0
     result = json.loads(target.read_text())
-    assert result["seconds"] < 20
     for name, p in result["parameters"].items():
         near = 0.03 if p["symbol"] in ("F_s", "F_d", "F_w") else 0.01
         assert p["value"] == pytest.approx(p["plant_sheet"], rel=near), name
