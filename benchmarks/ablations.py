@@ -51,7 +51,7 @@ VARIANTS = (
     "whole",
     "without held-out evidence",
     "without the cut of evidence",
-    "without the tight lead",
+    "without first fits at a high observer gain",
     "without tolerance",
     "without whitening",
 )
@@ -106,7 +106,7 @@ def judge(folder: Path, seed: int) -> dict[str, Any]:
     ):
         found = search_all(bench, catalogue)
     examine(found, logs, held, gantry)
-    result["without the tight lead"] = judged(decided(found))
+    result["without first fits at a high observer gain"] = judged(decided(found))
     if search_all is _singles:
         for variant, options in (
             ("without tolerance", {"tolerance": NO_TOLERANCE}),

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -32,6 +32,20 @@ _WORDS = (
     "EnterInitializationMode",
     "ExitInitializationMode",
 )
+
+
+class Native(NamedTuple):
+    """An FMU instance as compiled code calls it."""
+
+    component: int
+    addresses: tuple[int, ...]  # in the order of _WORDS
+
+
+class Signals(NamedTuple):
+    """Variables of an FMU over the samples."""
+
+    references: NDArray[np.uint32]
+    values: NDArray[Any]  # (N, variables)
 
 
 @dataclass(frozen=True)
@@ -96,17 +110,12 @@ class BlockFmu:
             self.session.references(tuple(names)) for names in (starts, inputs, outputs)
         )
         status, row = _run_windows(
-            self._component,
-            self._addresses,
+            Native(self._component, self._addresses),
             self._settings(parameters),
-            start_refs,
-            np.ascontiguousarray(start_values, dtype=np.float64),
+            Signals(start_refs, np.ascontiguousarray(start_values, dtype=np.float64)),
             windows,
-            input_refs,
-            np.ascontiguousarray(values, dtype=np.float64),
-            output_refs,
-            PERIOD,
-            result,
+            Signals(input_refs, np.ascontiguousarray(values, dtype=np.float64)),
+            Signals(output_refs, result),
         )
         return self._whole(result, status, row)
 
@@ -124,15 +133,10 @@ class BlockFmu:
         result = np.full((len(values), len(outputs)), np.nan)
         references = self.session.references
         status, row = _run_flagged(
-            self._component,
-            self._addresses,
-            references(inputs),
-            np.ascontiguousarray(values, dtype=np.float64),
-            references(flags),
-            np.ascontiguousarray(flag_values).astype(np.int32),
-            references(outputs),
-            PERIOD,
-            result,
+            Native(self._component, self._addresses),
+            Signals(references(inputs), np.ascontiguousarray(values, dtype=np.float64)),
+            Signals(references(flags), np.ascontiguousarray(flag_values).astype(np.int32)),
+            Signals(references(outputs), result),
         )
         return self._whole(result, status, row)
 
@@ -153,19 +157,16 @@ class BlockFmu:
         result = np.full((len(values), len(outputs)), np.nan)
         references = self.session.references
         status, row = _run_guided(
-            self._component,
-            self._addresses,
-            references(inputs),
-            np.ascontiguousarray(values, dtype=np.float64),
-            references(flags),
-            np.ascontiguousarray(flag_values).astype(np.int32),
-            references(outputs),
-            PERIOD,
-            result,
-            np.ascontiguousarray(guide.position),
-            np.ascontiguousarray(guide.speed),
-            np.ascontiguousarray(guide.per_position, dtype=np.float64),
-            np.asarray(guide.per_speed, dtype=np.float64),
+            Native(self._component, self._addresses),
+            Signals(references(inputs), np.ascontiguousarray(values, dtype=np.float64)),
+            Signals(references(flags), np.ascontiguousarray(flag_values).astype(np.int32)),
+            Signals(references(outputs), result),
+            (
+                np.ascontiguousarray(guide.position),
+                np.ascontiguousarray(guide.speed),
+                np.ascontiguousarray(guide.per_position, dtype=np.float64),
+                np.asarray(guide.per_speed, dtype=np.float64),
+            ),
         )
         return self._whole(result, status, row)
 
@@ -197,19 +198,8 @@ class BlockFmu:
 
 
 @njit(nogil=True)
-def _run_windows(  # type: ignore[no-untyped-def]
-    component,
-    addresses,
-    settings,
-    start_refs,
-    starts,
-    windows,
-    input_refs,
-    values,
-    output_refs,
-    period,
-    result,
-):
+def _run_windows(native, settings, starts, windows, inputs, outputs):  # type: ignore[no-untyped-def]
+    component, addresses = native
     reals, real_values, integers, integer_values, booleans, boolean_values = settings
     set_real, set_integer, set_boolean, get_real, do_step, reset, setup, enter, leave = addresses
     for w in range(len(windows)):
@@ -218,73 +208,66 @@ def _run_windows(  # type: ignore[no-untyped-def]
         status = max(status, native_values(set_real, component, reals, real_values))
         status = max(status, native_values(set_integer, component, integers, integer_values))
         status = max(status, native_values(set_boolean, component, booleans, boolean_values))
-        status = max(status, native_values(set_real, component, start_refs, starts[w]))
+        status = max(
+            status, native_values(set_real, component, starts.references, starts.values[w])
+        )
         status = max(status, call_setup(setup, component, 0.0))
         status = max(status, call_plain(enter, component))
-        status = max(
-            status, call_plain(leave, component)
-        )  # inputs come with the first sample: a delay line starts empty
+        # inputs come with the first sample: a delay line starts empty
+        status = max(status, call_plain(leave, component))
         if status > FMI_WARNING:
             return status, first
         for k in range(first, last):
-            status = native_values(set_real, component, input_refs, values[k])
-            status = max(status, native_values(get_real, component, output_refs, result[k]))
-            status = max(status, call_step(do_step, component, (k - first) * period, period))
+            status = native_values(set_real, component, inputs.references, inputs.values[k])
+            read = native_values(get_real, component, outputs.references, outputs.values[k])
+            status = max(status, read)
+            status = max(status, call_step(do_step, component, (k - first) * PERIOD, PERIOD))
             if status > FMI_WARNING:
                 return status, k
-    return 0, len(values)
+    return 0, len(inputs.values)
 
 
 @njit(nogil=True)
-def _run_flagged(  # type: ignore[no-untyped-def]
-    component, addresses, input_refs, values, flag_refs, flags, output_refs, period, result
-):
-    set_real, _, set_boolean, get_real, do_step = addresses[:5]
-    for k in range(len(values)):
-        status = native_values(set_real, component, input_refs, values[k])
-        if k == 0 or (flags[k] != flags[k - 1]).any():
-            status = max(status, native_values(set_boolean, component, flag_refs, flags[k]))
-        status = max(status, native_values(get_real, component, output_refs, result[k]))
-        status = max(status, call_step(do_step, component, k * period, period))
+def _run_flagged(native, inputs, flags, outputs):  # type: ignore[no-untyped-def]
+    component = native.component
+    set_real, _, set_boolean, get_real, do_step = native.addresses[:5]
+    for k in range(len(inputs.values)):
+        status = native_values(set_real, component, inputs.references, inputs.values[k])
+        if k == 0 or (flags.values[k] != flags.values[k - 1]).any():
+            held = native_values(set_boolean, component, flags.references, flags.values[k])
+            status = max(status, held)
+        read = native_values(get_real, component, outputs.references, outputs.values[k])
+        status = max(status, read)
+        status = max(status, call_step(do_step, component, k * PERIOD, PERIOD))
         if status > FMI_WARNING:
             return status, k
-    return 0, len(values)
+    return 0, len(inputs.values)
 
 
 @njit(nogil=True)
-def _run_guided(  # type: ignore[no-untyped-def]
-    component,
-    addresses,
-    input_refs,
-    values,
-    flag_refs,
-    flags,
-    output_refs,
-    period,
-    result,
-    position,
-    speed,
-    per_position,
-    per_speed,
-):
-    set_real, _, set_boolean, get_real, do_step = addresses[:5]
+def _run_guided(native, inputs, flags, outputs, guide):  # type: ignore[no-untyped-def]
+    component = native.component
+    set_real, _, set_boolean, get_real, do_step = native.addresses[:5]
+    position, speed, per_position, per_speed = guide
+    values, result = inputs.values, outputs.values
     count = len(per_speed)
     now = np.empty(values.shape[1])
     for k in range(len(values)):
+        status = 0
         if k == 0:
-            status = native_values(set_real, component, input_refs, values[k])
-            status = max(status, native_values(get_real, component, output_refs, result[k]))
-        else:
-            status = native_values(get_real, component, output_refs, result[k])
+            status = native_values(set_real, component, inputs.references, values[k])
+        read = native_values(get_real, component, outputs.references, result[k])
+        status = max(status, read)
         now[:] = values[k]
         for i in range(count):
             now[i] += per_position[k, i] * (position[k, i] - result[k, i]) + per_speed[i] * (
                 speed[k, i] - result[k, count + i]
             )
-        status = max(status, native_values(set_real, component, input_refs, now))
-        if k == 0 or (flags[k] != flags[k - 1]).any():
-            status = max(status, native_values(set_boolean, component, flag_refs, flags[k]))
-        status = max(status, call_step(do_step, component, k * period, period))
+        status = max(status, native_values(set_real, component, inputs.references, now))
+        if k == 0 or (flags.values[k] != flags.values[k - 1]).any():
+            held = native_values(set_boolean, component, flags.references, flags.values[k])
+            status = max(status, held)
+        status = max(status, call_step(do_step, component, k * PERIOD, PERIOD))
         if status > FMI_WARNING:
             return status, k
     return 0, len(values)

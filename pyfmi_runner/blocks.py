@@ -297,11 +297,8 @@ def recomputed_commands(run: LoggedRun, measured: Array) -> Array | None:
         controller.params,
         controller.state,
         measured,
-        contact,
-        contour,
-        min(end, len(measured)),
-        f_nd,
-        v_td,
+        (contact, contour, min(end, len(measured))),
+        (f_nd, v_td),
         commands,
     )
     return commands
@@ -314,7 +311,9 @@ def _controller_loop(kernel: Callable[..., Any]) -> Callable[..., None]:
     if kernel not in _LOOPS:
 
         @njit(nogil=True)
-        def loop(params, state, measured, contact, contour, end, f_nd, v_td, commands):  # type: ignore[no-untyped-def]
+        def loop(params, state, measured, span, wanted, commands):  # type: ignore[no-untyped-def]
+            contact, contour, end = span
+            f_nd, v_td = wanted
             for k in range(contact, end):
                 m = measured[k]
                 reference = Reference(f_nd, v_td if k >= contour else 0.0)

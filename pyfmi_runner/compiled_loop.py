@@ -64,6 +64,31 @@ class Course(NamedTuple):
     dx: float
 
 
+class Models(NamedTuple):
+    """What does not change during a run."""
+
+    sensors: SensorParams
+    params: Any  # of the controller
+
+
+class Carry(NamedTuple):
+    """What one sample leaves to the next."""
+
+    state: Any  # of the controller
+    sensor_state: Any
+    acting: Command
+    acted: int  # commands that have begun to act
+
+
+class Records(NamedTuple):
+    """What a run fills, one row per sample."""
+
+    given: NDArray[np.float64]  # V, (N, 2): commands as the controller gave them
+    commands: NDArray[np.float64]  # V, (N, 2): commands that act from the row's instant on
+    measured: NDArray[np.float64]  # (N, 8)
+    theta: NDArray[np.float64]  # rad
+
+
 def compiled_loop(
     fmu: FmuSession,
     plan: Plan,
@@ -76,66 +101,43 @@ def compiled_loop(
     """
     rows = Rows.empty(plan.samples)
     controller.reset()
-    given = np.empty((plan.samples, 2))
     loop = _loop_for(type(controller).kernel)
     wiring, course = _wiring(fmu), _course(plan)
-    state, sensor_state, acting, acted = (
-        controller.state,
-        initial_state(),
-        Command(*plan.approach),
-        0,
-    )
+    models = Models(sensors, controller.params)
+    carry = Carry(controller.state, initial_state(), Command(*plan.approach), 0)
+    records = Records(np.empty((plan.samples, 2)), rows.commands, rows.measured, rows.theta)
+    chunks = [(k, min(k + CHUNK, plan.samples)) for k in range(0, plan.samples, CHUNK)]
     started = 0.0
-    for start, stop in [
-        (0, 0),
-        *((k, min(k + CHUNK, plan.samples)) for k in range(0, plan.samples, CHUNK)),
-    ]:
+    for span in [(0, 0), *chunks]:  # the empty first one compiles the loop
         try:
-            status, rows.done, state, sensor_state, acting, acted, now = loop(
-                wiring,
-                course,
-                sensors,
-                controller.params,
-                state,
-                sensor_state,
-                acting,
-                acted,
-                given,
-                start,
-                stop,
-                rows.commands,
-                rows.measured,
-                rows.theta,
-            )
+            status, rows.done, now, carry = loop(wiring, course, models, carry, records, span)
         except NumbaError as error:  # only ever while it compiles
-            lines = [
-                line for line in str(error).splitlines() if line.strip()
-            ]  # the second says what, the first where in numba
-            reason = lines[min(1, len(lines) - 1)] if lines else type(error).__name__
-            hint = (
-                "decorate it and what it calls with numba's register_jitable, or run with "
-                "compiled=False"
-            )
-            raise InputError(
-                f"its kernel cannot be compiled ({reason})",
-                field=type(controller).__name__,
-                hint=hint,
-            ) from error
-        controller.state = state
+            raise _not_compiled(controller, error) from error
+        controller.state = carry.state
         if status > FMI_WARNING:
-            rows.failure = (
-                f"at t = {now * MICROSECOND:.6g} s: "
-                f"{fmu.stepped_natively(now * MICROSECOND, status)}"
-            )
+            time_now = now * MICROSECOND
+            rows.failure = f"at t = {time_now:.6g} s: {fmu.stepped_natively(time_now, status)}"
             return rows
-        if stop == 0:  # the empty first round compiles the loop
+        if span[1] == 0:
             started = time.perf_counter()
-        elif progress is not None and not progress(stop, plan.samples):
+        elif progress is not None and not progress(span[1], plan.samples):
             rows.cancelled = True
             break
         rows.seconds = time.perf_counter() - started
     fmu.stepped_natively(rows.done * plan.period * MICROSECOND)
     return rows
+
+
+def _not_compiled(controller: Controller, error: NumbaError) -> InputError:
+    """What numba says of a kernel: the second line says what, the first where in numba."""
+    lines = [line for line in str(error).splitlines() if line.strip()]
+    reason = lines[min(1, len(lines) - 1)] if lines else type(error).__name__
+    return InputError(
+        f"its kernel cannot be compiled ({reason})",
+        field=type(controller).__name__,
+        hint="decorate it and what it calls with numba's register_jitable, or run with "
+        "compiled=False",
+    )
 
 
 def _wiring(fmu: FmuSession) -> Wiring:
@@ -184,129 +186,122 @@ def native_values(
     )
 
 
+@register_jitable
+def _changed(switches, k):  # type: ignore[no-untyped-def]
+    """Whether a row of two switches differs from the one before."""
+    return k == 0 or switches[k, 0] != switches[k - 1, 0] or switches[k, 1] != switches[k - 1, 1]
+
+
+@register_jitable
+def _set_switches(wiring, course, k):  # type: ignore[no-untyped-def]
+    """Clamps and pulls by hand, where they change; returns the FMU's status."""
+    status = 0
+    if _changed(course.clamps, k):
+        flags = np.empty(2, np.int32)
+        flags[:] = course.clamps[k]
+        status = native_values(wiring.set_boolean, wiring.component, wiring.clamps, flags)
+    if _changed(course.manual, k):
+        two = np.empty(2)
+        two[:] = course.manual[k]
+        manual = native_values(wiring.set_real, wiring.component, wiring.manual, two)
+        status = max(status, manual)
+    return status
+
+
+@register_jitable
+def _set_edge(wiring, course, one, four):  # type: ignore[no-untyped-def]
+    """Height, slope and curvature of a user's edge about the present x; returns the status."""
+    status = native_values(wiring.get_real, wiring.component, wiring.outputs[:1], one)
+    height, slope, curvature = local_profile(course.coefficients, course.x0, course.dx, one[0])
+    four[0], four[1], four[2], four[3] = one[0], height, slope, curvature
+    return max(status, native_values(wiring.set_real, wiring.component, wiring.profile, four))
+
+
+@register_jitable
+def _set_command(wiring, command, two):  # type: ignore[no-untyped-def]
+    two[0], two[1] = command.u_x, command.u_z
+    return native_values(wiring.set_real, wiring.component, wiring.commands, two)
+
+
+@register_jitable
+def _step(wiring, now, until):  # type: ignore[no-untyped-def]
+    """The FMU from `now` to `until`, both in microseconds; returns its status."""
+    start, length = now * MICROSECOND, (until - now) * MICROSECOND
+    return call_step(wiring.do_step, wiring.component, start, length)
+
+
 @lru_cache(maxsize=64)
 def _loop_for(kernel: Callable[..., Any]) -> Callable[..., Any]:
     """The loop with a controller's kernel compiled in. Not cached on disk: a kernel's own file may
     change.
     """
+    control = _control_with(kernel)
 
     @njit(nogil=True)
-    def loop(  # type: ignore[no-untyped-def]
-        wiring,
-        course,
-        sensors,
-        params,
-        state,
-        sensor_state,
-        acting,
-        acted,
-        given,
-        start,
-        stop,
-        commands,
-        measured,
-        theta,
-    ):
-        two, flags, four, outputs = np.empty(2), np.empty(2, np.int32), np.empty(4), np.empty(9)
-        one = np.empty(1)
-        status = 0
-        done = start
-        now = np.int64(start * course.period)
+    def loop(wiring, course, models, carry, records, span):  # type: ignore[no-untyped-def]
+        one, two, four, outputs = np.empty(1), np.empty(2), np.empty(4), np.empty(9)
+        state, sensor_state, acting, acted = carry
+        start, stop = span
+        status, done, now = 0, start, np.int64(start * course.period)
         for k in range(start, stop):
-            now = np.int64(k * course.period)
-            end = np.int64((k + 1) * course.period)
-            if (
-                k == 0
-                or course.clamps[k, 0] != course.clamps[k - 1, 0]
-                or course.clamps[k, 1] != course.clamps[k - 1, 1]
-            ):
-                flags[:] = course.clamps[k]
-                status = max(
-                    status,
-                    native_values(wiring.set_boolean, wiring.component, wiring.clamps, flags),
-                )
-            if (
-                k == 0
-                or course.manual[k, 0] != course.manual[k - 1, 0]
-                or course.manual[k, 1] != course.manual[k - 1, 1]
-            ):
-                two[:] = course.manual[k]
-                status = max(
-                    status, native_values(wiring.set_real, wiring.component, wiring.manual, two)
-                )
+            now, end = np.int64(k * course.period), np.int64((k + 1) * course.period)
+            status = max(status, _set_switches(wiring, course, k))
             if course.own_profile:
-                status = max(
-                    status,
-                    native_values(wiring.get_real, wiring.component, wiring.outputs[:1], one),
-                )
-                height, slope, curvature = local_profile(
-                    course.coefficients, course.x0, course.dx, one[0]
-                )
-                four[0], four[1], four[2], four[3] = one[0], height, slope, curvature
-                status = max(
-                    status, native_values(wiring.set_real, wiring.component, wiring.profile, four)
-                )
-            status = max(
-                status, native_values(wiring.get_real, wiring.component, wiring.outputs, outputs)
+                status = max(status, _set_edge(wiring, course, one, four))
+            read = native_values(wiring.get_real, wiring.component, wiring.outputs, outputs)
+            status = max(status, read)
+            sensor_state, seen = sense(
+                models.sensors, sensor_state, _eight(outputs), course.noise[k]
             )
-            true = (
-                outputs[0],
-                outputs[1],
-                outputs[2],
-                outputs[3],
-                outputs[4],
-                outputs[5],
-                outputs[6],
-                outputs[7],
-            )
-            sensor_state, seen = sense(sensors, sensor_state, true, course.noise[k])
-            if course.phase[k] == APPROACH:
-                command = Command(course.approach[0], course.approach[1])
-            elif course.phase[k] == RETREAT:
-                command = Command(0.0, 0.0)
-            else:
-                sample = Sense(
-                    seen[0], seen[1], seen[2], seen[3], seen[4], seen[5], seen[6], seen[7]
-                )
-                state, command = kernel(
-                    params, state, Reference(course.f_nd[k], course.v_td[k]), sample
-                )
-            given[k, 0], given[k, 1] = command.u_x, command.u_z
+            state, command = control(course, models.params, state, seen, k)
+            records.given[k, 0], records.given[k, 1] = command.u_x, command.u_z
             while acted <= k and course.acts[acted] <= now:
-                acting, acted = Command(given[acted, 0], given[acted, 1]), acted + 1
-            commands[k, 0], commands[k, 1], theta[k] = acting.u_x, acting.u_z, outputs[8]
+                acting, acted = Command(records.given[acted, 0], records.given[acted, 1]), acted + 1
+            records.commands[k, 0], records.commands[k, 1] = acting.u_x, acting.u_z
+            records.theta[k] = outputs[8]
             for j in range(8):
-                measured[k, j] = seen[j]
+                records.measured[k, j] = seen[j]
             done = k + 1
-            two[0], two[1] = acting.u_x, acting.u_z
-            status = max(
-                status, native_values(wiring.set_real, wiring.component, wiring.commands, two)
-            )
-            while acted <= k and course.acts[acted] < end:
+            status = max(status, _set_command(wiring, acting, two))
+            while acted <= k and course.acts[acted] < end:  # a command that acts within the period
                 until = course.acts[acted]
-                status = max(
-                    status,
-                    call_step(
-                        wiring.do_step,
-                        wiring.component,
-                        now * MICROSECOND,
-                        (until - now) * MICROSECOND,
-                    ),
-                )
+                status = max(status, _step(wiring, now, until))
                 now = until
-                acting, acted = Command(given[acted, 0], given[acted, 1]), acted + 1
-                two[0], two[1] = acting.u_x, acting.u_z
-                status = max(
-                    status, native_values(wiring.set_real, wiring.component, wiring.commands, two)
-                )
-            status = max(
-                status,
-                call_step(
-                    wiring.do_step, wiring.component, now * MICROSECOND, (end - now) * MICROSECOND
-                ),
-            )
+                acting, acted = Command(records.given[acted, 0], records.given[acted, 1]), acted + 1
+                status = max(status, _set_command(wiring, acting, two))
+            status = max(status, _step(wiring, now, end))
             if status > FMI_WARNING:
                 break
-        return status, done, state, sensor_state, acting, acted, now
+        return status, done, now, Carry(state, sensor_state, acting, acted)
 
     return loop  # type: ignore[no-any-return]
+
+
+@register_jitable
+def _eight(values):  # type: ignore[no-untyped-def]
+    """The sensed outputs as a tuple, in the order of MEASURED."""
+    return (
+        values[0],
+        values[1],
+        values[2],
+        values[3],
+        values[4],
+        values[5],
+        values[6],
+        values[7],
+    )
+
+
+def _control_with(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    """The command of a sample: open loop before contact, nothing in retreat, else the kernel's."""
+
+    @register_jitable
+    def control(course, params, state, seen, k):  # type: ignore[no-untyped-def]
+        if course.phase[k] == APPROACH:
+            return state, Command(course.approach[0], course.approach[1])
+        if course.phase[k] == RETREAT:
+            return state, Command(0.0, 0.0)
+        sample = Sense(seen[0], seen[1], seen[2], seen[3], seen[4], seen[5], seen[6], seen[7])
+        return kernel(params, state, Reference(course.f_nd[k], course.v_td[k]), sample)
+
+    return control

@@ -15,7 +15,7 @@ from lxml import etree
 from modelica_fmu.errors import InputError
 
 _FIELD = "modelDescription.xml"
-_MEND = "build the FMU again"
+_HINT = "build the FMU again"
 _REAL = frozenset({"Real", "Float64", "Float32"})
 
 
@@ -86,7 +86,7 @@ def _root(text: bytes, file: Path) -> Any:
         root = etree.fromstring(text, parser)
     except etree.XMLSyntaxError as error:
         raise InputError(
-            f"not well-formed XML ({error})", file=file, field=_FIELD, hint=_MEND
+            f"not well-formed XML ({error})", file=file, field=_FIELD, hint=_HINT
         ) from None
     if getattr(root.getroottree().docinfo, "doctype", ""):
         what = "a document type declaration is refused"
@@ -100,7 +100,7 @@ class _Reader:
     file: Path
 
     def fail(self, message: str, field_name: str = _FIELD) -> InputError:
-        return InputError(message, file=self.file, field=field_name, hint=_MEND)
+        return InputError(message, file=self.file, field=field_name, hint=_HINT)
 
     def required(self, element: Any, name: str) -> str:
         value = element.get(name)

@@ -175,7 +175,7 @@ def read_table(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
         with path.open("rb") as stream:
             head = stream.read(4)
     except FileNotFoundError:
-        raise InputError("no such file", file=path, hint=_mend_absent(path)) from None
+        raise InputError("no such file", file=path, hint=_hint_absent(path)) from None
     except (OSError, ValueError) as error:  # ValueError: a path that holds a NUL
         reason = getattr(error, "strerror", error)
         raise InputError(
@@ -214,7 +214,7 @@ def write_log(log: Log, path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def _mend_absent(path: Path) -> str:
+def _hint_absent(path: Path) -> str:
     beside = sorted(
         p.name for p in path.parent.glob("*") if p.suffix.lower() in (".parquet", ".csv")
     )

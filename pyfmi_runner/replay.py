@@ -110,8 +110,7 @@ class Replayer:
             np.ascontiguousarray(commands, float),
             clamps,
             edge,
-            float(time[0]),
-            PERIOD,
+            (float(time[0]), PERIOD),
             outputs,
         )
         message = self.session.stepped_natively(float(time[0]) + done * PERIOD, status)
@@ -121,12 +120,13 @@ class Replayer:
 
 
 @njit(nogil=True)
-def _replay(wiring, commands, clamps, edge, start, period, outputs):  # type: ignore[no-untyped-def]
+def _replay(wiring, commands, clamps, edge, clock, outputs):  # type: ignore[no-untyped-def]
     (
         (component, set_real, set_boolean, get_real, do_step),
         (command_refs, clamp_refs, profile_refs, output_refs),
     ) = wiring
     own, coefficients, x0, dx = edge
+    start, period = clock
     four, flags = np.empty(4), np.empty(2, np.int32)
     status = 0
     for k in range(len(commands)):

@@ -26,6 +26,7 @@ from pyfmi_runner.fmu import FmuFile
 __all__ = ["ANGLES", "ForceLoop", "force_loop", "lag_seconds"]
 
 ANGLES = {"x": math.pi / 2, "z": 0.0}  # rad, the edge faces the axis
+F_N = 30.0  # N, normal force of the thesis' runs
 
 
 @dataclass(frozen=True)
@@ -92,11 +93,10 @@ def force_loop(
     *,
     delay: float = 0.0,
     angle: float | None = None,
-    f_n: float = 30.0,
     parameters: Mapping[str, float] | None = None,
 ) -> ForceLoop:
     """The loop of `axis` ("x" or "z") with the valve's `lag` ("own", "none", "x", "z" or s), in
-    contact with f_n [N].
+    contact with F_N.
 
     The lag is the FMU's parameter tau; "none" holds the valve's state at its steady value K (u -
     u_0), so that K stays and only the pole goes. delay: s, of the command; angle: rad of the edge,
@@ -106,7 +106,7 @@ def force_loop(
     own = dict(parameters or {})
     if seconds > 0:
         own[f"valve_{axis}.tau"] = seconds
-    point = axis_contact(file, axis, ANGLES[axis] if angle is None else angle, f_n, own)
+    point = axis_contact(file, axis, ANGLES[axis] if angle is None else angle, F_N, own)
     command, force = f"u_{axis}", f"f_{axis}"
     full = linearise(file, point, [command], [force])
     if seconds == 0:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import control
 import numpy as np
@@ -76,25 +77,27 @@ def linearise_here(
         session.free_state(saved)
     n = len(states)
     blocks = jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
-    return _named(*blocks, states, inputs, outputs)
+    return _named(blocks, Names(states, inputs, outputs))
+
+
+class Names(NamedTuple):
+    """Names of a linear model's states, inputs and outputs."""
+
+    states: Sequence[str]
+    inputs: Sequence[str]
+    outputs: Sequence[str]
 
 
 def _named(
-    a: Array,
-    b: Array,
-    c: Array,
-    d: Array,
-    states: Sequence[str],
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    dt: float = 0.0,
+    matrices: tuple[Array, Array, Array, Array], names: Names, dt: float = 0.0
 ) -> control.StateSpace:
+    """A, B, C, D with their names; dt: s between samples, 0 for a continuous model."""
     labels = {
-        "states": list(states),
-        "inputs": [signal(n) for n in inputs],
-        "outputs": [signal(n) for n in outputs],
+        "states": list(names.states),
+        "inputs": [signal(n) for n in names.inputs],
+        "outputs": [signal(n) for n in names.outputs],
     }
-    return control.StateSpace(a, b, c, d, dt, **labels, remove_useless_states=False)
+    return control.StateSpace(*matrices, dt, **labels, remove_useless_states=False)
 
 
 def signal(name: str) -> str:
@@ -122,7 +125,7 @@ def active_part(
         model.C[np.ix_(rows, keep)],
         model.D[np.ix_(rows, columns)],
     )
-    return _named(*blocks, states, inputs, outputs, model.dt)
+    return _named(blocks, Names(states, inputs, outputs), model.dt)
 
 
 def _spread(pattern: NDArray[np.bool_], start: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -148,9 +151,8 @@ def without_lag(model: control.StateSpace, state: str) -> control.StateSpace:
         model.C[:, rest] + np.outer(model.C[:, s], row),
         model.D + np.outer(model.C[:, s], into),
     )
-    return _named(
-        *blocks, [model.state_labels[i] for i in rest], model.input_labels, model.output_labels
-    )
+    kept = [model.state_labels[i] for i in rest]
+    return _named(blocks, Names(kept, model.input_labels, model.output_labels))
 
 
 def transition(a: Array, b: Array, time: float) -> tuple[Array, Array]:
@@ -195,7 +197,8 @@ def sampled(
         *model.state_labels,
         *(f"{name} {j + 1} samples ago" for j in range(held) for name in model.input_labels),
     ]
-    return _named(a, b, c, model.D, labels, model.input_labels, model.output_labels, period)
+    names = Names(labels, model.input_labels, model.output_labels)
+    return _named((a, b, c, model.D), names, period)
 
 
 def _shares(model: control.StateSpace, period: float, part: float) -> list[Array]:
