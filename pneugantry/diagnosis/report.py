@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Mapping
 from datetime import datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
-from pneugantry import __version__
 from pneugantry.diagnosis.diagnose import Diagnosis, report_json
 from pneugantry.diagnosis.headline import (
     confirmed,
@@ -207,7 +207,9 @@ def _logs(d: Diagnosis) -> list[dict[str, Any]]:
 def _made(gantry: FmuFile | None) -> str:
     """Date, version and the FMU's hash, by which a page can be made again."""
     fmu = f", nominal FMU sha256 {gantry.sha256[:16]}" if gantry is not None else ""
-    return f"{datetime.now().astimezone():%Y-%m-%d %H:%M} by pneugantry {__version__}{fmu}"
+    return (
+        f"{datetime.now().astimezone():%Y-%m-%d %H:%M} by pneugantry {version('pneugantry')}{fmu}"
+    )
 
 
 def _steps(d: Diagnosis, facts: dict[str, Any]) -> list[str]:
