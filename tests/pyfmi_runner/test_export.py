@@ -43,6 +43,7 @@ EXPORTED = (
     "pi_fv_smith",
     "pi_fv_pressure",
     "observer_fv",
+    "robust_fv",
 )
 PHASES = {
     "approach": (0.0, 0.5),
