@@ -61,3 +61,4 @@ class CompiledModel:
     default_stop: float = 45.0  # s
     tool: str = "PneuGantry"
     notes: tuple[str, ...] = field(default=())
+    switching: tuple[str, ...] = ()  # states whose rate changes its form at events

@@ -42,10 +42,17 @@ def compile_model(
 
 
 def _compiled(model: FlatModel, starts: Mapping[str, float]) -> CompiledModel:
-    system = build_system(model)
+    return compile_system(build_system(model), starts)
+
+
+def compile_system(
+    system: HybridSystem, starts: Mapping[str, float] | None = None
+) -> CompiledModel:
+    """Compiles a system of equations, whole or cut. Raises as `compile_model`."""
+    model = system.table.model
     solved = solve(system)
     layout = _layout(system)
-    _restart(layout.parameters, starts, model)
+    _restart(layout.parameters, starts or {}, model)
     expressions = _expressions(system, layout, solved)
     variables = _variables(system, layout)
     states = [v.index_reference for v in variables if v.variable.kind == "state"]
@@ -72,6 +79,17 @@ def _compiled(model: FlatModel, starts: Mapping[str, float]) -> CompiledModel:
         n_indicators=len(system.relations),
         enumerations=model.enumerations,
         sources={"model.h": h, "model.c": c},
+        switching=_switching(system, layout, expressions),
+    )
+
+
+def _switching(system: HybridSystem, layout: Layout, expressions: Expressions) -> tuple[str, ...]:
+    """States whose rate reads a relation."""
+    relations = generate.column([r.symbol for r in system.relations])
+    return tuple(
+        s.name
+        for s, rate in zip(layout.states, expressions.derivatives, strict=True)
+        if relations.numel() and ca.depends_on(rate, relations)
     )
 
 
@@ -413,4 +431,4 @@ def _initial_unknowns(
     }
 
 
-__all__ = ["CORE", "FlatModel", "compile_model"]
+__all__ = ["CORE", "FlatModel", "compile_model", "compile_system"]

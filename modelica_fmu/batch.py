@@ -1,0 +1,187 @@
+"""A part of a model as a shared library that simulates many runs over one record in one call."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modelica_fmu import source_key
+from modelica_fmu.compiled import CompiledModel
+from modelica_fmu.errors import InputError
+from modelica_fmu.toolchain import compile_library, find_compiler, host_platform
+
+__all__ = ["Correction", "Part", "PartVariable", "Subsystem", "build_part", "open_part"]
+
+Array = NDArray[np.float64]
+CSRC = Path(__file__).parent / "csrc"
+
+
+@dataclass(frozen=True)
+class PartVariable:
+    """A variable of a part; its value reference is its position in `Part.variables`."""
+
+    name: str
+    kind: str  # as compiled.Kind
+    type: str
+    start: float | None
+    unit: str | None
+    min: float | None
+    max: float | None
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is known of a part before it is loaded."""
+
+    library: Path
+    variables: tuple[PartVariable, ...]
+    switching: frozenset[str]  # states whose rate changes its form at events
+
+    def of(self, kind: str) -> list[str]:
+        return [v.name for v in self.variables if v.kind == kind]
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """States drawn towards measured values: x += share * (measured - x) once a period."""
+
+    states: tuple[str, ...]
+    measured: Array  # (N, states); NaN: no correction at this row
+    shares: tuple[float, ...]
+
+
+class _Batch(ctypes.Structure):
+    _fields_ = [  # noqa: RUF012 (ctypes asks for a list)
+        *((n, ctypes.c_size_t) for n in ("n_runs", "n_parameters", "n_rows")),
+        *((n, ctypes.c_size_t) for n in ("n_inputs", "n_corrected", "n_outputs")),
+        ("period", ctypes.c_double),
+        *((n, ctypes.c_void_p) for n in ("parameters", "values", "inputs", "at", "over")),
+        *((n, ctypes.c_void_p) for n in ("corrected", "measured", "gains", "outputs", "result")),
+    ]
+
+
+class Subsystem:
+    """A loaded part. Threads may share it: every call has instances of its own."""
+
+    def __init__(self, part: Part) -> None:
+        self.part = part
+        self._library = ctypes.CDLL(os.fspath(part.library))
+        self._library.batch_run.argtypes = [ctypes.POINTER(_Batch)]
+        self._library.batch_run.restype = ctypes.c_int
+        self._references = {v.name: i for i, v in enumerate(part.variables)}
+
+    def run(
+        self,
+        names: Sequence[str],
+        values: Array,
+        inputs: Mapping[str, Array | tuple[Array, Array]],
+        outputs: Sequence[str],
+        period: float,
+        correction: Correction | None = None,
+    ) -> Array:
+        """Outputs (runs, N, outputs) at the rows of a record; NaN from where a run failed on.
+
+        values (runs, names): parameters of each run. inputs: (N,) each, held over the period behind
+        each row, or a pair (at the rows, over the period behind them).
+        """
+        pairs = {n: v if isinstance(v, tuple) else (v, v) for n, v in inputs.items()}
+        at = np.ascontiguousarray(np.column_stack([p[0] for p in pairs.values()]), dtype=float)
+        same = all(p[0] is p[1] for p in pairs.values())
+        over = at if same else np.ascontiguousarray(np.column_stack([p[1] for p in pairs.values()]))
+        over = over.astype(float, copy=False)
+        values = np.ascontiguousarray(np.atleast_2d(values), dtype=float)
+        result = np.empty((len(values), len(at), len(outputs)))
+        states = correction.states if correction else ()
+        measured = np.ascontiguousarray(correction.measured if correction else np.zeros((1, 1)))
+        shares = np.array(correction.shares if correction else [0.0])
+        lists = [self._list(n) for n in (names, pairs, states, outputs)]
+        batch = _Batch(
+            len(values),
+            len(names),
+            len(at),
+            len(pairs),
+            len(states),
+            len(outputs),
+            period,
+            lists[0].ctypes.data,
+            values.ctypes.data,
+            lists[1].ctypes.data,
+            at.ctypes.data,
+            over.ctypes.data,
+            lists[2].ctypes.data,
+            measured.ctypes.data,
+            shares.ctypes.data,
+            lists[3].ctypes.data,
+            result.ctypes.data,
+        )
+        if self._library.batch_run(ctypes.byref(batch)) < 0:
+            raise InputError(f"cannot correct {', '.join(states)}: no states of the part")
+        return result
+
+    def _list(self, names: Sequence[str] | Mapping[str, object]) -> NDArray[np.uint32]:
+        return np.array([self._references[n] for n in names] or [0], dtype=np.uint32)
+
+
+def build_part(compiled: CompiledModel, folder: Path, key: str) -> Part:
+    """Compiles a model with the batch driver into `folder`/`key`, unless it is there already."""
+    home = folder / key
+    if not (home / "part.json").is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder) as temporary:
+            made = Path(temporary) / "part"
+            made.mkdir()
+            _compile(compiled, made)
+            shutil.rmtree(home, ignore_errors=True)
+            made.rename(home)
+    part = read_part(folder, key)
+    assert part is not None
+    return part
+
+
+def read_part(folder: Path, key: str) -> Part | None:
+    """A part that was built before."""
+    try:
+        told = json.loads((folder / key / "part.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    variables = tuple(PartVariable(**v) for v in told["variables"])
+    library = folder / key / f"part{host_platform().extension}"
+    return Part(library, variables, frozenset(told["switching"]))
+
+
+def part_key(model: Path, what: str) -> str:
+    """Hash of what decides a part: sources, compiler, flags, outputs and known variables."""
+    key = source_key([model], what, "batch", None)
+    return hashlib.sha256(key.encode()).hexdigest()[:24]
+
+
+def open_part(part: Part) -> Subsystem:
+    """Loads a part."""
+    return Subsystem(part)
+
+
+def _compile(compiled: CompiledModel, folder: Path) -> None:
+    target = host_platform()
+    sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in ("core.c", "core.h")}
+    sources |= {"batch.c": (CSRC / "batch" / "batch.c").read_text(encoding="utf-8")}
+    sources |= dict(compiled.sources)
+    for name, text in sources.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    names = [n for n in sources if n.endswith(".c")]
+    compile_library(find_compiler(target), target, folder, names, f"part{target.extension}")
+    for name in sources:
+        (folder / name).unlink()
+    keys = ("name", "kind", "type", "start", "unit", "min", "max")
+    variables = [{k: v for k, v in asdict(x).items() if k in keys} for x in compiled.variables]
+    told = {"variables": variables, "switching": sorted(compiled.switching)}
+    (folder / "part.json").write_text(json.dumps(told), encoding="utf-8")

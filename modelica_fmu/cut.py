@@ -1,0 +1,244 @@
+"""Cuts a subsystem out of a model: the smallest part that computes some variables from inputs and
+from other variables that are known, because they are measured.
+
+A known variable becomes an input and its own equation is dropped; what nothing needs any more is
+pruned. The rest is compiled like any model and keeps its parameters' names. Which variable an
+equation determines follows from a matching of equations and unknowns (bipartite graph).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import maximum_bipartite_matching
+
+from modelica_fmu.compiled import CompiledModel
+from modelica_fmu.compiler import compile_system
+from modelica_fmu.errors import InputError
+from modelica_fmu.frontend import flatten
+from modelica_fmu.hybrid import HybridSystem, build_system
+from modelica_fmu.symbols import Scalar
+
+__all__ = ["Structure", "cut", "structure"]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """How variables hang together.
+
+    roots: variable -> the variable that it is another name of (itself if of none).
+    states: roots that are states. rates: state -> root that its derivative is, if it is just one.
+    """
+
+    roots: Mapping[str, str]
+    states: frozenset[str]
+    rates: Mapping[str, str]
+
+
+class _Graph:
+    """Equations, unknowns and which equation determines which unknown."""
+
+    def __init__(self, system: HybridSystem) -> None:
+        self.system = system
+        table = system.table
+        self.symbols = {s.name: s.symbol for s in table.of("algebraic")}
+        self.symbols |= {f"der({n})": symbol for n, symbol in system.derivatives.items()}
+        unknowns = list(self.symbols)
+        self.residuals = [residual for residual, _ in system.residuals]
+        self.names = [{v.name() for v in ca.symvar(r)} for r in self.residuals]
+        pattern = ca.jacobian_sparsity(
+            ca.vertcat(*self.residuals), ca.vertcat(*self.symbols.values())
+        )
+        rows, columns = pattern.get_triplet()
+        graph = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=pattern.shape)
+        match = maximum_bipartite_matching(graph, perm_type="row")
+        self.equation_of = {name: int(match[j]) for j, name in enumerate(unknowns)}
+        if len(self.residuals) != len(unknowns) or (match < 0).any():
+            raise table.model.source.refuse(
+                f"{len(self.residuals)} equations for {len(unknowns)} unknowns",
+                hint="write one equation per unknown",
+            )
+        self.roots = self._roots()
+
+    def _roots(self) -> dict[str, str]:
+        """Another name of a variable: its equation says that both are equal."""
+        known = {s.name for s in self.system.table.of("algebraic", "state", "input")}
+        roots = {name: name for name in known}
+        for name in self.symbols:
+            index = self.equation_of[name]
+            others = self.names[index] - {name}
+            if name not in known or len(others) != 1 or not others <= known:
+                continue
+            other = next(iter(others))
+            table = self.system.table.scalars
+            residual, a, b = self.residuals[index], table[name].symbol, table[other].symbol
+            for sign in (1, -1):
+                if ca.is_equal(ca.simplify(residual + sign * (a - b)), ca.SX(0), 3):
+                    roots[name] = other
+        for name in roots:  # to the end of the chain
+            while roots[roots[name]] != roots[name]:
+                roots[name] = roots[roots[name]]
+        return roots
+
+
+def structure(model: Path, class_name: str) -> Structure:
+    """Structure of a class of a Modelica file. Raises InputError."""
+    graph = _Graph(build_system(flatten(model, class_name)))
+    states = set(graph.system.derivatives)
+    rates = {}
+    for state in states:
+        index = graph.equation_of[f"der({state})"]
+        others = graph.names[index] - {f"der({state})"}
+        if len(others) == 1 and (other := next(iter(others))) in graph.roots:
+            rates[state] = graph.roots[other]
+    return Structure(graph.roots, frozenset(states), rates)
+
+
+def cut(
+    model: Path,
+    class_name: str,
+    outputs: Sequence[str],
+    known: Iterable[str] = (),
+    driven: Iterable[str] = (),
+) -> CompiledModel:
+    """The part of `class_name` that computes `outputs` from its inputs and the `known` variables.
+
+    Its inputs are those of the class and the known variables that it needs, under their own names.
+    driven: states whose rate gets a further input, "NAME.residual", 0 in the model: the place of a
+    term that the model lacks. Raises InputError for a name that is no variable.
+    """
+    system = build_system(flatten(model, class_name))
+    graph = _Graph(system)
+    for name in (*outputs, *known):
+        if name not in graph.roots:
+            raise InputError(f"{class_name} has no variable {name}", file=model, field=name)
+    names = {graph.roots[name]: name for name in known}
+    kept_equations, kept_names = _needed(graph, outputs, names)
+    _reduce(graph, kept_equations, kept_names, outputs, names)
+    return compile_system(system)
+
+
+def _needed(
+    graph: _Graph, outputs: Sequence[str], known: Mapping[str, str]
+) -> tuple[set[int], set[str]]:
+    """Equations and variables that the outputs depend on; a known variable ends the way."""
+    system = graph.system
+    relations = {r.symbol.name(): r.indicator for r in system.relations}
+    delays = {d.symbol.name(): ca.vertcat(d.expression, d.time, d.maximum) for d in system.delays}
+    equations: set[int] = set()
+    names: set[str] = set()
+    waiting = list(outputs)
+    pres = {symbol.name(): name for name, symbol in system.pre.items()}
+    while waiting:
+        name = waiting.pop()
+        if name in names:
+            continue
+        names.add(name)
+        if name in known:
+            continue
+        if name in relations or name in delays:
+            waiting += [v.name() for v in ca.symvar(relations.get(name, delays.get(name)))]
+            continue
+        if name in pres:
+            waiting.append(pres[name])
+        if name in system.derivatives:
+            waiting.append(f"der({name})")
+        index = graph.equation_of.get(name)
+        if index is not None:
+            equations.add(index)
+            waiting += graph.names[index] - {name}
+        for branch in system.branches:
+            for changes in (branch.assigns, branch.reinits):
+                if name in changes:
+                    waiting += [v.name() for v in ca.symvar(changes[name])]
+                    waiting += [v.name() for v in ca.symvar(branch.condition)]
+    return equations, names
+
+
+def _reduce(
+    graph: _Graph,
+    equations: set[int],
+    names: set[str],
+    outputs: Sequence[str],
+    known: Mapping[str, str],
+) -> None:
+    """Takes out of the system, in place, what is not needed."""
+    system, table = graph.system, graph.system.table
+    needed = {r for r in known if r in names}
+    system.residuals = [pair for i, pair in enumerate(system.residuals) if i in equations]
+    system.relations = [r for r in system.relations if r.symbol.name() in names]
+    system.delays = [d for d in system.delays if d.symbol.name() in names]
+    system.derivatives = {
+        n: s for n, s in system.derivatives.items() if n in names and n not in needed
+    }
+    system.memories = [s for s in system.memories if s.name in names]
+    system.pre = {n: s for n, s in system.pre.items() if n in names}
+    system.assertions = []
+    branches = []
+    for branch in system.branches:
+        branch.assigns = {n: v for n, v in branch.assigns.items() if n in names}
+        branch.reinits = {n: v for n, v in branch.reinits.items() if n in system.derivatives}
+        if branch.assigns or branch.reinits:
+            branches.append(branch)
+    system.branches = branches
+    ticks = {v.name() for b in branches for v in ca.symvar(b.condition)}
+    system.samples = [s for s in system.samples if s.symbol.name() in ticks | names]
+    keep: dict[str, Scalar] = {}
+    parameters = _parameters_of(system)
+    for name, scalar in table.scalars.items():
+        if scalar.kind in ("parameter", "calculated", "constant"):
+            if name in parameters or name.startswith("solver."):
+                keep[name] = scalar
+            continue
+        if name not in names:
+            continue
+        if name in needed:
+            scalar.kind = "input"
+            scalar.variable = _as(scalar, "input")
+            scalar.value = scalar.value if scalar.value is not None else ca.SX(0)
+            if not scalar.value.is_constant():
+                scalar.value = ca.SX(0)
+        elif scalar.kind == "algebraic":
+            scalar.variable = _as(scalar, "output" if name in outputs else "")
+        keep[name] = scalar
+    table.scalars.clear()
+    table.scalars.update(keep)
+
+
+def _parameters_of(system: HybridSystem) -> set[str]:
+    """Names of all that the system's expressions mention, start values and bindings included."""
+    expressions = [r for r, _ in system.residuals] + [r.indicator for r in system.relations]
+    for delay in system.delays:
+        expressions += [delay.expression, delay.time, delay.maximum]
+    for branch in system.branches:
+        expressions += [branch.condition, *branch.assigns.values(), *branch.reinits.values()]
+    for sample in system.samples:
+        expressions += [sample.start, sample.interval]
+    used = set(system.derivatives) | {s.name for s in system.memories}
+    expressions += [
+        s.value
+        for s in system.table.scalars.values()
+        if s.value is not None and (s.name in used or s.kind == "input")
+    ]
+    names: set[str] = set()
+    waiting = [v.name() for e in expressions for v in ca.symvar(e)]
+    while waiting:
+        name = waiting.pop()
+        if name in names:
+            continue
+        names.add(name)
+        scalar = system.table.scalars.get(name)
+        if scalar is not None and scalar.kind == "calculated" and scalar.value is not None:
+            waiting += [v.name() for v in ca.symvar(scalar.value)]
+    return names
+
+
+def _as(scalar: Scalar, causality: str):  # type: ignore[no-untyped-def]
+    from dataclasses import replace
+
+    return replace(scalar.variable, causality=causality, protected=False)

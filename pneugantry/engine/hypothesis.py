@@ -1,0 +1,98 @@
+"""Hypotheses and the coordinates in which they are fitted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
+from pneugantry.engine.plant import Nuisance
+
+__all__ = ["Coordinate", "Hypothesis", "effect_coordinate", "nuisance_coordinate"]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects at work, each in one of its forms. Empty: nuisances alone."""
+
+    effects: tuple[tuple[Effect, Form], ...] = ()
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        return tuple(e.key for e, _ in self.effects)
+
+    @property
+    def settings(self) -> dict[str, float]:
+        return {n: v for _, form in self.effects for n, v in form.settings.items()}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return tuple(p for _, form in self.effects for p in form.parameters)
+
+    def plus(self, effect: Effect, form: Form) -> Hypothesis:
+        return Hypothesis((*self.effects, (effect, form)))
+
+    def without(self, key: str) -> Hypothesis:
+        return Hypothesis(tuple(x for x in self.effects if x[0].key != key))
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One fitted quantity: value = centre + unit * theta, or centre * exp(unit * theta)."""
+
+    parameter: str
+    centre: float
+    unit: float
+    low: float = -math.inf
+    high: float = math.inf
+    logarithmic: bool = False
+    record: str | None = None  # it belongs to this record alone
+    effect: bool = False
+    spread: float = 1.0  # prior standard deviation of theta
+    scales: bool = False  # of a nuisance whose spread grows with the rig's tolerance
+
+    @property
+    def name(self) -> str:
+        return self.parameter if self.record is None else f"{self.parameter}@{self.record}"
+
+    def value(self, theta: float) -> float:
+        if self.logarithmic:
+            raw = self.centre * math.exp(max(min(self.unit * theta, 50.0), -50.0))
+        else:
+            raw = self.centre + self.unit * theta
+        return min(max(raw, self.low), self.high)
+
+    def theta(self, value: float) -> float:
+        value = min(max(value, self.low), self.high)
+        if self.logarithmic:
+            return math.log(value / self.centre) / self.unit
+        return (value - self.centre) / self.unit
+
+
+def nuisance_coordinate(n: Nuisance, nominal: float, record: str | None) -> Coordinate:
+    """`nominal`: the parameter's value without error."""
+    unit = n.sigma * abs(nominal) if n.relative else n.sigma
+    low = 0.05 * nominal if n.relative and nominal > 0 else -math.inf
+    return Coordinate(n.parameter, nominal, unit, low, record=record, scales=n.scales)
+
+
+def effect_coordinate(p: Parameter, nominal: float, spread: float) -> Coordinate:
+    """An effect's parameter; theta is 1 at its usual size."""
+    factor = abs(nominal) if p.relative else 1.0
+    centre = nominal if p.relative else p.neutral
+    low, high = p.low * factor, p.high * factor
+    if p.positive:
+        return Coordinate(
+            p.name, centre, p.scale, low, high, logarithmic=True, effect=True, spread=spread
+        )
+    return Coordinate(p.name, centre, p.scale * factor, low, high, effect=True, spread=spread)
+
+
+def start_values(parameter: Parameter, nominal: float, start: float) -> float:
+    """A listed start in the parameter's own unit."""
+    return start * abs(nominal) if parameter.relative else start
+
+
+def merged(values: Mapping[str, float], coordinates: object) -> dict[str, float]:
+    return dict(values)

@@ -1,0 +1,134 @@
+"""What the diagnosis knows of a plant and of its records. No plant's own names stand in this package.
+
+A parameter is one of the model, or of a signal's sensor: "sensors.SIGNAL.WHAT" (see `sensors`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Array", "Data", "Nuisance", "Plant", "Record", "Signal", "thinned"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A measured quantity."""
+
+    name: str
+    variable: str  # of the model
+    sigma: float  # RMS of the sensor's noise as quoted, white
+    unit: str = "1"
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A parameter that every rig has somewhat off: no cause of a gap.
+
+    sigma: RMS of its error, a share of the nominal value if `relative`. per_record: it differs from
+    record to record. scales: its sigma grows with the rig's own tolerance, which is estimated.
+    """
+
+    parameter: str
+    sigma: float
+    relative: bool = False
+    per_record: bool = False
+    scales: bool = False
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Model, signals and what is known of its parameters."""
+
+    name: str
+    model: Path  # Modelica file
+    class_name: str
+    inputs: tuple[str, ...]  # of the model, known exactly
+    signals: tuple[Signal, ...]
+    parameters: Mapping[str, float]  # values that differ from the model's own
+    nuisances: tuple[Nuisance, ...]
+    blocks: Mapping[str, str]  # component path of the model -> block of the answer
+    settings: Mapping[str, float] = field(default_factory=dict)  # of the solver
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One measured run: row k holds readings at k * period, and inputs held from then on."""
+
+    name: str
+    period: float  # s
+    inputs: Mapping[str, Array]
+    signals: Mapping[str, Array]
+    parameters: Mapping[str, float]  # of this run alone
+    judged: NDArray[np.bool_] | None = None  # rows that count; None: all
+
+    @property
+    def rows(self) -> int:
+        return len(next(iter(self.signals.values())))
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """The records that are fitted, and one that no fit sees."""
+
+    fitted: tuple[Record, ...]
+    held_out: Record | None
+
+
+def thinned(record: Record, every: int) -> Record:
+    """One row in `every`: readings averaged about the row, inputs over what lies behind it."""
+    if every <= 1:
+        return record
+    rows = record.rows // every
+
+    def behind(values: Array) -> Array:
+        return np.asarray(values[: rows * every].reshape(rows, every).mean(axis=1))
+
+    def about(values: Array) -> Array:
+        weights = np.ones(every + 1)
+        weights[[0, -1]] = 0.5 if every % 2 == 0 else 1.0
+        if every % 2:
+            weights = np.ones(every)
+        half = len(weights) // 2
+        padded = np.pad(values, half, mode="edge")
+        return np.convolve(padded, weights / weights.sum(), "valid")[: rows * every : every]
+
+    jumps = _jumps(record)
+    judged = jumps[: rows * every].reshape(rows, every).any(axis=1)
+    judged = ~(np.convolve(judged, np.ones(7), "same") > 0)
+    return Record(
+        record.name,
+        record.period * every,
+        {n: behind(np.asarray(v, dtype=float)) for n, v in record.inputs.items()},
+        {n: about(np.asarray(v, dtype=float)) for n, v in record.signals.items()},
+        record.parameters,
+        judged,
+    )
+
+
+JUMP = 12.0  # standard deviations of a signal's steps, by which one of them stands out
+
+
+def _jumps(record: Record) -> NDArray[np.bool_]:
+    """Rows at which a signal steps at once: an impact, whose instant no record tells to better than a
+    row. A step stands out from those around it, noise included.
+    """
+    found = np.zeros(record.rows, dtype=bool)
+    for values in record.signals.values():
+        step = np.abs(np.diff(np.asarray(values, dtype=float), prepend=values[0]))
+        scale = 1.4826 * float(np.median(step)) + 1e-300
+        found |= (step > JUMP * scale) & (step > 4 * _about_max(step))
+    return found
+
+
+def _about_max(step: Array) -> Array:
+    """Largest of the steps 2 to 6 rows away."""
+    padded = np.pad(step, 6, mode="edge")
+    windows = [padded[6 + d : 6 + d + len(step)] for d in (-6, -5, -4, -3, -2, 2, 3, 4, 5, 6)]
+    return np.max(windows, axis=0)

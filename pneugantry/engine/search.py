@@ -1,0 +1,263 @@
+"""Which effects the records need: forward selection by evidence, with a backward step and swaps.
+
+Every start of every form is screened by a score test: a column of the Jacobian, or the difference
+that the start itself makes, beside the nuisances' columns. What promises most is fitted in full.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
+from pneugantry.engine.fitter import Cell, Fit, Fitter
+from pneugantry.engine.hypothesis import Hypothesis, effect_coordinate
+from pneugantry.engine.noise import Whitener
+from pneugantry.engine.plant import Array
+
+__all__ = ["Candidate", "Search", "Step", "screen", "search"]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A form of an effect from one of its starts, and what a score test promises of it."""
+
+    effect: Effect
+    form: Form
+    starts: Mapping[str, float]
+    gain: float  # of -2 log likelihood, under the base's noise
+    plain: float  # the same under white noise as quoted
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the search."""
+
+    effect: str
+    gain: float  # of -2 log evidence
+    fit: Fit
+    dropped: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """All that was fitted."""
+
+    null: Fit
+    best: Fit
+    steps: tuple[Step, ...]
+    tried: tuple[Fit, ...]
+    promised: tuple[Candidate, ...] = field(default=())
+
+
+def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search:
+    """Effects are added while one brings evidence, and dropped where a later one makes them needless."""
+    best, steps, tried = null, [], [null]
+    offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
+    price = 2 * math.log(max(len(offered), 1))
+    promised: list[Candidate] = []
+    bar = fitter.rules.entry + price
+    while len(best.keys) < fitter.rules.most:
+        rest = {k: e for k, e in offered.items() if k not in best.keys}
+        promised = screen(fitter, best, rest)
+        fits = [_added(fitter, best, c) for c in _chosen(fitter, promised, bar)]
+        tried += fits
+        if not fits:
+            break
+        fits += _other_forms(fitter, best, fits)
+        tried += fits
+        top = min(fits, key=lambda f: f.evidence)
+        if best.evidence - top.evidence < bar:
+            break
+        top = fitter.fit(top.hypothesis, top, thorough=True)
+        steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
+        best = _pruned(fitter, top, price, steps, tried)
+        tried.append(best)
+    return Search(null, best, tuple(steps), tuple(tried), tuple(promised))
+
+
+def _pruned(
+    fitter: Fitter, fit: Fit, price: float, steps: list[Step], tried: list[Fit]
+) -> Fit:
+    """Without effects whose removal costs less evidence than an effect must bring."""
+    while len(fit.keys) > 1:
+        drops = [fitter.fit(fit.hypothesis.without(k), fit) for k in fit.keys[:-1]]
+        tried += drops
+        least = min(drops, key=lambda f: f.evidence)
+        if least.evidence - fit.evidence > fitter.rules.entry + price:
+            return fit
+        gone = next(k for k in fit.keys if k not in least.keys)
+        steps.append(Step(gone, fit.evidence - least.evidence, least, dropped=True))
+        fit = fitter.fit(least.hypothesis, least, thorough=True)
+    return fit
+
+
+def _added(fitter: Fitter, base: Fit, c: Candidate) -> Fit:
+    return fitter.fit(base.hypothesis.plus(c.effect, c.form), base, c.starts)
+
+
+def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """The best effects in their other forms."""
+    made = []
+    for fit in sorted(fits, key=lambda f: f.evidence)[: fitter.rules.reformed]:
+        effect, main = fit.hypothesis.effects[-1]
+        for form in effect.forms:
+            if form.name == main.name or not fitter.readable(form):
+                continue
+            hypothesis = base.hypothesis.plus(effect, form)
+            made.append(min(
+                (fitter.fit(hypothesis, base, s) for s in _starts(fitter, form)[:2]),
+                key=lambda f: f.evidence,
+            ))
+    return made
+
+
+def _chosen(
+    fitter: Fitter, promised: Sequence[Candidate], bar: float
+) -> list[Candidate]:
+    """The best start of the most promising effects, in either order of promise."""
+    chosen: dict[tuple[str, str], Candidate] = {}
+    for measure in ("gain", "plain"):
+        ranked = sorted(promised, key=lambda c: -getattr(c, measure))
+        effects: list[str] = []
+        for c in ranked:
+            if c.effect.key in effects or max(c.gain, c.plain) < bar:
+                continue
+            if len(effects) == fitter.rules.screened:
+                break
+            effects.append(c.effect.key)
+            chosen.setdefault((c.effect.key, c.form.name), c)
+    return list(chosen.values())
+
+
+def screen(fitter: Fitter, base: Fit, effects: Mapping[str, Effect]) -> list[Candidate]:
+    """Score test of every start of every form."""
+    trials = [
+        (effect, form, starts)
+        for effect in effects.values()
+        for form in [next(f for f in effect.forms if fitter.readable(f))]
+        for starts in _starts(fitter, form)
+    ]
+    points: list[list[tuple[dict[str, float], float]]] = []
+    jobs: dict[Cell, list[dict[str, float]]] = {}
+    places: dict[tuple[int, int, Cell], int] = {}
+    for t, (effect, form, starts) in enumerate(trials):
+        own = _points(fitter, base, form, starts)
+        points.append(own)
+        names = {p.name for p in form.parameters} | set(form.settings)
+        for cell in fitter.cells:
+            if not any(fitter.views[cell[0]].depends_on(n) for n in names):
+                continue
+            values = base.values(cell[1])
+            for j, (moved, _) in enumerate(own):
+                places[t, j, cell] = len(jobs.setdefault(cell, []))
+                jobs[cell].append({**values, **moved})
+    found = fitter.simulate(jobs)
+    tests = {
+        "gain": _Test(fitter, base, base.whiteners),
+        "plain": _Test(fitter, base, fitter.flat(base.residuals)),
+    }
+    result = []
+    for t, (effect, form, starts) in enumerate(trials):
+        cells = [c for c in fitter.cells if (t, 0, c) in places]
+        columns = {}
+        for cell in cells:
+            runs = [found[cell][places[t, j, cell]] for j in range(len(points[t]))]
+            first = [runs[0] - base.residuals[cell]] if points[t][0][1] else []
+            rest = [
+                (run - runs[0]) / step
+                for run, (_, step) in zip(runs[1:], points[t][1:], strict=True)
+            ]
+            columns[cell] = [*first, *rest]
+        gains = {name: test.gain(columns) for name, test in tests.items()}
+        result.append(Candidate(effect, form, starts, gains["gain"], gains["plain"]))
+    return result
+
+
+def _points(
+    fitter: Fitter, base: Fit, form: Form, starts: Mapping[str, float]
+) -> list[tuple[dict[str, float], float]]:
+    """Where to simulate: the start (second member 1 if it differs from the base), and a step off it
+    in each parameter, with the step in theta.
+    """
+    known = base.values(None)
+    coordinates = [
+        effect_coordinate(p, fitter.neutral(p.name), fitter.rules.effect_prior)
+        for p in form.parameters
+    ]
+    at = dict(form.settings)
+    for c in coordinates:
+        at[c.parameter] = starts.get(c.parameter, known.get(c.parameter, c.value(0.0)))
+    points = [(dict(at), 1.0 if starts or form.settings else 0.0)]
+    for c in coordinates:
+        theta = c.theta(at[c.parameter])
+        step = 0.5 if c.value(theta + 0.5) != c.value(theta) else -0.5
+        points.append(({**at, c.parameter: c.value(theta + step)}, step))
+    return points
+
+
+def _starts(fitter: Fitter, form: Form) -> list[dict[str, float]]:
+    """Combinations of the starts that a form lists; one, empty, where it lists none."""
+
+    def value(p: Parameter, start: float) -> float:
+        return start * abs(fitter.neutral(p.name)) if p.relative else start
+
+    listed = [[(p.name, value(p, s)) for s in p.starts] for p in form.parameters if p.starts]
+    return [dict(chosen) for chosen in itertools.product(*listed)]
+
+
+class _Test:
+    """Score tests about a fit, under given noise."""
+
+    def __init__(
+        self, fitter: Fitter, base: Fit, whiteners: Mapping[str, tuple[Whitener, ...]]
+    ) -> None:
+        self.fitter, self.whiteners = fitter, whiteners
+        self.prior = fitter.rules.effect_prior
+        names = [c.name for c in base.coordinates]
+        n = len(names)
+        normal = np.diag([1 / c.spread**2 for c in base.coordinates])
+        gradient = base.theta * np.diag(normal)
+        self.residual: dict[Cell, Array] = {}
+        self.columns: dict[Cell, tuple[list[int], Array]] = {}
+        for cell in fitter.cells:
+            r = fitter.whitened(cell, base.residuals[cell], whiteners)
+            index = [i for i in range(n) if (cell, names[i]) in base.columns]
+            j = np.column_stack(
+                [
+                    fitter.whitened(cell, base.columns[cell, names[i]], whiteners)
+                    for i in index
+                ]
+                or [np.zeros(len(r))]
+            )
+            j = np.nan_to_num(j)
+            self.residual[cell], self.columns[cell] = r, (index, j)
+            if index:
+                normal[np.ix_(index, index)] += j.T @ j
+                gradient[index] += j.T @ r
+        self.n, self.inverse = n, np.linalg.inv(normal)
+        self.gradient = gradient
+
+    def gain(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
+        """Fall of -2 log posterior that a step along these columns promises."""
+        k = max((len(c) for c in columns.values()), default=0)
+        if k == 0:
+            return 0.0
+        square, pull = np.eye(k) / self.prior**2, np.zeros(k)
+        cross = np.zeros((self.n, k))
+        for cell, raw in columns.items():
+            if not all(np.isfinite(c).all() for c in raw):
+                return 0.0
+            d = np.column_stack([self.fitter.whitened(cell, c, self.whiteners) for c in raw])
+            index, j = self.columns[cell]
+            square += d.T @ d
+            pull += d.T @ self.residual[cell]
+            if index:
+                cross[index] += j.T @ d
+        square -= cross.T @ self.inverse @ cross
+        pull -= cross.T @ self.inverse @ self.gradient
+        return float(pull @ np.linalg.lstsq(square, pull, rcond=1e-10)[0])

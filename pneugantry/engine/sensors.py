@@ -1,0 +1,96 @@
+"""Errors of sensors, for every signal alike: what a sensor says of a true signal, and the signal
+that a reading stands for.
+
+Parameters "sensors.SIGNAL.WHAT": scale (1), bias, drift (per s), lag (s, first order), delay (s),
+curve (share by which a reading of `CURVED_AT` times its spread is more), from.OTHER (share of
+another signal's reading that leaks in).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.signal import lfilter, savgol_filter
+
+from pneugantry.engine.plant import Array, Record
+
+__all__ = ["PREFIX", "neutral", "sensed", "signal_of", "true_signal"]
+
+PREFIX = "sensors."
+SLOPE = 9  # rows over which a slope is taken
+
+
+def neutral(name: str) -> float:
+    """Value of a sensor's parameter that has no error."""
+    return 1.0 if name.endswith(".scale") else 0.0
+
+
+def signal_of(name: str) -> str:
+    """The signal that a sensor's parameter belongs to."""
+    return name.split(".")[1]
+
+
+def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]) -> Array:
+    """Reading (N,) of a true signal (N,)."""
+    own = _own(signal, values)
+    if not own:
+        return true
+    result = true * own.get("scale", 1.0)
+    for key, share in own.items():
+        if key.startswith("from.") and share:
+            result = result + share * record.signals[key.removeprefix("from.")]
+    if lag := own.get("lag", 0.0):
+        keep = np.exp(-record.period / lag)
+        result = lfilter([0.0, 1 - keep], [1.0, -keep], result, zi=[result[0]])[0]
+    if delay := own.get("delay", 0.0):
+        result = _shifted(result, delay / record.period)
+    if drift := own.get("drift", 0.0):
+        result = result + drift * record.period * np.arange(len(result))
+    if curve := own.get("curve", 0.0):
+        result = result * (1 + curve * (result / _spread(signal, record)) ** 2)
+    return np.asarray(result + own.get("bias", 0.0))
+
+
+def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Array:
+    """What a reading (N,) stands for, noise apart."""
+    own, result = _own(signal, values), record.signals[signal]
+    if not own:
+        return result
+    result = result - own.get("bias", 0.0)
+    if curve := own.get("curve", 0.0):
+        straight, spread = result, _spread(signal, record)
+        for _ in range(5):
+            straight = result / np.maximum(1 + curve * (straight / spread) ** 2, 0.2)
+        result = straight
+    if drift := own.get("drift", 0.0):
+        result = result - drift * record.period * np.arange(len(result))
+    if delay := own.get("delay", 0.0):
+        result = _shifted(result, -delay / record.period)
+    if lag := own.get("lag", 0.0):
+        result = result + lag * slope(result, record.period)
+    for key, share in own.items():
+        if key.startswith("from.") and share:
+            result = result - share * record.signals[key.removeprefix("from.")]
+    return np.asarray(result / own.get("scale", 1.0))
+
+
+def slope(values: Array, period: float, window: int = SLOPE) -> Array:
+    """Rate of change (N,) of a noisy signal."""
+    width = min(window, len(values) - 1 + len(values) % 2)
+    return np.asarray(savgol_filter(values, width, 2, deriv=1, delta=period))
+
+
+def _own(signal: str, values: Mapping[str, float]) -> dict[str, float]:
+    prefix = f"{PREFIX}{signal}."
+    return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
+
+
+def _shifted(values: Array, rows: float) -> Array:
+    at = np.arange(len(values))
+    return np.interp(at - rows, at, values)
+
+
+def _spread(signal: str, record: Record) -> float:
+    values = record.signals[signal]
+    return max(float(np.percentile(np.abs(values), 99)), 1e-12)

@@ -1,0 +1,323 @@
+"""Residual views: the smallest part of the plant that computes a measured signal from inputs and
+other measured signals, and what is left between both.
+
+Positions and their speeds, where both are measured, are smoothed together. A part whose states
+switch at events is held to its measured states by an observer of fixed gain, so that an event that
+the model misses costs what it is worth and no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from modelica_fmu.batch import Correction, Part, Subsystem, build_part, part_key, read_part
+from modelica_fmu.cut import Structure, cut, structure
+from pneugantry.engine.plant import Array, Plant, Record
+from pneugantry.engine.sensors import PREFIX, sensed, signal_of, slope, true_signal
+from pyfmi_runner.smoothing import smooth_axis
+
+__all__ = ["SubsystemView", "View", "build_views"]
+
+Values = Mapping[str, float]
+SMOOTH = 3  # rows over which a measured input is smoothed
+RATE = "der "  # before a signal's name: its rate, taken from its readings
+
+
+class View(Protocol):
+    """Readings less what a part of the plant makes of the other readings."""
+
+    name: str
+    block: str
+    signals: tuple[str, ...]  # columns of the residual
+    sigmas: tuple[float, ...]  # quoted noise of a row of the residual
+    decimation: int  # rows of the record that make one of the residual
+
+    @property
+    def observes(self) -> bool:
+        """Whether an observer holds its states to the measured ones."""
+        ...
+
+    def looser(self, share: float) -> None:
+        """Lets the observer be slower by this factor than by the rules."""
+        ...
+
+    def shows(self, record: Record) -> bool: ...
+
+    def depends_on(self, parameter: str) -> bool: ...
+
+    def residuals(self, record: Record, values: Sequence[Values]) -> Array:
+        """(len(values), rows, signals) in the signals' own units; NaN: not judged."""
+        ...
+
+
+@dataclass(eq=False)
+class SubsystemView:
+    """A part of the model, cut out at what is measured."""
+
+    name: str
+    block: str
+    signals: tuple[str, ...]
+    sigmas: tuple[float, ...]
+    decimation: int
+    plant: Plant
+    part: Part
+    sources: Mapping[str, str]  # input of the part -> input of the plant, signal, or RATE + signal
+    corrected: Mapping[str, str]  # state -> signal
+    pairs: Mapping[str, str]  # position -> speed, both measured
+    observer: float  # s, time constant of the correction
+    _subsystem: Subsystem | None = None
+    _kept: dict[tuple[object, ...], object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._share = 1.0
+        self._parameters = frozenset(self.part.of("parameter"))
+        self._read = {
+            s.removeprefix(RATE)
+            for s in (*self.sources.values(), *self.corrected.values())
+            if s.removeprefix(RATE) not in self.plant.inputs
+        }
+        self._all = {*self._read, *self.signals}
+
+    @property
+    def observes(self) -> bool:
+        return bool(self.corrected)
+
+    def looser(self, share: float) -> None:
+        self._share = share
+
+    def shows(self, record: Record) -> bool:
+        if not self._all <= set(record.signals):
+            return False
+        if not self.part.of("state"):
+            return True
+        quiet = [
+            np.ptp(np.convolve(record.signals[s], np.ones(25) / 25, "valid")) < 3 * sigma
+            for s, sigma in zip(self.signals, self._quoted(), strict=True)
+        ]
+        return not all(quiet)
+
+    def _quoted(self) -> list[float]:
+        return [s * np.sqrt(self.decimation) for s in self.sigmas]
+
+    def depends_on(self, parameter: str) -> bool:
+        if parameter.startswith(PREFIX):
+            return signal_of(parameter) in self._all
+        return parameter in self._parameters
+
+    def residuals(self, record: Record, values: Sequence[Values]) -> Array:
+        own = [{k: v for k, v in given.items() if self.depends_on(k)} for given in values]
+        simulated = self.simulate(record, own)
+        rows = record.rows // self.decimation
+        result = np.empty((len(own), rows, len(self.signals)))
+        for r, given in enumerate(own):
+            for c, signal in enumerate(self.signals):
+                error = record.signals[signal] - sensed(signal, simulated[r, :, c], record, given)
+                if record.judged is not None and self.observes:
+                    error = np.where(record.judged, error, 0.0)
+                error = error[: rows * self.decimation].reshape(rows, self.decimation)
+                result[r, :, c] = error.mean(axis=1)
+        return result
+
+    def simulate(self, record: Record, values: Sequence[Values]) -> Array:
+        """True signals (len(values), N, signals)."""
+        if self._subsystem is None:
+            self._subsystem = Subsystem(self.part)
+        base = {**self.plant.settings, **self.plant.parameters, **record.parameters}
+        base = {k: v for k, v in base.items() if k in self._parameters}
+        models = [{k: v for k, v in g.items() if not k.startswith(PREFIX)} for g in values]
+        names = sorted({*base, *(n for m in models for n in m)})
+        defaults = {v.name: v.start or 0.0 for v in self.part.variables}
+        table = np.array([[m.get(n, base.get(n, defaults[n])) for n in names] for m in models])
+        groups: dict[tuple[tuple[str, float], ...], list[int]] = {}
+        for i, given in enumerate(values):
+            key = tuple(
+                sorted(
+                    (k, v)
+                    for k, v in given.items()
+                    if k.startswith(PREFIX) and signal_of(k) in self._read
+                )
+            )
+            groups.setdefault(key, []).append(i)
+        outputs = [next(s.variable for s in self.plant.signals if s.name == n) for n in self.signals]
+        result = np.empty((len(values), record.rows, len(outputs)))
+        for key, members in groups.items():
+            inputs, correction = self._inputs(record, dict(key))
+            result[members] = self._subsystem.run(
+                names, table[members], inputs, outputs, record.period, correction
+            )
+        return result
+
+    def _inputs(
+        self, record: Record, errors: Values
+    ) -> tuple[dict[str, Array | tuple[Array, Array]], Correction | None]:
+        key = (record.name, self._share, tuple(errors.items()))
+        if key in self._kept:
+            return self._kept[key]  # type: ignore[return-value]
+        smooth = {s: self._smoothed(s, record, errors) for s in self._read}
+        inputs: dict[str, Array | tuple[Array, Array]] = {}
+        moving = bool(self.part.of("state"))
+        for name, source in self.sources.items():
+            if source in self.plant.inputs:
+                inputs[name] = np.asarray(record.inputs[source], dtype=float)
+                continue
+            signal = source.removeprefix(RATE)
+            values = smooth[signal]
+            if source.startswith(RATE):
+                values = slope(true_signal(signal, record, errors), record.period)
+            over = np.append(0.5 * (values[:-1] + values[1:]), values[-1])
+            inputs[name] = (values, over) if moving else values
+        correction = None
+        if self.corrected:
+            share = 1 - np.exp(-record.period / (self.observer * self._share))
+            measured = np.column_stack([smooth[s] for s in self.corrected.values()])
+            correction = Correction(
+                tuple(self.corrected), measured, (share,) * len(self.corrected)
+            )
+        if len(self._kept) > 64:
+            self._kept.clear()
+        self._kept[key] = (inputs, correction)
+        return inputs, correction
+
+    def _smoothed(self, signal: str, record: Record, errors: Values) -> Array:
+        """A measured input with less noise."""
+        values = true_signal(signal, record, errors)
+        sigma = {s.name: s.sigma for s in self.plant.signals}
+        speed = self.pairs.get(signal)
+        if speed is not None and speed in record.signals:
+            rate = true_signal(speed, record, errors)
+            return smooth_axis(values, rate, sigma[signal], sigma[speed], record.period).position
+        if signal in self.corrected.values():
+            return values
+        width = min(SMOOTH, len(values) - 1 + len(values) % 2)
+        return np.asarray(savgol_filter(values, width, 1))
+
+
+def build_views(
+    plant: Plant, measured: Sequence[str], cache: Path, period: float, observer: float, band: float
+) -> list[SubsystemView]:
+    """One view for each measured signal; signals that the same part computes share one.
+
+    observer: time constant of the correction as a share of the state's own; band: Hz up to which
+    residuals are judged.
+    """
+    shape = _structure(plant, cache)
+    signals = {s.name: s for s in plant.signals if s.name in measured}
+    root = {s: shape.roots[v.variable] for s, v in signals.items()}
+    pairs = {
+        a: b
+        for a in signals
+        for b in signals
+        if root[a] in shape.states and shape.rates.get(root[a]) == root[b]
+    }
+    views: dict[tuple[object, ...], SubsystemView] = {}
+    for name in signals:
+        view = _view(plant, name, shape, signals, cache)
+        part, sources, corrected = view
+        key = (part.library,) if part.of("state") else tuple(sorted(part.of("parameter")))
+        decimation = max(1, round(1 / (band * period)))
+        if key in views:
+            old = views[key]
+            old.signals, old.sigmas = (
+                (*old.signals, name),
+                (*old.sigmas, signals[name].sigma / np.sqrt(decimation)),
+            )
+            both = [signals[s].variable for s in old.signals]
+            part, sources, corrected = _cut(
+                plant, both, _known(shape, signals, old.signals, root), shape, signals, cache
+            )
+            old.part, old.sources, old.corrected = part, sources, corrected
+            old.__post_init__()
+            continue
+        views[key] = SubsystemView(
+            name=root[name],
+            block=_block(plant, root[name]),
+            signals=(name,),
+            sigmas=(signals[name].sigma / np.sqrt(decimation),),
+            decimation=decimation,
+            plant=plant,
+            part=part,
+            sources=sources,
+            corrected=corrected,
+            pairs=pairs,
+            observer=observer,
+        )
+    return list(views.values())
+
+
+def _known(
+    shape: Structure, signals: Mapping[str, object], own: Sequence[str], root: Mapping[str, str]
+) -> dict[str, str]:
+    """Variables known to a view of the signals `own`: other signals, and rates of those that are
+    states; but no state whose rate is one of `own`: it follows from it.
+    """
+    known: dict[str, str] = {}
+    for other in signals:
+        if other in own or shape.rates.get(root[other]) in {root[o] for o in own}:
+            continue
+        known[root[other]] = other
+    for other in list(known.values()):
+        rate = shape.rates.get(root[other])
+        if rate is not None and rate not in known and rate not in {root[o] for o in own}:
+            known[rate] = RATE + other
+    return known
+
+
+def _view(
+    plant: Plant, name: str, shape: Structure, signals: Mapping[str, object], cache: Path
+) -> tuple[Part, dict[str, str], dict[str, str]]:
+    root = {s.name: shape.roots[s.variable] for s in plant.signals if s.name in signals}
+    variable = next(s.variable for s in plant.signals if s.name == name)
+    return _cut(plant, [variable], _known(shape, signals, [name], root), shape, signals, cache)
+
+
+def _cut(
+    plant: Plant,
+    outputs: Sequence[str],
+    known: Mapping[str, str],
+    shape: Structure,
+    signals: Mapping[str, object],
+    cache: Path,
+) -> tuple[Part, dict[str, str], dict[str, str]]:
+    part = _part(plant, outputs, sorted(known), cache)
+    sources = {n: known.get(n, n) for n in part.of("input")}
+    root = {shape.roots[s.variable]: s.name for s in plant.signals if s.name in signals}
+    states = part.of("state")
+    corrected = {s: root[s] for s in states if s in root}
+    if not part.switching & set(corrected):
+        corrected = {}
+    return part, sources, corrected
+
+
+def _part(plant: Plant, outputs: Sequence[str], known: Sequence[str], cache: Path) -> Part:
+    key = part_key(plant.model, repr((plant.class_name, list(outputs), list(known))))
+    part = read_part(cache, key)
+    if part is None:
+        part = build_part(cut(plant.model, plant.class_name, outputs, known), cache, key)
+    return part
+
+
+def _structure(plant: Plant, cache: Path) -> Structure:
+    import json
+
+    key = part_key(plant.model, f"structure of {plant.class_name}")
+    path = cache / f"{key}.json"
+    if path.is_file():
+        told = json.loads(path.read_text(encoding="utf-8"))
+        return Structure(told["roots"], frozenset(told["states"]), told["rates"])
+    shape = structure(plant.model, plant.class_name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    told = {"roots": dict(shape.roots), "states": sorted(shape.states), "rates": dict(shape.rates)}
+    path.write_text(json.dumps(told), encoding="utf-8")
+    return shape
+
+
+def _block(plant: Plant, variable: str) -> str:
+    """Block of a variable: that of the longest component path it lies in."""
+    paths = [p for p in plant.blocks if variable == p or variable.startswith(p + ".")]
+    return plant.blocks[max(paths, key=len)] if paths else variable

@@ -1,0 +1,1 @@
+"""Descriptions of plants that come with the package."""

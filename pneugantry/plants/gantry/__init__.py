@@ -1,0 +1,1 @@
+"""The gantry as the diagnosis sees it."""

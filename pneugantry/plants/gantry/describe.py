@@ -1,0 +1,118 @@
+"""A measuring campaign of the gantry as a plant description and records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal, thinned
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.views import View, build_views
+from pneugantry.plants.gantry.timing import ControllerView
+from pyfmi_runner.build import default_model
+from pyfmi_runner.campaign import Campaign, LoggedRun
+from pyfmi_runner.log import MEASURED, PERIOD, SIGMA
+from pyfmi_runner.plant import DEFAULT_CLASS, own_profile, plant_parameters
+
+__all__ = ["data_of", "plant_of"]
+
+HELD_OUT = "contour_straight"
+BLOCKS = {
+    "valve_x": "valve_x",
+    "valve_z": "valve_z",
+    "axis_x": "friction_x",
+    "axis_z": "friction_z",
+    "axis_x.s": "sensors",
+    "axis_z.s": "sensors",
+    "contact": "contact",
+    "workpiece": "contact",
+}
+INPUTS = ("u_x", "u_z", "clamp_x", "clamp_z", "f_manual_x", "f_manual_z")
+EDGE = ("profile_at", "profile_height", "profile_slope", "profile_curvature")
+
+
+def plant_of(measured: Sequence[str] = MEASURED, thinning: int = 2) -> Plant:
+    """Description of the gantry with these channels."""
+    nuisances = []
+    for axis in "xz":
+        nuisances += [
+            *(_share(f"valve_{axis}.{p}") for p in ("K", "tau")),
+            Nuisance(f"valve_{axis}.u_0", 0.01, relative=True, scales=True),
+            *(_share(f"axis_{axis}.{p}") for p in ("m", "C", "F_w", "friction.F_s", "friction.F_d")),
+            Nuisance(f"axis_{axis}.friction.v_th", 0.05, relative=True, scales=True),
+            Nuisance(f"axis_{axis}.s_start", 5e-4, per_record=True),
+            Nuisance(f"sensors.f_{axis}.bias", 0.1),
+            *(
+                Nuisance(f"sensors.{c}_{axis}.scale", 0.003)
+                for c in ("v", "f")
+            ),
+            Nuisance(f"sensors.{axis}.scale", 0.003),
+            Nuisance(f"sensors.f_a{axis}.scale", 0.003),
+            Nuisance(f"sensors.f_a{axis}.bias", 0.3),
+        ]
+    nuisances += [
+        _share("contact.K_c"),
+        _share("contact.C_c"),
+        Nuisance("contact.z_0", 4e-4, per_record=True),
+    ]
+    nuisances = [
+        n
+        for n in nuisances
+        if not n.parameter.startswith("sensors.") or n.parameter.split(".")[1] in measured
+    ]
+    return Plant(
+        name="gantry",
+        model=default_model(),
+        class_name=DEFAULT_CLASS,
+        inputs=(*INPUTS, *EDGE),
+        signals=tuple(
+            Signal(c, c, SIGMA[c] / np.sqrt(thinning)) for c in MEASURED if c in measured
+        ),
+        parameters={},
+        nuisances=tuple(nuisances),
+        blocks=BLOCKS,
+        settings={"solver.tolerance": 0.1, "solver.max_step": PERIOD * thinning},
+    )
+
+
+def _share(name: str) -> Nuisance:
+    return Nuisance(name, 0.02, relative=True, scales=True)
+
+
+def data_of(campaign: Campaign, rules: Rules) -> Data:
+    """Records of a campaign: the held-out log apart."""
+    records = {
+        name: thinned(_record(name, run), rules.thinning) for name, run in campaign.logs.items()
+    }
+    if len(records) < 2:
+        return Data(tuple(records.values()), None)
+    held = HELD_OUT if HELD_OUT in records else list(records)[-1]
+    return Data(tuple(r for n, r in records.items() if n != held), records[held])
+
+
+def _record(name: str, run: LoggedRun) -> Record:
+    log, setup = run.log, run.setup
+    zero = np.zeros(len(log))
+    inputs = {"u_x": log["u_x"], "u_z": log["u_z"], "f_manual_x": zero, "f_manual_z": zero}
+    inputs |= {f"clamp_{a}": setup.clamp_signal(a, log.time).astype(float) for a in "xz"}
+    inputs |= dict.fromkeys(EDGE, zero)
+    profile = own_profile(setup)
+    if profile is not None:
+        x = log["x"]
+        shape = (x, profile.height(x), profile.slope(x), profile.curvature(x))
+        inputs |= dict(zip(EDGE, shape, strict=True))
+    signals = {c: log[c] for c in MEASURED if c in log.table.columns}
+    return Record(name, PERIOD, inputs, signals, plant_parameters(setup))
+
+
+def views_of(plant: Plant, campaign: Campaign, cache: Path, rules: Rules) -> list[View]:
+    """Views cut from the model, and that of the controller where it is known."""
+    measured = [s.name for s in plant.signals]
+    views: list[View] = list(
+        build_views(
+            plant, measured, cache, PERIOD * rules.thinning, rules.observer, rules.band
+        )
+    )
+    return [*views, ControllerView(campaign.logs)]
