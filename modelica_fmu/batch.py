@@ -20,7 +20,15 @@ from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.errors import InputError
 from modelica_fmu.toolchain import compile_library, find_compiler, host_platform
 
-__all__ = ["Correction", "Part", "PartVariable", "Subsystem", "build_part", "open_part"]
+__all__ = [
+    "Correction",
+    "Part",
+    "PartVariable",
+    "Subsystem",
+    "build_part",
+    "part_key",
+    "read_part",
+]
 
 Array = NDArray[np.float64]
 CSRC = Path(__file__).parent / "csrc"
@@ -61,7 +69,7 @@ class Correction:
 
 
 class _Batch(ctypes.Structure):
-    _fields_ = [  # noqa: RUF012 (ctypes asks for a list)
+    _fields_ = [
         *((n, ctypes.c_size_t) for n in ("n_runs", "n_parameters", "n_rows")),
         *((n, ctypes.c_size_t) for n in ("n_inputs", "n_corrected", "n_outputs")),
         ("period", ctypes.c_double),
@@ -92,44 +100,45 @@ class Subsystem:
         """Outputs (runs, N, outputs) at the rows of a record; NaN from where a run failed on.
 
         values (runs, names): parameters of each run. inputs: (N,) each, held over the period behind
-        each row, or a pair (at the rows, over the period behind them).
+        each row, or a pair (at the rows, over the period behind them). period: s. Raises InputError
+        for a name that is no variable of the part and a correction of what is no state.
         """
-        pairs = {n: v if isinstance(v, tuple) else (v, v) for n, v in inputs.items()}
-        at = np.ascontiguousarray(np.column_stack([p[0] for p in pairs.values()]), dtype=float)
-        same = all(p[0] is p[1] for p in pairs.values())
-        over = at if same else np.ascontiguousarray(np.column_stack([p[1] for p in pairs.values()]))
-        over = over.astype(float, copy=False)
+        at, over = _columns(inputs)
         values = np.ascontiguousarray(np.atleast_2d(values), dtype=float)
         result = np.empty((len(values), len(at), len(outputs)))
-        states = correction.states if correction else ()
-        measured = np.ascontiguousarray(correction.measured if correction else np.zeros((1, 1)))
-        shares = np.array(correction.shares if correction else [0.0])
-        lists = [self._list(n) for n in (names, pairs, states, outputs)]
-        batch = _Batch(
-            len(values),
-            len(names),
-            len(at),
-            len(pairs),
-            len(states),
-            len(outputs),
-            period,
-            lists[0].ctypes.data,
-            values.ctypes.data,
-            lists[1].ctypes.data,
-            at.ctypes.data,
-            over.ctypes.data,
-            lists[2].ctypes.data,
-            measured.ctypes.data,
-            shares.ctypes.data,
-            lists[3].ctypes.data,
-            result.ctypes.data,
-        )
+        held = correction or Correction((), np.zeros((1, 1)), (0.0,))
+        measured = np.ascontiguousarray(held.measured, dtype=float)
+        shares = np.array(held.shares)
+        lists = [self._references_of(n) for n in (names, tuple(inputs), held.states, outputs)]
+        sizes = (len(values), len(names), len(at), len(inputs), len(held.states), len(outputs))
+        arrays = (lists[0], values, lists[1], at, over, lists[2], measured, shares)
+        pointers = [a.ctypes.data for a in (*arrays, lists[3], result)]
+        batch = _Batch(*sizes, period, *pointers)
         if self._library.batch_run(ctypes.byref(batch)) < 0:
-            raise InputError(f"cannot correct {', '.join(states)}: no states of the part")
+            raise InputError(f"cannot correct {', '.join(held.states)}: no states of the part")
         return result
 
-    def _list(self, names: Sequence[str] | Mapping[str, object]) -> NDArray[np.uint32]:
+    def _references_of(self, names: Sequence[str]) -> NDArray[np.uint32]:
+        """Value references; one that nobody reads where there is no name."""
+        missing = [n for n in names if n not in self._references]
+        if missing:
+            raise InputError(
+                "is no variable of this part",
+                field=missing[0],
+                hint=f"the part has {', '.join(list(self._references)[:8])}, ...",
+            )
         return np.array([self._references[n] for n in names] or [0], dtype=np.uint32)
+
+
+def _columns(inputs: Mapping[str, Array | tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Inputs (N, inputs) at the rows and over the periods behind them; the same array where no
+    input differs between both, which spares the C loop half of its settings.
+    """
+    pairs = [v if isinstance(v, tuple) else (v, v) for v in inputs.values()]
+    at = np.ascontiguousarray(np.column_stack([p[0] for p in pairs]), dtype=float)
+    if all(p[0] is p[1] for p in pairs):
+        return at, at
+    return at, np.ascontiguousarray(np.column_stack([p[1] for p in pairs]), dtype=float)
 
 
 def build_part(compiled: CompiledModel, folder: Path, key: str) -> Part:
@@ -163,11 +172,6 @@ def part_key(model: Path, what: str) -> str:
     """Hash of what decides a part: sources, compiler, flags, outputs and known variables."""
     key = source_key([model], what, "batch", None)
     return hashlib.sha256(key.encode()).hexdigest()[:24]
-
-
-def open_part(part: Part) -> Subsystem:
-    """Loads a part."""
-    return Subsystem(part)
 
 
 def _compile(compiled: CompiledModel, folder: Path) -> None:

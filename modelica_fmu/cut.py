@@ -9,7 +9,7 @@ equation determines follows from a matching of equations and unknowns (bipartite
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import casadi as ca
@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.compiler import compile_system
 from modelica_fmu.errors import InputError
-from modelica_fmu.frontend import flatten
+from modelica_fmu.frontend import FlatVariable, flatten
 from modelica_fmu.hybrid import HybridSystem, build_system
 from modelica_fmu.symbols import Scalar
 
@@ -100,40 +100,47 @@ def structure(model: Path, class_name: str) -> Structure:
 
 
 def cut(
-    model: Path,
-    class_name: str,
-    outputs: Sequence[str],
-    known: Iterable[str] = (),
-    driven: Iterable[str] = (),
+    model: Path, class_name: str, outputs: Sequence[str], known: Iterable[str] = ()
 ) -> CompiledModel:
     """The part of `class_name` that computes `outputs` from its inputs and the `known` variables.
 
     Its inputs are those of the class and the known variables that it needs, under their own names.
-    driven: states whose rate gets a further input, "NAME.residual", 0 in the model: the place of a
-    term that the model lacks. Raises InputError for a name that is no variable.
+    Raises InputError for a name that is no variable.
     """
     system = build_system(flatten(model, class_name))
     graph = _Graph(system)
+    known = tuple(known)
     for name in (*outputs, *known):
         if name not in graph.roots:
-            raise InputError(f"{class_name} has no variable {name}", file=model, field=name)
-    names = {graph.roots[name]: name for name in known}
-    kept_equations, kept_names = _needed(graph, outputs, names)
-    _reduce(graph, kept_equations, kept_names, outputs, names)
+            raise InputError(
+                f"{class_name} has no variable of that name that changes with time",
+                file=model,
+                field=name,
+                hint="name a state, an input or another variable of the model",
+            )
+    ends = {graph.roots[name] for name in known}
+    part = _needed(graph, outputs, ends)
+    _keep_equations(system, part)
+    _keep_events(system, part)
+    _keep_scalars(system, part, outputs)
     return compile_system(system)
 
 
-def _needed(
-    graph: _Graph, outputs: Sequence[str], known: Mapping[str, str]
-) -> tuple[set[int], set[str]]:
+@dataclass(frozen=True)
+class _Needed:
+    """What outputs depend on."""
+
+    equations: frozenset[int]  # indices of residuals
+    names: frozenset[str]
+    inputs: frozenset[str]  # known variables among the names: inputs of the part
+
+
+def _needed(graph: _Graph, outputs: Sequence[str], known: set[str]) -> _Needed:
     """Equations and variables that the outputs depend on; a known variable ends the way."""
-    system = graph.system
-    relations = {r.symbol.name(): r.indicator for r in system.relations}
-    delays = {d.symbol.name(): ca.vertcat(d.expression, d.time, d.maximum) for d in system.delays}
     equations: set[int] = set()
     names: set[str] = set()
+    leads = _leads(graph.system)
     waiting = list(outputs)
-    pres = {symbol.name(): name for name, symbol in system.pre.items()}
     while waiting:
         name = waiting.pop()
         if name in names:
@@ -141,73 +148,81 @@ def _needed(
         names.add(name)
         if name in known:
             continue
-        if name in relations or name in delays:
-            waiting += [v.name() for v in ca.symvar(relations.get(name, delays.get(name)))]
-            continue
-        if name in pres:
-            waiting.append(pres[name])
-        if name in system.derivatives:
-            waiting.append(f"der({name})")
+        waiting += leads.get(name, ())
         index = graph.equation_of.get(name)
         if index is not None:
             equations.add(index)
             waiting += graph.names[index] - {name}
-        for branch in system.branches:
-            for changes in (branch.assigns, branch.reinits):
-                if name in changes:
-                    waiting += [v.name() for v in ca.symvar(changes[name])]
-                    waiting += [v.name() for v in ca.symvar(branch.condition)]
-    return equations, names
+    return _Needed(frozenset(equations), frozenset(names), frozenset(names & known))
 
 
-def _reduce(
-    graph: _Graph,
-    equations: set[int],
-    names: set[str],
-    outputs: Sequence[str],
-    known: Mapping[str, str],
-) -> None:
-    """Takes out of the system, in place, what is not needed."""
-    system, table = graph.system, graph.system.table
-    needed = {r for r in known if r in names}
-    system.residuals = [pair for i, pair in enumerate(system.residuals) if i in equations]
-    system.relations = [r for r in system.relations if r.symbol.name() in names]
-    system.delays = [d for d in system.delays if d.symbol.name() in names]
-    system.derivatives = {
-        n: s for n, s in system.derivatives.items() if n in names and n not in needed
-    }
-    system.memories = [s for s in system.memories if s.name in names]
-    system.pre = {n: s for n, s in system.pre.items() if n in names}
-    system.assertions = []
-    branches = []
+def _leads(system: HybridSystem) -> dict[str, list[str]]:
+    """Name -> names that it depends on other than through its equation: indicators of relations,
+    delayed values, derivatives, memories, assignments and restarts at events.
+    """
+    leads: dict[str, list[str]] = {}
+
+    def add(name: str, *expressions: ca.SX) -> None:
+        found = [v.name() for e in expressions for v in ca.symvar(e)]
+        leads.setdefault(name, []).extend(found)
+
+    for relation in system.relations:
+        add(relation.symbol.name(), relation.indicator)
+    for delay in system.delays:
+        add(delay.symbol.name(), delay.expression, delay.time, delay.maximum)
+    for name, symbol in system.pre.items():
+        leads.setdefault(symbol.name(), []).append(name)
+    for name in system.derivatives:
+        leads.setdefault(name, []).append(f"der({name})")
     for branch in system.branches:
-        branch.assigns = {n: v for n, v in branch.assigns.items() if n in names}
+        for name, value in (*branch.assigns.items(), *branch.reinits.items()):
+            add(name, value, branch.condition)
+    return leads
+
+
+def _keep_equations(system: HybridSystem, part: _Needed) -> None:
+    """Leaves the equations and variables of a part, in place."""
+    system.residuals = [pair for i, pair in enumerate(system.residuals) if i in part.equations]
+    system.derivatives = {
+        n: s for n, s in system.derivatives.items() if n in part.names and n not in part.inputs
+    }
+    system.memories = [s for s in system.memories if s.name in part.names]
+    system.pre = {n: s for n, s in system.pre.items() if n in part.names}
+    system.assertions = []
+
+
+def _keep_events(system: HybridSystem, part: _Needed) -> None:
+    """Leaves the relations, delays, branches and ticks of a part, in place."""
+    system.relations = [r for r in system.relations if r.symbol.name() in part.names]
+    system.delays = [d for d in system.delays if d.symbol.name() in part.names]
+    for branch in system.branches:
+        branch.assigns = {n: v for n, v in branch.assigns.items() if n in part.names}
         branch.reinits = {n: v for n, v in branch.reinits.items() if n in system.derivatives}
-        if branch.assigns or branch.reinits:
-            branches.append(branch)
-    system.branches = branches
-    ticks = {v.name() for b in branches for v in ca.symvar(b.condition)}
-    system.samples = [s for s in system.samples if s.symbol.name() in ticks | names]
-    keep: dict[str, Scalar] = {}
+    system.branches = [b for b in system.branches if b.assigns or b.reinits]
+    ticks = {v.name() for b in system.branches for v in ca.symvar(b.condition)} | part.names
+    system.samples = [s for s in system.samples if s.symbol.name() in ticks]
+
+
+def _keep_scalars(system: HybridSystem, part: _Needed, outputs: Sequence[str]) -> None:
+    """Leaves the variables and parameters of a part, in place; known variables become inputs."""
+    scalars = system.table.scalars
     parameters = _parameters_of(system)
-    for name, scalar in table.scalars.items():
+    kept: dict[str, Scalar] = {}
+    for name, scalar in scalars.items():
         if scalar.kind in ("parameter", "calculated", "constant"):
             if name in parameters or name.startswith("solver."):
-                keep[name] = scalar
-            continue
-        if name not in names:
-            continue
-        if name in needed:
-            scalar.kind = "input"
-            scalar.variable = _as(scalar, "input")
-            scalar.value = scalar.value if scalar.value is not None else ca.SX(0)
-            if not scalar.value.is_constant():
-                scalar.value = ca.SX(0)
-        elif scalar.kind == "algebraic":
-            scalar.variable = _as(scalar, "output" if name in outputs else "")
-        keep[name] = scalar
-    table.scalars.clear()
-    table.scalars.update(keep)
+                kept[name] = scalar
+        elif name in part.names:
+            if name in part.inputs:
+                scalar.kind = "input"
+                scalar.variable = _as(scalar, "input")
+                if scalar.value is None or not scalar.value.is_constant():
+                    scalar.value = ca.SX(0)
+            elif scalar.kind == "algebraic":
+                scalar.variable = _as(scalar, "output" if name in outputs else "")
+            kept[name] = scalar
+    scalars.clear()
+    scalars.update(kept)
 
 
 def _parameters_of(system: HybridSystem) -> set[str]:
@@ -238,7 +253,6 @@ def _parameters_of(system: HybridSystem) -> set[str]:
     return names
 
 
-def _as(scalar: Scalar, causality: str):  # type: ignore[no-untyped-def]
-    from dataclasses import replace
-
+def _as(scalar: Scalar, causality: str) -> FlatVariable:
+    """A scalar's variable with another causality; "": none."""
     return replace(scalar.variable, causality=causality, protected=False)

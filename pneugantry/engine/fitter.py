@@ -8,20 +8,20 @@ without effects, and again whenever a hypothesis is accepted.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pneugantry.diagnosis.catalogue import Effect, Form
+from pneugantry.diagnosis.catalogue import Form
 from pneugantry.engine.hypothesis import (
     Coordinate,
     Hypothesis,
     effect_coordinate,
     nuisance_coordinate,
 )
-from pneugantry.engine.noise import LONGEST, Whitener, whitener_of
+from pneugantry.engine.noise import Whitener, whitener_of
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, neutral
@@ -135,9 +135,7 @@ class Fitter:
 
     # -- simulation
 
-    def simulate(
-        self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]
-    ) -> dict[Cell, Array]:
+    def simulate(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> dict[Cell, Array]:
         """Residuals (values, rows, signals) of each cell."""
 
         def run(cell: Cell) -> Array:
@@ -235,9 +233,7 @@ class Fitter:
             coordinates, theta, settings, whiteners, touched, kept, fresh, base, settled
         )
         whiteners = self._whiten(residuals)
-        return self._finished(
-            hypothesis, coordinates, theta, residuals, columns, whiteners, scale
-        )
+        return self._finished(hypothesis, coordinates, theta, residuals, columns, whiteners, scale)
 
     def _by_view(
         self,
@@ -270,7 +266,10 @@ class Fitter:
                     )
             for j, i in enumerate(index):
                 size = sum(
-                    float((columns[key] / view.sigmas[0]).ravel() @ (columns[key] / view.sigmas[0]).ravel())
+                    float(
+                        (columns[key] / view.sigmas[0]).ravel()
+                        @ (columns[key] / view.sigmas[0]).ravel()
+                    )
                     for key in columns
                     if key[1] == coordinates[i].name
                 )
@@ -289,7 +288,9 @@ class Fitter:
     def _first(
         self, coordinates: Sequence[Coordinate], base: Fit | None, starts: Mapping[str, float]
     ) -> Array:
-        known = dict(zip((c.name for c in base.coordinates), base.theta, strict=True)) if base else {}
+        known = (
+            dict(zip((c.name for c in base.coordinates), base.theta, strict=True)) if base else {}
+        )
         of_base = (
             {c.name: c.value(t) for c, t in zip(base.coordinates, base.theta, strict=True)}
             if base
@@ -416,9 +417,7 @@ class Fitter:
     # -- whitened algebra
 
     def quoted(self) -> dict[str, tuple[Whitener, ...]]:
-        return {
-            n: tuple(Whitener(np.zeros(0), s) for s in v.sigmas) for n, v in self.views.items()
-        }
+        return {n: tuple(Whitener(np.zeros(0), s) for s in v.sigmas) for n, v in self.views.items()}
 
     def flat(self, residuals: Mapping[Cell, Array]) -> dict[str, tuple[Whitener, ...]]:
         """White noise of the residuals' own size."""
@@ -492,10 +491,7 @@ class Fitter:
                 continue
             w = self.whitened(cell, r, whiteners)
             j = np.column_stack(
-                [
-                    self.whitened(cell, columns[cell, coordinates[i].name], whiteners)
-                    for i in index
-                ]
+                [self.whitened(cell, columns[cell, coordinates[i].name], whiteners) for i in index]
             )
             j = np.nan_to_num(j)
             normal[np.ix_(index, index)] += j.T @ j

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
@@ -87,12 +86,3 @@ def effect_coordinate(p: Parameter, nominal: float, spread: float) -> Coordinate
             p.name, centre, p.scale, low, high, logarithmic=True, effect=True, spread=spread
         )
     return Coordinate(p.name, centre, p.scale * factor, low, high, effect=True, spread=spread)
-
-
-def start_values(parameter: Parameter, nominal: float, start: float) -> float:
-    """A listed start in the parameter's own unit."""
-    return start * abs(nominal) if parameter.relative else start
-
-
-def merged(values: Mapping[str, float], coordinates: object) -> dict[str, float]:
-    return dict(values)

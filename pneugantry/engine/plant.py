@@ -1,4 +1,5 @@
-"""What the diagnosis knows of a plant and of its records. No plant's own names stand in this package.
+"""What the diagnosis knows of a plant and of its records. No plant's own names stand in this
+package.
 
 A parameter is one of the model, or of a signal's sensor: "sensors.SIGNAL.WHAT" (see `sensors`).
 """
@@ -82,42 +83,46 @@ class Data:
 
 
 def thinned(record: Record, every: int) -> Record:
-    """One row in `every`: readings averaged about the row, inputs over what lies behind it."""
+    """One row in `every`: readings averaged about the row, inputs over what lies behind it. Rows
+    about an impact are not judged.
+    """
     if every <= 1:
         return record
     rows = record.rows // every
-
-    def behind(values: Array) -> Array:
-        return np.asarray(values[: rows * every].reshape(rows, every).mean(axis=1))
-
-    def about(values: Array) -> Array:
-        weights = np.ones(every + 1)
-        weights[[0, -1]] = 0.5 if every % 2 == 0 else 1.0
-        if every % 2:
-            weights = np.ones(every)
-        half = len(weights) // 2
-        padded = np.pad(values, half, mode="edge")
-        return np.convolve(padded, weights / weights.sum(), "valid")[: rows * every : every]
-
-    jumps = _jumps(record)
-    judged = jumps[: rows * every].reshape(rows, every).any(axis=1)
-    judged = ~(np.convolve(judged, np.ones(7), "same") > 0)
+    jumps = _jumps(record)[: rows * every].reshape(rows, every).any(axis=1)
     return Record(
         record.name,
         record.period * every,
-        {n: behind(np.asarray(v, dtype=float)) for n, v in record.inputs.items()},
-        {n: about(np.asarray(v, dtype=float)) for n, v in record.signals.items()},
+        {n: _behind(np.asarray(v, dtype=float), every) for n, v in record.inputs.items()},
+        {n: _about(np.asarray(v, dtype=float), every) for n, v in record.signals.items()},
         record.parameters,
-        judged,
+        ~(np.convolve(jumps, np.ones(ABOUT), "same") > 0),
     )
 
 
+def _behind(values: Array, every: int) -> Array:
+    """Means over the `every` rows from each kept one on."""
+    rows = len(values) // every
+    return np.asarray(values[: rows * every].reshape(rows, every).mean(axis=1))
+
+
+def _about(values: Array, every: int) -> Array:
+    """Means about each kept row: of `every` rows, or of one more whose ends count half."""
+    weights = np.ones(every if every % 2 else every + 1)
+    if every % 2 == 0:
+        weights[[0, -1]] = 0.5
+    padded = np.pad(values, len(weights) // 2, mode="edge")
+    rows = len(values) // every
+    return np.convolve(padded, weights / weights.sum(), "valid")[: rows * every : every]
+
+
+ABOUT = 7  # rows about an impact that are not judged
 JUMP = 12.0  # standard deviations of a signal's steps, by which one of them stands out
 
 
 def _jumps(record: Record) -> NDArray[np.bool_]:
-    """Rows at which a signal steps at once: an impact, whose instant no record tells to better than a
-    row. A step stands out from those around it, noise included.
+    """Rows at which a signal steps at once: an impact, whose instant no record tells to better than
+    a row. A step stands out from those around it, noise included.
     """
     found = np.zeros(record.rows, dtype=bool)
     for values in record.signals.values():

@@ -1,4 +1,6 @@
-"""Every threshold of the diagnosis, with unit, meaning and origin. An ablation is `replace(rules, ...)`."""
+"""Every threshold of the diagnosis, with unit, meaning and origin. An ablation is
+`replace(rules, ...)`.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,15 @@ __all__ = ["Rules"]
 class Rules:
     """Origin "field": usual practice; "design": follows from another number here."""
 
-    band: float = 100.0  # Hz, residuals are averages over 1/band (field: ten times a drive's bandwidth)
+    band: float = (
+        100.0  # Hz, residuals are averages over 1/band (field: ten times a drive's bandwidth)
+    )
     thinning: int = 2  # rows of a record that are averaged into one before anything is simulated
     observer: float = 0.008  # s, time constant of the observer in parts that switch
     homotopy: tuple[float, ...] = (0.15, 1.0)  # observers of a first fit, in units of `observer`
-    doubtful: float = 1.3  # misfit, in units of the noise, from which on a first fit uses the homotopy
+    doubtful: float = (
+        1.3  # misfit, in units of the noise, from which on a first fit uses the homotopy
+    )
     quietest: float = 0.6  # smallest noise, in units of the quoted one, that a sensor may have
     effect_prior: float = 2.0  # spread of an effect's size, in usual sizes
     tolerance: float = 1.5  # a rig's tolerance scale before it is estimated

@@ -15,7 +15,7 @@ import numpy as np
 
 from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
 from pneugantry.engine.fitter import Cell, Fit, Fitter
-from pneugantry.engine.hypothesis import Hypothesis, effect_coordinate
+from pneugantry.engine.hypothesis import effect_coordinate
 from pneugantry.engine.noise import Whitener
 from pneugantry.engine.plant import Array
 
@@ -55,7 +55,9 @@ class Search:
 
 
 def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search:
-    """Effects are added while one brings evidence, and dropped where a later one makes them needless."""
+    """Effects are added while one brings evidence, and dropped where a later one makes them
+    needless.
+    """
     best, steps, tried = null, [], [null]
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
     price = 2 * math.log(max(len(offered), 1))
@@ -80,9 +82,7 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     return Search(null, best, tuple(steps), tuple(tried), tuple(promised))
 
 
-def _pruned(
-    fitter: Fitter, fit: Fit, price: float, steps: list[Step], tried: list[Fit]
-) -> Fit:
+def _pruned(fitter: Fitter, fit: Fit, price: float, steps: list[Step], tried: list[Fit]) -> Fit:
     """Without effects whose removal costs less evidence than an effect must bring."""
     while len(fit.keys) > 1:
         drops = [fitter.fit(fit.hypothesis.without(k), fit) for k in fit.keys[:-1]]
@@ -109,16 +109,16 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
             if form.name == main.name or not fitter.readable(form):
                 continue
             hypothesis = base.hypothesis.plus(effect, form)
-            made.append(min(
-                (fitter.fit(hypothesis, base, s) for s in _starts(fitter, form)[:2]),
-                key=lambda f: f.evidence,
-            ))
+            made.append(
+                min(
+                    (fitter.fit(hypothesis, base, s) for s in _starts(fitter, form)[:2]),
+                    key=lambda f: f.evidence,
+                )
+            )
     return made
 
 
-def _chosen(
-    fitter: Fitter, promised: Sequence[Candidate], bar: float
-) -> list[Candidate]:
+def _chosen(fitter: Fitter, promised: Sequence[Candidate], bar: float) -> list[Candidate]:
     """The best start of the most promising effects, in either order of promise."""
     chosen: dict[tuple[str, str], Candidate] = {}
     for measure in ("gain", "plain"):
@@ -145,7 +145,7 @@ def screen(fitter: Fitter, base: Fit, effects: Mapping[str, Effect]) -> list[Can
     points: list[list[tuple[dict[str, float], float]]] = []
     jobs: dict[Cell, list[dict[str, float]]] = {}
     places: dict[tuple[int, int, Cell], int] = {}
-    for t, (effect, form, starts) in enumerate(trials):
+    for t, (_, form, starts) in enumerate(trials):
         own = _points(fitter, base, form, starts)
         points.append(own)
         names = {p.name for p in form.parameters} | set(form.settings)
@@ -228,10 +228,7 @@ class _Test:
             r = fitter.whitened(cell, base.residuals[cell], whiteners)
             index = [i for i in range(n) if (cell, names[i]) in base.columns]
             j = np.column_stack(
-                [
-                    fitter.whitened(cell, base.columns[cell, names[i]], whiteners)
-                    for i in index
-                ]
+                [fitter.whitened(cell, base.columns[cell, names[i]], whiteners) for i in index]
                 or [np.zeros(len(r))]
             )
             j = np.nan_to_num(j)

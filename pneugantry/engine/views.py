@@ -8,6 +8,7 @@ the model misses costs what it is worth and no more.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +19,8 @@ from scipy.signal import savgol_filter
 
 from modelica_fmu.batch import Correction, Part, Subsystem, build_part, part_key, read_part
 from modelica_fmu.cut import Structure, cut, structure
-from pneugantry.engine.plant import Array, Plant, Record
+from modelica_fmu.errors import InputError
+from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.sensors import PREFIX, sensed, signal_of, slope, true_signal
 from pyfmi_runner.smoothing import smooth_axis
 
@@ -144,7 +146,9 @@ class SubsystemView:
                 )
             )
             groups.setdefault(key, []).append(i)
-        outputs = [next(s.variable for s in self.plant.signals if s.name == n) for n in self.signals]
+        outputs = [
+            next(s.variable for s in self.plant.signals if s.name == n) for n in self.signals
+        ]
         result = np.empty((len(values), record.rows, len(outputs)))
         for key, members in groups.items():
             inputs, correction = self._inputs(record, dict(key))
@@ -176,9 +180,7 @@ class SubsystemView:
         if self.corrected:
             share = 1 - np.exp(-record.period / (self.observer * self._share))
             measured = np.column_stack([smooth[s] for s in self.corrected.values()])
-            correction = Correction(
-                tuple(self.corrected), measured, (share,) * len(self.corrected)
-            )
+            correction = Correction(tuple(self.corrected), measured, (share,) * len(self.corrected))
         if len(self._kept) > 64:
             self._kept.clear()
         self._kept[key] = (inputs, correction)
@@ -198,100 +200,105 @@ class SubsystemView:
         return np.asarray(savgol_filter(values, width, 1))
 
 
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """What is measured of a plant, and how that hangs together."""
+
+    plant: Plant
+    shape: Structure
+    signals: Mapping[str, Signal]  # measured, by name
+    cache: Path
+
+    def root(self, signal: str) -> str:
+        return self.shape.roots[self.signals[signal].variable]
+
+    @property
+    def pairs(self) -> dict[str, str]:
+        """Position -> its speed, where both are measured."""
+        return {
+            a: b
+            for a in self.signals
+            for b in self.signals
+            if self.root(a) in self.shape.states
+            and self.shape.rates.get(self.root(a)) == self.root(b)
+        }
+
+
 def build_views(
     plant: Plant, measured: Sequence[str], cache: Path, period: float, observer: float, band: float
 ) -> list[SubsystemView]:
     """One view for each measured signal; signals that the same part computes share one.
 
-    observer: time constant of the correction as a share of the state's own; band: Hz up to which
-    residuals are judged.
+    period: s, between a record's rows; observer: s, time constant of the correction; band: Hz, up
+    to which residuals are judged. Raises InputError for a signal whose variable the model lacks.
     """
     shape = _structure(plant, cache)
     signals = {s.name: s for s in plant.signals if s.name in measured}
-    root = {s: shape.roots[v.variable] for s, v in signals.items()}
-    pairs = {
-        a: b
-        for a in signals
-        for b in signals
-        if root[a] in shape.states and shape.rates.get(root[a]) == root[b]
-    }
-    views: dict[tuple[object, ...], SubsystemView] = {}
+    for signal in signals.values():
+        if signal.variable not in shape.roots:
+            raise InputError(
+                f"{plant.class_name} has no variable of that name that changes with time",
+                file=plant.model,
+                field=signal.variable,
+                hint=f"correct the variable of the signal {signal.name}",
+            )
+    sight = _Sight(plant, shape, signals, cache)
+    decimation = max(1, round(1 / (band * period)))
+    grouped: dict[tuple[object, ...], list[str]] = {}
     for name in signals:
-        view = _view(plant, name, shape, signals, cache)
-        part, sources, corrected = view
+        part, _, _ = _cut(sight, [name])
         key = (part.library,) if part.of("state") else tuple(sorted(part.of("parameter")))
-        decimation = max(1, round(1 / (band * period)))
-        if key in views:
-            old = views[key]
-            old.signals, old.sigmas = (
-                (*old.signals, name),
-                (*old.sigmas, signals[name].sigma / np.sqrt(decimation)),
-            )
-            both = [signals[s].variable for s in old.signals]
-            part, sources, corrected = _cut(
-                plant, both, _known(shape, signals, old.signals, root), shape, signals, cache
-            )
-            old.part, old.sources, old.corrected = part, sources, corrected
-            old.__post_init__()
-            continue
-        views[key] = SubsystemView(
-            name=root[name],
-            block=_block(plant, root[name]),
-            signals=(name,),
-            sigmas=(signals[name].sigma / np.sqrt(decimation),),
-            decimation=decimation,
-            plant=plant,
-            part=part,
-            sources=sources,
-            corrected=corrected,
-            pairs=pairs,
-            observer=observer,
-        )
-    return list(views.values())
+        grouped.setdefault(key, []).append(name)
+    return [_view(sight, names, decimation, observer) for names in grouped.values()]
 
 
-def _known(
-    shape: Structure, signals: Mapping[str, object], own: Sequence[str], root: Mapping[str, str]
-) -> dict[str, str]:
+def _view(sight: _Sight, names: Sequence[str], decimation: int, observer: float) -> SubsystemView:
+    """The view of signals that one part computes."""
+    part, sources, corrected = _cut(sight, names)
+    root = sight.root(names[0])
+    return SubsystemView(
+        name=root,
+        block=_block(sight.plant, root),
+        signals=tuple(names),
+        sigmas=tuple(float(sight.signals[n].sigma / np.sqrt(decimation)) for n in names),
+        decimation=decimation,
+        plant=sight.plant,
+        part=part,
+        sources=sources,
+        corrected=corrected,
+        pairs=sight.pairs,
+        observer=observer,
+    )
+
+
+def _known(sight: _Sight, own: Sequence[str]) -> dict[str, str]:
     """Variables known to a view of the signals `own`: other signals, and rates of those that are
     states; but no state whose rate is one of `own`: it follows from it.
     """
-    known: dict[str, str] = {}
-    for other in signals:
-        if other in own or shape.rates.get(root[other]) in {root[o] for o in own}:
-            continue
-        known[root[other]] = other
+    rates, roots = sight.shape.rates, {sight.root(o) for o in own}
+    known = {
+        sight.root(other): other
+        for other in sight.signals
+        if other not in own and rates.get(sight.root(other)) not in roots
+    }
     for other in list(known.values()):
-        rate = shape.rates.get(root[other])
-        if rate is not None and rate not in known and rate not in {root[o] for o in own}:
+        rate = rates.get(sight.root(other))
+        if rate is not None and rate not in known and rate not in roots:
             known[rate] = RATE + other
     return known
 
 
-def _view(
-    plant: Plant, name: str, shape: Structure, signals: Mapping[str, object], cache: Path
-) -> tuple[Part, dict[str, str], dict[str, str]]:
-    root = {s.name: shape.roots[s.variable] for s in plant.signals if s.name in signals}
-    variable = next(s.variable for s in plant.signals if s.name == name)
-    return _cut(plant, [variable], _known(shape, signals, [name], root), shape, signals, cache)
-
-
-def _cut(
-    plant: Plant,
-    outputs: Sequence[str],
-    known: Mapping[str, str],
-    shape: Structure,
-    signals: Mapping[str, object],
-    cache: Path,
-) -> tuple[Part, dict[str, str], dict[str, str]]:
-    part = _part(plant, outputs, sorted(known), cache)
+def _cut(sight: _Sight, own: Sequence[str]) -> tuple[Part, dict[str, str], dict[str, str]]:
+    """The part that computes some signals; where its inputs come from; states that are measured,
+    where some of them switch.
+    """
+    known = _known(sight, own)
+    outputs = [sight.signals[n].variable for n in own]
+    part = _part(sight.plant, outputs, sorted(known), sight.cache)
     sources = {n: known.get(n, n) for n in part.of("input")}
-    root = {shape.roots[s.variable]: s.name for s in plant.signals if s.name in signals}
-    states = part.of("state")
-    corrected = {s: root[s] for s in states if s in root}
-    if not part.switching & set(corrected):
-        corrected = {}
-    return part, sources, corrected
+    signal = {sight.root(n): n for n in sight.signals}
+    corrected = {s: signal[s] for s in part.of("state") if s in signal}
+    return part, sources, corrected if part.switching & set(corrected) else {}
 
 
 def _part(plant: Plant, outputs: Sequence[str], known: Sequence[str], cache: Path) -> Part:
@@ -303,8 +310,6 @@ def _part(plant: Plant, outputs: Sequence[str], known: Sequence[str], cache: Pat
 
 
 def _structure(plant: Plant, cache: Path) -> Structure:
-    import json
-
     key = part_key(plant.model, f"structure of {plant.class_name}")
     path = cache / f"{key}.json"
     if path.is_file():

@@ -40,14 +40,14 @@ def plant_of(measured: Sequence[str] = MEASURED, thinning: int = 2) -> Plant:
         nuisances += [
             *(_share(f"valve_{axis}.{p}") for p in ("K", "tau")),
             Nuisance(f"valve_{axis}.u_0", 0.01, relative=True, scales=True),
-            *(_share(f"axis_{axis}.{p}") for p in ("m", "C", "F_w", "friction.F_s", "friction.F_d")),
+            *(
+                _share(f"axis_{axis}.{p}")
+                for p in ("m", "C", "F_w", "friction.F_s", "friction.F_d")
+            ),
             Nuisance(f"axis_{axis}.friction.v_th", 0.05, relative=True, scales=True),
             Nuisance(f"axis_{axis}.s_start", 5e-4, per_record=True),
             Nuisance(f"sensors.f_{axis}.bias", 0.1),
-            *(
-                Nuisance(f"sensors.{c}_{axis}.scale", 0.003)
-                for c in ("v", "f")
-            ),
+            *(Nuisance(f"sensors.{c}_{axis}.scale", 0.003) for c in ("v", "f")),
             Nuisance(f"sensors.{axis}.scale", 0.003),
             Nuisance(f"sensors.f_a{axis}.scale", 0.003),
             Nuisance(f"sensors.f_a{axis}.bias", 0.3),
@@ -111,8 +111,6 @@ def views_of(plant: Plant, campaign: Campaign, cache: Path, rules: Rules) -> lis
     """Views cut from the model, and that of the controller where it is known."""
     measured = [s.name for s in plant.signals]
     views: list[View] = list(
-        build_views(
-            plant, measured, cache, PERIOD * rules.thinning, rules.observer, rules.band
-        )
+        build_views(plant, measured, cache, PERIOD * rules.thinning, rules.observer, rules.band)
     )
     return [*views, ControllerView(campaign.logs)]

@@ -20,8 +20,8 @@ class ControllerView:
     """Recorded command less the controller's."""
 
     name = block = "timing"
-    signals = ("u_x", "u_z")
-    sigmas = (COMMAND_QUANTUM, COMMAND_QUANTUM)
+    signals: tuple[str, ...] = ("u_x", "u_z")
+    sigmas: tuple[float, ...] = (COMMAND_QUANTUM, COMMAND_QUANTUM)
     decimation = 1
     observes = False
 
