@@ -26,6 +26,7 @@ COMMANDS = {
     "run": "closed-loop run at 1 ms; RMSE and maximum error of f_n and v_t",
     "log": "a recorder's own log made usable: columns, units, rate, set-up",
     "replay": "measured logs against the FMU: gap per log, channel and block",
+    "plan": "which effects these sensors and logs can tell, and what would add most",
     "diagnose": "which block and which effect make a measured campaign differ",
     "blind": "draw sealed cases on the truth plant, diagnose, unseal, score",
     "identify": "plant parameters with 95 % intervals from measured logs",

@@ -511,7 +511,7 @@ class Fitter:
         spread = np.array([c.spread for c in coordinates])
         normal, _ = self._normal(coordinates, residuals, columns, whiteners)
         normal += np.diag(1 / spread**2)
-        covariance = np.linalg.inv(normal)
+        covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
         scaled = normal * np.outer(spread, spread)
         penalty = float(((theta / spread) ** 2).sum()) + float(np.linalg.slogdet(scaled)[1])
         stretches = []

@@ -68,6 +68,7 @@ class Record:
     signals: Mapping[str, Array]
     parameters: Mapping[str, float]  # of this run alone
     judged: NDArray[np.bool_] | None = None  # rows that count; None: all
+    skip: float = 0.0  # s at the start that do not count
 
     @property
     def rows(self) -> int:
@@ -97,6 +98,7 @@ def thinned(record: Record, every: int) -> Record:
         {n: _about(np.asarray(v, dtype=float), every) for n, v in record.signals.items()},
         record.parameters,
         ~(np.convolve(jumps, np.ones(ABOUT), "same") > 0),
+        record.skip,
     )
 
 

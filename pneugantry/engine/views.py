@@ -24,7 +24,7 @@ from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.sensors import PREFIX, sensed, signal_of, slope, true_signal
 from pyfmi_runner.smoothing import smooth_axis
 
-__all__ = ["SubsystemView", "View", "build_views"]
+__all__ = ["SubsystemView", "View", "build_views", "known_variables", "part_of"]
 
 Values = Mapping[str, float]
 SMOOTH = 3  # rows over which a measured input is smoothed
@@ -294,19 +294,26 @@ def _cut(sight: _Sight, own: Sequence[str]) -> tuple[Part, dict[str, str], dict[
     """
     known = _known(sight, own)
     outputs = [sight.signals[n].variable for n in own]
-    part = _part(sight.plant, outputs, sorted(known), sight.cache)
+    part = part_of(sight.plant, outputs, sorted(known), sight.cache)
     sources = {n: known.get(n, n) for n in part.of("input")}
     signal = {sight.root(n): n for n in sight.signals}
     corrected = {s: signal[s] for s in part.of("state") if s in signal}
     return part, sources, corrected if part.switching & set(corrected) else {}
 
 
-def _part(plant: Plant, outputs: Sequence[str], known: Sequence[str], cache: Path) -> Part:
+def part_of(plant: Plant, outputs: Sequence[str], known: Sequence[str], cache: Path) -> Part:
+    """The part that computes `outputs` from inputs and `known` variables, built once."""
     key = part_key(plant.model, repr((plant.class_name, list(outputs), list(known))))
     part = read_part(cache, key)
     if part is None:
         part = build_part(cut(plant.model, plant.class_name, outputs, known), cache, key)
     return part
+
+
+def known_variables(plant: Plant, cache: Path) -> tuple[Mapping[str, str], frozenset[str]]:
+    """Variable -> the one that it is another name of; those that are states."""
+    shape = _structure(plant, cache)
+    return shape.roots, shape.states
 
 
 def _structure(plant: Plant, cache: Path) -> Structure:

@@ -16,7 +16,7 @@ from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA
 from pyfmi_runner.plant import DEFAULT_CLASS, own_profile, plant_parameters
 
-__all__ = ["data_of", "plant_of"]
+__all__ = ["data_of", "plant_of", "record_of", "views_of"]
 
 HELD_OUT = "contour_straight"
 BLOCKS = {
@@ -84,7 +84,7 @@ def _share(name: str) -> Nuisance:
 def data_of(campaign: Campaign, rules: Rules) -> Data:
     """Records of a campaign: the held-out log apart."""
     records = {
-        name: thinned(_record(name, run), rules.thinning) for name, run in campaign.logs.items()
+        name: thinned(record_of(name, run), rules.thinning) for name, run in campaign.logs.items()
     }
     if len(records) < 2:
         return Data(tuple(records.values()), None)
@@ -92,7 +92,8 @@ def data_of(campaign: Campaign, rules: Rules) -> Data:
     return Data(tuple(r for n, r in records.items() if n != held), records[held])
 
 
-def _record(name: str, run: LoggedRun) -> Record:
+def record_of(name: str, run: LoggedRun) -> Record:
+    """A log at its own rate; an edge of one's own is taken where the tool was measured."""
     log, setup = run.log, run.setup
     zero = np.zeros(len(log))
     inputs = {"u_x": log["u_x"], "u_z": log["u_z"], "f_manual_x": zero, "f_manual_z": zero}

@@ -1,0 +1,59 @@
+"""Records that the nominal model makes: what sensors would say where nothing was measured."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from modelica_fmu.batch import Subsystem
+from modelica_fmu.errors import RunError
+from pneugantry.engine.plant import Array, Plant, Record
+from pneugantry.engine.views import part_of
+
+__all__ = ["Nominal", "noisy"]
+
+
+class Nominal:
+    """The whole plant, driven by a record's inputs alone."""
+
+    def __init__(self, plant: Plant, variables: Sequence[str], cache: Path) -> None:
+        self.plant, self.variables = plant, tuple(variables)
+        self.part = part_of(plant, self.variables, (), cache)
+        self._subsystem = Subsystem(self.part)
+
+    def run(self, record: Record) -> dict[str, Array]:
+        """Variables (N,) by name. Raises RunError where the model cannot be simulated."""
+        known = set(self.part.of("parameter"))
+        given = {**self.plant.settings, **self.plant.parameters, **record.parameters}
+        given = {k: v for k, v in given.items() if k in known}
+        inputs = {n: np.asarray(record.inputs[n], dtype=float) for n in self.part.of("input")}
+        found = self._subsystem.run(
+            list(given), np.array([list(given.values())]), inputs, self.variables, record.period
+        )[0]
+        if not np.isfinite(found).all():
+            row = int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])
+            raise RunError(
+                f"{record.name}: the nominal model stops after {row * record.period:g} s of the "
+                "record's inputs"
+            )
+        return dict(zip(self.variables, found.T, strict=True))
+
+    def record(self, record: Record, keep: Mapping[str, Array] | None = None) -> Record:
+        """The record with all signals of the plant simulated, but those to keep."""
+        found = self.run(record)
+        signals = {s.name: found[s.variable] for s in self.plant.signals}
+        return replace(record, signals={**signals, **(keep or {})}, judged=None)
+
+
+def noisy(plant: Plant, record: Record) -> Record:
+    """The record with one more draw of every sensor's quoted noise, under a name of its own."""
+    draw = np.random.default_rng(zlib.crc32(record.name.encode()))
+    sigma = {s.name: s.sigma for s in plant.signals}
+    signals = {
+        n: v + sigma[n] * draw.standard_normal(len(v)) for n, v in sorted(record.signals.items())
+    }
+    return replace(record, name=f"{record.name}, noisier", signals=signals)

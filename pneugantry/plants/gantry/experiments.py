@@ -1,0 +1,124 @@
+"""What a campaign of the gantry is, and the further experiments that the rig could do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from modelica_fmu.errors import InputError, RunError
+from pneugantry.diagnosis.catalogue import read_catalogue
+from pneugantry.diagnosis.next_experiment import candidates
+from pneugantry.engine.plan import Case, Experiment
+from pneugantry.engine.plant import Plant, Record, Signal, thinned
+from pneugantry.engine.rules import Rules
+from pneugantry.plants.gantry.describe import plant_of, record_of
+from pneugantry.plants.gantry.timing import ControllerView
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup, scenario_setup
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import MEASURED, SIGMA
+from pyfmi_runner.run import run_scenario
+from pyfmi_runner.scenario import Scenario, scenario_text
+from pyfmi_runner.sensors import SensorParams
+
+__all__ = ["case_of"]
+
+CATALOGUE = Path(__file__).parent / "effects"
+MOST_FORCE = 150.0  # N, contact force that the rig may see
+ELSEWHERE = (0.25, 0.75)  # shares of the stroke at which clamped pistons are tried
+STROKE = {"x": 1.0, "z": 0.1}  # m
+FIRM = 50.0  # N, contact force from which on tracking an edge is tried
+STRONGER = 1.4  # times the commands of an open-loop log
+
+
+def case_of(
+    campaign: Campaign, cache: Path, catalogue: Path | None = None, experiments: bool = True
+) -> Case:
+    """Plan of a campaign: its logs, the catalogue, what could be measured beside. Channels that no
+    log has are taken as not measured. Raises InputError.
+    """
+    rules = Rules()
+    columns = set.intersection(*(set(run.log.table.columns) for run in campaign))
+    measured = [c for c in MEASURED if c in columns]
+    if not measured:  # a campaign that is yet to be measured
+        measured = list(MEASURED)
+    plant = plant_of(measured, rules.thinning)
+    records = tuple(
+        thinned(record_of(name, run), rules.thinning) for name, run in campaign.logs.items()
+    )
+    return Case(
+        plant,
+        records,
+        read_catalogue(catalogue or CATALOGUE),
+        rules,
+        cache,
+        others=(ControllerView(campaign.logs),),
+        experiments=tuple(_experiments(campaign, plant, rules)) if experiments else (),
+        sensors=_sensors(measured, rules.thinning),
+        notes=tuple(campaign.notes),
+    )
+
+
+def _sensors(measured: list[str], thinning: int) -> tuple[Signal, ...]:
+    missing = [c for c in MEASURED if c not in measured]
+    return tuple(Signal(c, c, SIGMA[c] / np.sqrt(thinning)) for c in missing)
+
+
+def _experiments(campaign: Campaign, plant: Plant, rules: Rules) -> Iterator[Experiment]:
+    """Scenarios with the campaign's controller, and its open-loop logs at other positions and with
+    stronger commands.
+    """
+    yield from _varied(campaign, rules)
+    fmu = FmuFile.read(build_fmu().path)
+    for what, scenario in candidates(campaign):
+        tracks = what.startswith("track")
+        if tracks and (scenario.f_nd < FIRM or scenario.workpiece == "incline_16"):
+            continue  # a firmer or steeper one tells more
+        record = _run(what, scenario, fmu, plant, rules)
+        if record is not None:
+            text = scenario_text(replace(scenario, sensors=SensorParams()))
+            yield Experiment(what, record, text)
+
+
+def _run(what: str, scenario: Scenario, fmu: FmuFile, plant: Plant, rules: Rules) -> Record | None:
+    """Nominal record of a scenario; None where the rig cannot do it."""
+    try:
+        run = run_scenario(scenario, fmu)
+    except (InputError, RunError):
+        return None
+    force = np.hypot(run.log["f_x"], run.log["f_z"]).max()
+    if run.outcome != "done" or force > MOST_FORCE:
+        return None
+    record = thinned(record_of(what, LoggedRun(scenario_setup(scenario), run.log)), rules.thinning)
+    kept = {s.name: record.signals[s.name] for s in plant.signals}
+    return replace(record, signals=kept, judged=None)
+
+
+def _varied(campaign: Campaign, rules: Rules) -> Iterator[Experiment]:
+    """Experiments like the open-loop logs; a kind of log is varied once."""
+    kinds: set[tuple[object, ...]] = set()
+    for name, run in campaign.logs.items():
+        setup = run.setup
+        kind = (tuple(sorted(setup.clamped)), setup.workpiece)
+        if setup.loop != "open" or kind in kinds:
+            continue
+        kinds.add(kind)
+        if set(setup.clamped) == {"x", "z"}:
+            for share in ELSEWHERE:
+                at = {a: share * STROKE[a] for a in "xz"}
+                what = f"{name} with the pistons clamped at {at['x']:g} m and {at['z']:g} m"
+                moved = replace(setup, start_x=at["x"], start_z=at["z"])
+                yield Experiment(what, _commanded(what, run, moved, 1.0, rules))
+        else:
+            what = f"{name} with {STRONGER:g} times the commands"
+            yield Experiment(what, _commanded(what, run, setup, STRONGER, rules))
+
+
+def _commanded(what: str, run: LoggedRun, setup: LogSetup, factor: float, rules: Rules) -> Record:
+    """A record of commands alone: its signals are yet to be simulated."""
+    record = thinned(record_of(what, LoggedRun(setup, run.log)), rules.thinning)
+    inputs = {n: v * factor if n in ("u_x", "u_z") else v for n, v in record.inputs.items()}
+    return replace(record, inputs=inputs, signals={}, judged=None)
