@@ -22,7 +22,18 @@ __all__ = [
 ]
 
 LOGS = (".parquet", ".csv")
-INPUTS = ("campaign", "scenario", "spec", "fmu", "catalogue", "at", "model", "log", "workpiece")
+INPUTS = (
+    "campaign",
+    "scenario",
+    "spec",
+    "fmu",
+    "catalogue",
+    "at",
+    "model",
+    "log",
+    "workpiece",
+    "source",
+)
 OUTPUTS = ("json", "html", "out", "plot", "save")
 PICTURES = (".png", ".svg", ".pdf")
 

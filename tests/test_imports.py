@@ -20,6 +20,13 @@ ALLOWED = {
     "pneugantry.truth": set(),  # the independent truth plant shares no line with the product
     "pneugantry.analysis": {"modelica_fmu", "controllers", "pyfmi_runner"},
     "pneugantry.diagnosis": {"modelica_fmu", "controllers", "pyfmi_runner", "pneugantry.analysis"},
+    "pneugantry.engine": {"modelica_fmu", "pyfmi_runner", "pneugantry.diagnosis"},
+    "pneugantry.plants": {
+        "modelica_fmu",
+        "pyfmi_runner",
+        "pneugantry.diagnosis",
+        "pneugantry.engine",
+    },
     "pneugantry.jobs": {"modelica_fmu"},
     "pneugantry.progress": {"modelica_fmu", "pyfmi_runner"},
 }

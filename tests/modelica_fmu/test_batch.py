@@ -1,0 +1,126 @@
+"""Many runs of a part over one record in one call."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_cut import CART, MEASURED
+
+from modelica_fmu.batch import Correction, Part, Subsystem, build_part, part_key, read_part
+from modelica_fmu.cut import cut
+from modelica_fmu.errors import InputError
+from pyfmi_runner.build import build_fmu, cache_folder, default_model
+from pyfmi_runner.campaign import LogSetup
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.plant import CLAMPS, DEFAULT_CLASS, MANUAL, PROFILE, plant_parameters
+from pyfmi_runner.replay import Replayer
+
+PERIOD = 1e-3  # s
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory: pytest.TempPathFactory) -> Part:
+    folder = tmp_path_factory.mktemp("cart")
+    (folder / "Toy.mo").write_text(CART, encoding="utf-8")
+    return build_part(cut(folder / "Toy.mo", "Toy.Cart", ["f", "v", "s"]), folder, "cart")
+
+
+@pytest.fixture(scope="module")
+def cart(part: Part) -> Subsystem:
+    return Subsystem(part)
+
+
+def test_runs_follow_the_closed_form(cart: Subsystem) -> None:
+    n, tau = 500, np.array([0.1, 0.02])
+    found = cart.run(
+        ["tau", "K"], np.column_stack([tau, [2.0, 3.0]]), {"u": np.ones(n)}, ["f"], PERIOD
+    )
+    time = PERIOD * np.arange(n)
+    expected = np.array([[2.0], [3.0]]) * (1 - np.exp(-time / tau[:, None]))
+    np.testing.assert_allclose(found[:, :, 0], expected, atol=2e-6)
+
+
+def test_inputs_at_the_rows_differ_from_those_behind_them(cart: Subsystem) -> None:
+    """A state sees what acts over the periods."""
+    held, zero = np.ones(200), np.zeros(200)
+    pair = cart.run(["K"], np.array([[2.0]]), {"u": (zero, held)}, ["f"], PERIOD)
+    same = cart.run(["K"], np.array([[2.0]]), {"u": held}, ["f"], PERIOD)
+    np.testing.assert_allclose(pair, same, atol=1e-9)
+
+
+def test_a_corrected_state_closes_in_by_its_share_each_row(cart: Subsystem) -> None:
+    n, share = 40, 0.2
+    correction = Correction(("s",), np.full((n, 1), 1.0), (share,))
+    still = cart.run(["s_start"], np.zeros((1, 1)), {"u": np.zeros(n)}, ["s"], PERIOD, correction)
+    np.testing.assert_allclose(still[0, :, 0], 1 - (1 - share) ** np.arange(n), atol=1e-12)
+    blind = Correction(("s",), np.full((n, 1), np.nan), (share,))
+    found = cart.run(["s_start"], np.zeros((1, 1)), {"u": np.zeros(n)}, ["s"], PERIOD, blind)
+    assert not found.any()
+
+
+def test_a_run_that_fails_gives_nan_and_spoils_no_other(cart: Subsystem) -> None:
+    inputs = {"u": np.ones(50)}
+    found = cart.run(["m"], np.array([[1.0], [0.0], [1.0]]), inputs, ["v"], PERIOD)
+    assert np.isnan(found[1, -1, 0])
+    assert np.isfinite(found[[0, 2]]).all()
+    np.testing.assert_array_equal(found[0], found[2])
+
+
+def test_several_threads_give_the_same_bits(cart: Subsystem) -> None:
+    values = np.linspace(0.5, 2.0, 30)[:, None]
+    inputs = {"u": np.sin(np.arange(400) / 30)}
+
+    def run(rows: slice) -> np.ndarray:
+        return cart.run(["m"], values[rows], inputs, ["v", "s"], PERIOD)
+
+    with ThreadPoolExecutor(3) as pool:
+        parts = list(pool.map(run, [slice(i, i + 5) for i in range(0, 30, 5)]))
+    np.testing.assert_array_equal(np.concatenate(parts), run(slice(0, 30)))
+
+
+def test_the_whole_gantry_equals_the_fmu_s_co_simulation() -> None:
+    """Both valves driven, the tip pressed onto the edge."""
+    n, setup = 1500, LogSetup(clamped=("x",), workpiece="straight", standoff=0.004)
+    time = PERIOD * np.arange(n)
+    commands = np.column_stack([0.3 * np.sin(8 * time), 1.6 + 0.5 * np.sign(np.sin(9 * time))])
+    with Replayer(FmuFile.read(build_fmu().path)) as fmu:
+        expected = fmu.drive(setup, commands, time)
+    folder, key = cache_folder() / "parts", part_key(default_model(), "whole, for the tests")
+    part = read_part(folder, key)
+    if part is None:
+        part = build_part(cut(default_model(), DEFAULT_CLASS, MEASURED), folder, key)
+    gantry = Subsystem(part)
+    inputs = dict.fromkeys((*CLAMPS, *MANUAL, *PROFILE), np.zeros(n))
+    inputs |= {"clamp_x": np.ones(n), "u_x": commands[:, 0], "u_z": commands[:, 1]}
+    given = plant_parameters(setup)
+    found = gantry.run(list(given), np.array([list(given.values())]), inputs, MEASURED, PERIOD)[0]
+    assert np.abs(expected[:, MEASURED.index("f_z")]).max() > 5.0  # N, it touches
+    scale = np.abs(expected).max(axis=0) + 1e-9
+    np.testing.assert_allclose(found / scale, expected / scale, atol=1e-6)
+
+
+def test_a_part_is_read_back_as_it_was_built(part: Part) -> None:
+    assert read_part(part.library.parent.parent, "cart") == part
+    assert read_part(part.library.parent.parent, "absent") is None
+    assert part.of("state") == ["f", "v", "s"]
+
+
+def test_the_key_follows_the_model_and_the_cut(tmp_path: Path) -> None:
+    model = tmp_path / "Toy.mo"
+    model.write_text(CART, encoding="utf-8")
+    first = part_key(model, "v")
+    assert part_key(model, "v") == first != part_key(model, "f")
+    model.write_text(CART.replace("tau = 0.1", "tau = 0.2"), encoding="utf-8")
+    assert part_key(model, "v") != first
+
+
+def test_names_that_the_part_lacks_are_one_clear_line(cart: Subsystem) -> None:
+    n = np.zeros(5)
+    with pytest.raises(InputError, match="mass: is no variable of this part"):
+        cart.run(["mass"], np.ones((1, 1)), {"u": n}, ["v"], PERIOD)
+    wrong = Correction(("K",), np.zeros((5, 1)), (0.5,))
+    with pytest.raises(InputError, match="cannot correct K"):
+        cart.run(["m"], np.ones((1, 1)), {"u": n}, ["v"], PERIOD, wrong)

@@ -1,0 +1,118 @@
+"""Residual views as they come out of the structure of a plant."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneugantry.engine
+from modelica_fmu.errors import InputError
+from pneugantry.engine.plant import Plant, Record, Signal, thinned
+from pneugantry.engine.sensors import sensed, true_signal
+from pneugantry.engine.synthetic import Nominal
+from pneugantry.engine.views import SubsystemView, build_views
+from pneugantry.plants.gantry.describe import plant_of
+from pyfmi_runner.build import cache_folder
+
+NAMES = (
+    "gantry|valve|contact|workpiece|friction|clamp|stroke|payload|piston|tachometer|supply|"
+    r"[xz]_0|f_a?[xz]|[vu]_[xz]|axis_[xz]"
+)
+
+
+def views(plant: Plant, cache: Path, names: list[str] | None = None) -> list[SubsystemView]:
+    measured = names or [s.name for s in plant.signals]
+    return build_views(plant, measured, cache, 2e-3, 0.008, 100.0)
+
+
+def test_the_gantry_s_views_come_out_of_its_structure() -> None:
+    """Valves, carriages, contact and, position beside speed, kinematics; which effect touches
+    which view follows.
+    """
+    found = {v.signals: v for v in views(plant_of(), cache_folder() / "parts")}
+    assert set(found) == {("x",), ("z",), ("v_x",), ("v_z",), ("f_x", "f_z"), ("f_ax",), ("f_az",)}
+    assert {v.block for v in found.values()} == {
+        "sensors", "friction_x", "friction_z", "contact", "valve_x", "valve_z",
+    }  # fmt: skip
+    touched = {
+        "valve_x.delay_time": {("f_ax",)},
+        "axis_z.friction.F_s": {("v_z",)},
+        # the carriages' friction may grow with the normal force, which no sensor tells
+        "contact.K_c": {("f_x", "f_z"), ("v_x",), ("v_z",)},
+        "sensors.f_az.scale": {("f_az",), ("v_z",)},
+    }
+    for parameter, expected in touched.items():
+        assert {s for s, v in found.items() if v.depends_on(parameter)} == expected, parameter
+    assert {s for s, v in found.items() if v.observes} == {("v_x",), ("v_z",)}
+
+
+def test_a_record_of_the_nominal_plant_leaves_nothing(
+    cart: Plant, push: Record, cache: Path
+) -> None:
+    whole = Nominal(cart, ["f", "v"], cache).record(push)
+    for view in views(cart, cache):
+        residual = view.residuals(whole, [{}])[0]
+        assert np.abs(residual).max() < 0.05 * min(s.sigma for s in cart.signals), view.name
+
+
+def test_only_the_view_that_reads_a_parameter_changes_with_it(
+    cart: Plant, push: Record, cache: Path
+) -> None:
+    whole = Nominal(cart, ["f", "v"], cache).record(push)
+    by_name = {v.name: v for v in views(cart, cache)}
+    assert by_name["f"].depends_on("K")
+    assert not by_name["v"].depends_on("K")
+    base, moved = by_name["v"].residuals(whole, [{}, {"m": 1.2}])
+    assert np.abs(moved - base).max() > 0.01  # m/s
+    base, moved = by_name["v"].residuals(whole, [{}, {"K": 3.0}])
+    np.testing.assert_array_equal(base, moved)
+
+
+def test_a_signal_of_no_variable_is_one_clear_line(cart: Plant, cache: Path) -> None:
+    wrong = replace(cart, signals=(Signal("force", "thrust", 0.1),))
+    with pytest.raises(InputError, match=r"thrust: Toy\.Cart has no variable"):
+        views(wrong, cache)
+
+
+@pytest.mark.parametrize("error", ["scale", "bias", "drift", "lag", "delay", "curve", "from.other"])
+def test_what_a_sensor_says_is_led_back_to_the_true_signal(error: str) -> None:
+    time = 1e-3 * np.arange(3000)
+    true, other = np.sin(5 * time), np.cos(3 * time)
+    value = {"scale": 1.1, "lag": 0.01, "delay": 0.0073}.get(error, 0.05)
+    values = {f"sensors.own.{error}": value}
+    record = Record("r", 1e-3, {}, {"own": true, "other": other}, {})
+    said = true
+    for _ in range(3):  # a curve is told in units of the readings' own spread
+        record = replace(record, signals={"own": said, "other": other})
+        said = sensed("own", true, record, values)
+    assert np.abs(said - true).max() > 0.01
+    back = true_signal("own", replace(record, signals={"own": said, "other": other}), values)
+    inside = slice(100, -100)  # a lag and a delay do not know what lies beyond the ends
+    half_a_row = 0.5e-3 * 5  # of the fastest signal: a lag is sampled
+    np.testing.assert_allclose(back[inside], true[inside], atol=1.1 * half_a_row)
+
+
+def test_thinning_keeps_a_ramp_and_leaves_rows_about_an_impact_out() -> None:
+    rng = np.random.default_rng(0)
+    ramp = np.arange(400.0)
+    speed = 0.01 * rng.standard_normal(400)
+    speed[200:] += 5.0
+    found = thinned(Record("r", 1e-3, {"u": ramp}, {"s": ramp, "v": speed}, {}, skip=0.1), 2)
+    np.testing.assert_allclose(found.signals["s"][2:-2], ramp[::2][2:-2])
+    np.testing.assert_allclose(found.inputs["u"], ramp[::2] + 0.5)
+    assert found.period == 2e-3
+    assert found.skip == 0.1
+    assert not found.judged[100]
+    assert found.judged[[50, 150]].all()
+
+
+def test_the_engine_knows_no_plant() -> None:
+    folder = Path(pneugantry.engine.__file__).parent
+    for path in folder.glob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        assert not re.search(rf"\b({NAMES})\b", text, re.IGNORECASE), path.name
+        assert "plants" not in re.findall(r"from pneugantry\.(\w+)", text), path.name
