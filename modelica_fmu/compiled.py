@@ -62,3 +62,4 @@ class CompiledModel:
     tool: str = "PneuGantry"
     notes: tuple[str, ...] = field(default=())
     switching: tuple[str, ...] = ()  # states whose rate changes its form at events
+    about: dict[str, str] = field(default_factory=dict)  # version, author, license, copyright, date

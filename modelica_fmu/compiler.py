@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
 
 from modelica_fmu import generate
+from modelica_fmu.about import about_file
 from modelica_fmu.compiled import BaseType, CompiledModel, Variable
 from modelica_fmu.errors import InputError
 from modelica_fmu.expressions import Translator
@@ -33,7 +35,8 @@ def compile_model(
     start of what is no free parameter.
     """
     try:
-        return _compiled(flatten(path, class_name), starts or {})
+        compiled = _compiled(flatten(path, class_name), starts or {})
+        return replace(compiled, about=about_file(path))
     except RecursionError:
         hint = "split it over several variables"
         raise InputError(

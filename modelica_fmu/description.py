@@ -50,6 +50,8 @@ def model_description(
     root.set("instantiationToken" if three else "guid", token)
     root.set("description", compiled.description)
     root.set("generationTool", compiled.tool)
+    for name, value in compiled.about.items():
+        root.set(name, value)
     root.set("variableNamingConvention", _naming(compiled))
     if not three:
         root.set("numberOfEventIndicators", str(compiled.n_indicators))

@@ -375,8 +375,8 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     input Real profile_curvature(start = 0, unit = "1/m") "Own profile: second derivative there";
     output Position x "x piston position, 0..1";
     output Position z "z piston position, 0..0.101";
-    output Velocity v_x;
-    output Velocity v_z;
+    output Velocity v_x "x piston speed, dx/dt; tracking runs towards -x";
+    output Velocity v_z "z piston speed, dz/dt; > 0 towards the workpiece";
     output Force f_x "Contact force of the robot on the workpiece, x";
     output Force f_z "Contact force of the robot on the workpiece, z";
     output Force f_ax "Actuator force, x";
@@ -641,4 +641,6 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
       error = workpiece.height - integral - at_start;
     end CurvedEdge;
   end Validation;
+  annotation(version = "0.1.0", versionDate = "2026-11-21",
+    __FMU(author = "The PneuGantry developers", license = "MIT", copyright = "The PneuGantry developers"));
 end PneuGantry;

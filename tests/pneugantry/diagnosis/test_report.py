@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from jsonschema import Draft202012Validator
 from matplotlib.image import imread
 from numpy.typing import NDArray
 
@@ -542,6 +543,13 @@ def test_a_probability_that_is_not_certain_does_not_read_as_certain() -> None:
         "> 99 %",
         "100 %",
     ]
+
+
+@pytest.mark.parametrize("kind", VERDICTS)
+def test_the_result_keeps_to_its_published_schema(kind: str) -> None:
+    schema = Path(__file__).parents[3] / "docs" / "reference" / "schemas" / "gap.json"
+    found = json.loads(json.dumps(report_json(diagnosis(kind)), default=float))
+    Draft202012Validator(json.loads(schema.read_text(encoding="utf-8"))).validate(found)
 
 
 @pytest.mark.parametrize("kind", VERDICTS)
