@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from modelica_fmu.description import FmiVersion
 from modelica_fmu.toolchain import find_compiler, find_platform, flags_for, host_platform
@@ -35,36 +35,47 @@ def fmu_path(class_name: str, fmi: FmiVersion, out: Path) -> Path:
 
 def build_class(
     class_name: str,
-    model: Path,
+    model: Path | None,
     out: Path | Callable[[str], Path],
     fmi: FmiVersion = "2.0",
     platforms: Sequence[str] | None = None,
     force: bool = False,
     starts: Mapping[str, float] | None = None,
+    libraries: Sequence[Path] = (),
 ) -> BuildResult:
     """Builds the FMU of a Modelica class into the folder `out`, or `out(source_key)`.
 
-    starts: values of parameters in place of the model's own. It is rebuilt only if the Modelica
-    file, the compiler, its libraries, the C compiler, its flags or the platforms differ from those
-    that the manifest beside it names. Raises InputError for unusable Modelica, an unknown parameter
-    or platform and a missing C compiler.
+    starts: values of parameters in place of the model's own. libraries: package folders or files in
+    which classes are looked up, those of MODELICAPATH behind them. It is rebuilt only if a Modelica
+    file that was read, the compiler, its libraries, the C compiler, its flags or the platforms
+    differ from those that the manifest beside it names. Raises InputError for unusable Modelica,
+    an unknown parameter or platform and a missing C compiler.
     """
     of_starts = repr(sorted(starts.items())) if starts else ""
-    files = [model] if model.is_file() else []
-    key = source_key(files, class_name + of_starts, fmi, platforms)
+    where = "".join(f" {Path(folder).resolve()}" for folder in libraries)
+    files = [model] if model is not None and model.is_file() else []
+    key = source_key(files, class_name + of_starts + where, fmi, platforms)
+    read: list[Path] = []
 
     def compiled() -> CompiledModel:
-        from modelica_fmu.compiler import compile_model  # rumoca and CasADi load slowly
+        from modelica_fmu.compiler import compile_model  # CasADi loads slowly
 
-        return compile_model(model, class_name, starts)
+        made = compile_model(model, class_name, starts, libraries)
+        read.extend(made.files)
+        return made
 
-    def provenance() -> dict[str, str]:
-        return {
-            "modelica_sha256": _sha256(model.read_bytes()),
-            "modelica_file": model.name,
-            "rumoca": version("rumoca"),
-            "casadi": version("casadi"),
-        }
+    def provenance() -> dict[str, Any]:
+        found: dict[str, Any] = {"casadi": version("casadi")}
+        if model is not None:
+            found |= {
+                "modelica_sha256": _sha256(model.read_bytes()),
+                "modelica_file": model.name,
+            }
+        others = [file for file in read if model is None or not file.samefile(model)]
+        if others:
+            hashes = {str(f.resolve()): _sha256(f.read_bytes()) for f in sorted(others)}
+            found["library_files"] = hashes
+        return found
 
     folder = out(key) if callable(out) else out
     return build_compiled(
@@ -78,7 +89,7 @@ def build_compiled(
     key: str,
     fmi: FmiVersion,
     platforms: Sequence[str] | None,
-    provenance: Callable[[], dict[str, str]],
+    provenance: Callable[[], Mapping[str, Any]],
     force: bool = False,
 ) -> BuildResult:
     """Packages what `compiled()` returns at `path`, unless the manifest there has the same key."""
@@ -95,7 +106,7 @@ def build_compiled(
 def source_key(models: Sequence[Path], what: str, fmi: str, platforms: Sequence[str] | None) -> str:
     """Hash of all that decides what the FMU will be: `models` and the compiler's own files."""
     targets = [find_platform(name) for name in platforms] if platforms else [host_platform()]
-    versions = f"{version('rumoca')} {version('casadi')} {version('fmpy')}"
+    versions = f"{version('casadi')} {version('fmpy')}"
     digest = hashlib.sha256(f"{what} {fmi} {versions}".encode())
     for target in targets:
         compiler = find_compiler(target, portable=bool(platforms))
@@ -111,7 +122,10 @@ def _fresh(path: Path, manifest: Path, key: str) -> bool:
         made = json.loads(manifest.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return isinstance(made, dict) and made.get("source_key") == key and zipfile.is_zipfile(path)
+    if not isinstance(made, dict) or made.get("source_key") != key or not zipfile.is_zipfile(path):
+        return False
+    files = made.get("library_files", {})
+    return all(Path(f).is_file() and _sha256(Path(f).read_bytes()) == h for f, h in files.items())
 
 
 def _sha256(data: bytes) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 Kind = Literal[
@@ -63,3 +64,4 @@ class CompiledModel:
     notes: tuple[str, ...] = field(default=())
     switching: tuple[str, ...] = ()  # states whose rate changes its form at events
     about: dict[str, str] = field(default_factory=dict)  # version, author, license, copyright, date
+    files: tuple[Path, ...] = ()  # Modelica files that were read

@@ -9,15 +9,17 @@ from pathlib import Path
 
 import casadi as ca
 
-from modelica_fmu import generate
+from modelica_fmu import generate, ir
 from modelica_fmu.about import about_file
 from modelica_fmu.compiled import BaseType, CompiledModel, Variable
 from modelica_fmu.errors import InputError
 from modelica_fmu.expressions import Translator
-from modelica_fmu.frontend import FlatModel, Tree, flatten
+from modelica_fmu.frontend import FlatModel, flatten
 from modelica_fmu.functions import FunctionLibrary
 from modelica_fmu.generate import Expressions, Layout
 from modelica_fmu.hybrid import HybridSystem, build_system
+from modelica_fmu.index_reduction import reduce_index
+from modelica_fmu.initialisation import Initial, initial_system, is_fixed, is_free_parameter
 from modelica_fmu.sorting import solve
 from modelica_fmu.symbols import PlainScope, Scalar, constant
 from modelica_fmu.units import rate_unit
@@ -26,7 +28,10 @@ CORE = ("core.h", "core.c")
 
 
 def compile_model(
-    path: Path, class_name: str, starts: Mapping[str, float] | None = None
+    path: Path | None,
+    class_name: str,
+    starts: Mapping[str, float] | None = None,
+    libraries: Sequence[Path] = (),
 ) -> CompiledModel:
     """Compiles `class_name` of the Modelica file `path` to C. `starts`: values of parameters in
     place of the model's own.
@@ -35,8 +40,8 @@ def compile_model(
     start of what is no free parameter.
     """
     try:
-        compiled = _compiled(flatten(path, class_name), starts or {})
-        return replace(compiled, about=about_file(path))
+        compiled = _compiled(flatten(path, class_name, libraries), starts or {})
+        return compiled if path is None else replace(compiled, about=about_file(path))
     except RecursionError:
         hint = "split it over several variables"
         raise InputError(
@@ -53,14 +58,16 @@ def compile_system(
 ) -> CompiledModel:
     """Compiles a system of equations, whole or cut. Raises as `compile_model`."""
     model = system.table.model
+    reduce_index(system)
     solved = solve(system)
+    initial = initial_system(system, solved)
     layout = _layout(system)
     _restart(layout.parameters, starts or {}, model)
-    expressions = _expressions(system, layout, solved)
-    variables = _variables(system, layout)
+    expressions = _expressions(system, layout, solved, initial)
+    variables = _variables(system, layout, initial)
     states = [v.index_reference for v in variables if v.variable.kind == "state"]
     derivatives = [v.index_reference for v in variables if v.variable.kind == "derivative"]
-    plain = tuple(v.variable for v in variables)
+    plain, enumerations = _typed(tuple(v.variable for v in variables), model)
     h, c = generate.source(
         system,
         layout,
@@ -80,9 +87,29 @@ def compile_system(
         dependencies=_dependencies(layout, expressions, plain),
         initial_unknowns=_initial_unknowns(layout, expressions, plain),
         n_indicators=len(system.relations),
-        enumerations=model.enumerations,
+        enumerations=enumerations,
         sources={"model.h": h, "model.c": c},
         switching=_switching(system, layout, expressions),
+        files=model.files,
+    )
+
+
+def _typed(
+    variables: tuple[Variable, ...], model: FlatModel
+) -> tuple[tuple[Variable, ...], dict[str, tuple[tuple[str, str], ...]]]:
+    """Variables and the enumerations they use, each under its last name where that is enough."""
+    used = dict.fromkeys(v.enumeration for v in variables if v.enumeration is not None)
+    last = [name.rsplit(".", 1)[-1] for name in used]
+    taken = {
+        name: short if last.count(short) == 1 else name
+        for name, short in zip(used, last, strict=True)
+    }
+    return (
+        tuple(
+            v if v.enumeration is None else replace(v, enumeration=taken[v.enumeration])
+            for v in variables
+        ),
+        {short: model.enumerations[name] for name, short in taken.items()},
     )
 
 
@@ -102,7 +129,7 @@ def _restart(parameters: Sequence[Scalar], starts: Mapping[str, float], model: F
         if name not in known:
             raise InputError(
                 f"{model.name} has no free parameter {name}",
-                file=model.source.path,
+                file=model.file,
                 field=name,
                 hint="give one that it has",
             )
@@ -133,22 +160,25 @@ def _layout(system: HybridSystem) -> Layout:
 def _ordered(system: HybridSystem, scalars: list[Scalar]) -> list[Scalar]:
     """Calculated parameters, each after those it depends on."""
     for scalar in scalars:
-        if scalar.value is not None and any(_is_moving(system, v) for v in ca.symvar(scalar.value)):
-            raise system.table.model.source.refuse(
-                f"the parameter {scalar.name} depends on a variable",
-                scalar.variable.tree,
+        if not _known(system, scalar):
+            raise system.table.source.refuse(
+                f"the parameter {scalar.name} depends on a variable: it cannot depend on one",
+                scalar.variable,
                 hint="let it depend on parameters only",
             )
     names = {s.name for s in scalars}
     done: list[Scalar] = []
     waiting = list(scalars)
     while waiting:
-        ready = [s for s in waiting if not (_symbols_in(s.value) & names) - {d.name for d in done}]
+        ready = [
+            s
+            for s in waiting
+            if is_free_parameter(s) or not (_symbols_in(s.value) & names) - {d.name for d in done}
+        ]
         if not ready:
-            circle = f"parameters that depend on one another: {', '.join(s.name for s in waiting)}"
-            raise system.table.model.source.refuse(
-                circle, waiting[0].variable.tree, hint="break the circle"
-            )
+            them = ", ".join(s.name for s in waiting)
+            circle = f"cyclic parameters, which depend on one another: {them}"
+            raise system.table.source.refuse(circle, waiting[0].variable, hint="break the circle")
         done += ready
         waiting = [s for s in waiting if s not in ready]
     return done
@@ -158,7 +188,9 @@ def _symbols_in(value: ca.SX | None) -> set[str]:
     return set() if value is None else {v.name() for v in ca.symvar(value)}
 
 
-def _expressions(system: HybridSystem, layout: Layout, solved: dict[str, ca.SX]) -> Expressions:
+def _expressions(
+    system: HybridSystem, layout: Layout, solved: dict[str, ca.SX], initial: Initial
+) -> Expressions:
     algebraic = list(system.table.of("algebraic"))
     old = [s.symbol for s in algebraic] + list(system.derivatives.values())
     new = [solved[s.name] for s in algebraic] + [
@@ -172,6 +204,7 @@ def _expressions(system: HybridSystem, layout: Layout, solved: dict[str, ca.SX])
     updates = {
         s.name: (solved[s.name] if s.kind == "algebraic" else s.symbol) for s in layout.memories
     }
+    updates |= system.updates
     states = {s.name: s.symbol for s in layout.states}
     for branch in reversed(system.branches):
         new_values = _sequential(branch.assigns, memory)
@@ -179,11 +212,14 @@ def _expressions(system: HybridSystem, layout: Layout, solved: dict[str, ca.SX])
             updates[name] = ca.if_else(branch.fired, value, updates[name])
         for name, value in branch.reinits.items():
             states[name] = ca.if_else(branch.fired, value, states[name])
+    sought = {s.name for s in initial.unknowns}
     for scalar in layout.states + layout.memories:
-        if scalar.value is not None and any(_is_moving(system, v) for v in ca.symvar(scalar.value)):
-            raise system.table.model.source.refuse(
+        if scalar.name in sought or not is_fixed(scalar):
+            scalar.value = scalar.value if _known(system, scalar) else ca.SX(0)
+        if not _known(system, scalar):
+            raise system.table.source.refuse(
                 f"the start value of {scalar.name} depends on a variable",
-                scalar.variable.tree,
+                scalar.variable,
                 hint="let it depend on parameters only",
             )
     return Expressions(
@@ -197,12 +233,28 @@ def _expressions(system: HybridSystem, layout: Layout, solved: dict[str, ca.SX])
         delays=put([d.expression for d in system.delays]),
         delay_times=put([d.time for d in system.delays]),
         delay_maxima=put([d.maximum for d in system.delays]),
-        calculated=[s.value for s in layout.calculated if s.value is not None],
+        calculated=[s.symbol if is_free_parameter(s) else start_of(s) for s in layout.calculated],
+        initial_unknowns=initial.unknowns,
+        initial_residuals=put(initial.residuals),
+        initial_guesses=[s.symbol if s.kind == "state" else start_of(s) for s in initial.unknowns],
+        constraints=put(system.constraints),
+        loop_starts=[v for loop in system.loops for v in loop.starts],
+        roundings=put([ca.floor(r.argument) for r in system.roundings]),
         starts=[s.value if s.value is not None else ca.SX(0) for s in layout.states],
         memory_starts=[s.value if s.value is not None else ca.SX(0) for s in layout.memories],
         sample_starts=[s.start for s in system.samples],
         sample_intervals=[s.interval for s in system.samples],
     )
+
+
+def start_of(scalar: Scalar) -> ca.SX:
+    return scalar.value if scalar.value is not None else ca.SX(0)
+
+
+def _known(system: HybridSystem, scalar: Scalar) -> bool:
+    """Whether its start value depends on parameters only."""
+    value = start_of(scalar)
+    return not any(_is_moving(system, v) for v in ca.symvar(value))
 
 
 def _is_moving(system: HybridSystem, symbol: ca.SX) -> bool:
@@ -227,15 +279,14 @@ def _sequential(assigns: dict[str, ca.SX], memory: dict[str, ca.SX]) -> dict[str
     return result
 
 
-def _variables(system: HybridSystem, layout: Layout) -> list[_Placed]:
+def _variables(system: HybridSystem, layout: Layout, initial: Initial) -> list[_Placed]:
     """All FMI variables; their order is that of the value references."""
     model = system.table.model
-    translate = Translator(
-        model.source,
-        PlainScope(system.table, FunctionLibrary(model.source, {}, model.literals)),
-        events=False,
-    )
+    source = system.table.source
+    scope = PlainScope(system.table, FunctionLibrary(source, model.functions))
+    translate = Translator(source, scope, events=False)
     fixed = _fixed_parameters(system, layout)
+    sought = {s.name for s in initial.unknowns}
     made: list[Variable] = [
         Variable(
             "time",
@@ -287,6 +338,7 @@ def _variables(system: HybridSystem, layout: Layout) -> list[_Placed]:
     for i, s in enumerate(layout.states):
         exact = s.value is None or s.value.is_constant()
         start = generate.constant_start(s) if exact else None
+        how = "approx" if s.name in sought else "exact"
         made.append(
             _variable(
                 s,
@@ -295,7 +347,7 @@ def _variables(system: HybridSystem, layout: Layout) -> list[_Placed]:
                 translate,
                 "local",
                 "continuous",
-                "exact" if exact else "calculated",
+                how if exact else "calculated",
                 start,
             )
         )
@@ -365,7 +417,7 @@ def _variable(
     for what, number in (("value", start), ("min", low), ("max", high), ("nominal", nominal)):
         if number is not None and not math.isfinite(number):
             raise translate.source.refuse(
-                f"the {what} of {s.name} is {number}", v.tree, hint="give a finite number"
+                f"the {what} of {s.name} is {number}", v, hint="give a finite number"
             )
     base: BaseType = v.type if v.type in ("Real", "Integer", "Boolean") else "Enumeration"  # type: ignore[assignment]
     return Variable(
@@ -386,7 +438,7 @@ def _variable(
     )
 
 
-def _bound(tree: Tree | None, s: Scalar, translate: Translator) -> float | None:
+def _bound(tree: ir.Expr | None, s: Scalar, translate: Translator) -> float | None:
     if tree is None:
         return None
     value = translate(tree)
@@ -395,7 +447,7 @@ def _bound(tree: Tree | None, s: Scalar, translate: Translator) -> float | None:
     number = constant(value)
     if number is None:
         raise translate.source.refuse(
-            f"a bound of {s.name} is not constant", s.variable.tree, hint="give a number"
+            f"a bound of {s.name} is not constant", s.variable, hint="give a number"
         )
     return number
 

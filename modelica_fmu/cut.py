@@ -59,7 +59,7 @@ class _Graph:
         match = maximum_bipartite_matching(graph, perm_type="row")
         self.equation_of = {name: int(match[j]) for j, name in enumerate(unknowns)}
         if len(self.residuals) != len(unknowns) or (match < 0).any():
-            raise table.model.source.refuse(
+            raise table.source.refuse(
                 f"{len(self.residuals)} equations for {len(unknowns)} unknowns",
                 hint="write one equation per unknown",
             )

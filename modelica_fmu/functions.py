@@ -4,14 +4,21 @@ unrolled, branches merged).
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import casadi as ca
 
-from modelica_fmu.expressions import Translator, Value, choose, compare
-from modelica_fmu.frontend import Source, Tree
+from modelica_fmu import ir
+from modelica_fmu.arrays import fill
+from modelica_fmu.expressions import Translator, Value, choose, compare, elementwise, flatten
+from modelica_fmu.frontend import Source
 
 MAX_ITERATIONS = 10_000  # of all loops of one call
+FINISHED = "return"  # in FunctionScope.values: 1 where a return has been passed
+BROKEN = "break"  # the same of a break of the innermost loop
+OUTSIDE = ("der", "pre", "sample", "delay", "edge", "change")
 
 
 class FunctionScope:
@@ -21,175 +28,375 @@ class FunctionScope:
         self.library = library
         self.values: dict[str, Value] = {}
 
-    def name(self, name: str, tree: Tree) -> Value:
+    def name(self, name: str, node: Any) -> Value:
         if name in self.values:
             return self.values[name]
-        if name in self.library.literals:
-            return ca.SX(self.library.literals[name])
         raise self.library.source.refuse(
-            f"{name} has no value yet", tree, hint="assign it before use"
+            f"{name} has no value yet", node, hint="assign it before use"
         )
 
-    def relation(self, op: str, lhs: ca.SX, rhs: ca.SX, event: bool, tree: Tree) -> ca.SX:
+    def relation(self, op: str, lhs: ca.SX, rhs: ca.SX, event: bool, node: Any) -> ca.SX:
         return compare(op, lhs, rhs)
 
-    def operator(
-        self, function: str, args: list[Tree], translate: Translator, tree: Tree
-    ) -> Value | None:
-        if function in ("Der", "Pre", "Sample", "Delay", "Edge", "Change"):
-            raise self.library.source.refuse(
-                f"{function.lower()}() is not allowed in a function", tree
-            )
+    def rounded(self, value: ca.SX, event: bool, node: Any) -> ca.SX:
+        return ca.floor(value)
+
+    def dimensions(self, node: Any) -> int | None:
         return None
 
-    def call(self, function: str, args: list[Value], tree: Tree) -> Value:
-        return self.library.call(function, args, tree)
+    def operator(
+        self, function: str, args: tuple[Any, ...], translate: Translator, node: Any
+    ) -> Value | None:
+        if function in OUTSIDE:
+            raise self.library.source.refuse(f"{function}() is not allowed in a function", node)
+        if function in ("initial", "terminal"):
+            return ca.SX(0)
+        return None
+
+    def call(self, node: ir.Call, translate: Translator, every: bool = False) -> Value:
+        return self.library.call(node, translate, every)
 
 
 class FunctionLibrary:
-    def __init__(
-        self, source: Source, functions: dict[str, Tree], literals: dict[str, int]
-    ) -> None:
-        self.source, self.functions, self.literals = source, functions, literals
+    def __init__(self, source: Source, functions: Mapping[str, ir.Function]) -> None:
+        self.source, self.functions = source, functions
         self._open: list[str] = []  # functions being run
 
-    def call(self, name: str, args: list[Value], tree: Tree) -> Value:
-        function = self.functions.get(name) or self.functions.get(name.rsplit(".", 1)[-1])
-        if function is None or function.get("external"):
+    def call(self, node: ir.Call, translate: Translator, every: bool = False) -> Value:
+        """The first output, or all of them (`every`) as a list."""
+        function = self.functions.get(node.function)
+        if function is None or function.external:
             raise self.source.refuse(
-                f"not supported: the function {name}", tree, hint="write it in Modelica"
+                f"not supported: the function {node.function} is written in another language",
+                node,
+                hint="write it in Modelica",
             )
-        if len(function["outputs"]) != 1:
+        if not function.outputs:
+            raise self.source.refuse(f"{node.function} has no output", node)
+        args = [translate(arg) for arg in node.args]
+        named = {name: translate(arg) for name, arg in node.named}
+        if node.function in self._open:
             raise self.source.refuse(
-                f"not supported: {name} has {len(function['outputs'])} outputs", tree
+                f"not supported: {node.function} calls itself", node, hint="use a loop"
             )
-        if name in self._open:
-            raise self.source.refuse(f"not supported: {name} calls itself", tree, hint="use a loop")
-        self._open.append(name)
+        self._open.append(node.function)
         try:
-            return self._run(name, function, args, tree)
+            results = _Run(self, function).results(args, named, node)
         finally:
             self._open.pop()
-
-    def _run(self, name: str, function: Tree, args: list[Value], tree: Tree) -> Value:
-        scope = FunctionScope(self)
-        run = _Run(self, scope)
-        inputs = function["inputs"]
-        for i, declared in enumerate(inputs):
-            if i < len(args):
-                scope.values[declared["name"]] = args[i]
-            elif declared["default"] is not None:
-                scope.values[declared["name"]] = run.translate(declared["default"])
-            else:
-                raise self.source.refuse(
-                    f"{name} lacks its input {declared['name']}", tree, hint="give it"
-                )
-        for local in function["locals"] + function["outputs"]:
-            if local["default"] is not None:
-                scope.values[local["name"]] = run.translate(local["default"])
-            elif dimensions := local["effective_type"]["dimensions"]:
-                if math.prod(dimensions) > MAX_ITERATIONS:
-                    raise self.source.refuse(
-                        f"{local['name']} has more than {MAX_ITERATIONS} elements",
-                        tree,
-                        hint="make it smaller",
-                    )
-                scope.values[local["name"]] = _zeros(dimensions)
-        run.statements(function["body"])
-        return scope.name(function["outputs"][0]["name"], tree)
+        return results if every else results[0]
 
 
-def _zeros(dimensions: list[int]) -> Value:
-    if not dimensions:
-        return ca.SX(0)
-    return [_zeros(dimensions[1:]) for _ in range(dimensions[0])]
+class Interpreter:
+    """Runs statements symbolically; `scope.values` holds what has been assigned."""
 
+    def __init__(self, source: Source, scope: Any, translate: Translator) -> None:
+        self.source, self.scope, self.translate, self.iterations = source, scope, translate, 0
 
-class _Run:
-    def __init__(self, library: FunctionLibrary, scope: FunctionScope) -> None:
-        self.library, self.scope, self.iterations = library, scope, 0
-        self.translate = Translator(library.source, scope, events=False)
-
-    def statements(self, body: list[Tree]) -> None:
+    def statements(self, body: tuple[ir.Statement, ...]) -> None:
         for statement in body:
-            kind, node = next(iter(statement.items()))
-            method = getattr(self, "_" + kind.lower(), None)
+            if self._over():
+                return
+            method = getattr(self, f"_{type(statement).__name__.lower()}", None)
             if method is None:
-                raise self.library.source.refuse(
+                kind = type(statement).__name__
+                raise self.source.refuse(
                     f"not supported: the statement {kind} in a function", statement
                 )
-            method(node)
+            method(statement)
 
-    def _assignment(self, node: Tree) -> None:
-        part = node["comp"]["parts"][-1]
-        value = self.translate(node["value"])
-        subscripts = [self.translate._subscript(s, node) for s in part["subs"]]
-        if not subscripts:
-            self.scope.values[part["ident"]] = value
+    def _over(self) -> bool:
+        """Whether a return or break that surely happened lies behind."""
+        marks = (self.scope.values.get(mark) for mark in (FINISHED, BROKEN))
+        return any(m is not None and m.is_constant() and float(m) != 0 for m in marks)
+
+    def _skipping(self) -> ca.SX | None:
+        """Where a return or break may lie behind: the condition for it."""
+        marks = [self.scope.values.get(mark) for mark in (FINISHED, BROKEN)]
+        open_ = [m for m in marks if m is not None and not m.is_constant()]
+        if not open_:
+            return None
+        return open_[0] if len(open_) == 1 else ca.logic_or(*open_)
+
+    def _leave(self, node: ir.Leave) -> None:
+        mark = FINISHED if node.word == "return" else BROKEN
+        skipping = self._skipping()
+        before = self.scope.values.get(mark, ca.SX(0))
+        self.scope.values[mark] = (
+            ca.SX(1) if skipping is None else ca.if_else(skipping, before, ca.SX(1))
+        )
+
+    def _assertion(self, node: ir.Assertion) -> None:
+        """Checks in functions do not stop a run."""
+
+    def _terminate(self, node: ir.Terminate) -> None:
+        raise self.source.refuse("terminate() is not allowed in a function", node)
+
+    def _assign(self, node: ir.Assign) -> None:
+        if len(node.targets) > 1:
+            if not isinstance(node.value, ir.Call):
+                raise self.source.refuse("several names take a function's results", node)
+            results = self.scope.call(node.value, self.translate, every=True)
+            for target, value in zip(node.targets, results, strict=False):
+                if target is not None:
+                    self._put(target, value)
             return
-        target = self.scope.values[part["ident"]] = _copy(self.scope.values[part["ident"]])
-        for depth, subscript in enumerate(subscripts):
-            if not isinstance(target, list) or not 1 <= subscript <= len(target):
-                message = f"subscript {subscript} does not fit the array {part['ident']}"
-                raise self.library.source.refuse(message, node, hint="correct the subscript")
-            if depth < len(subscripts) - 1:
-                target = target[subscript - 1]
-        target[subscripts[-1] - 1] = value
+        target = node.targets[0]
+        value = self.translate(node.value)
+        if target is not None:
+            self._put(target, value)
 
-    def _for(self, node: Tree) -> None:
-        if len(node["indices"]) != 1:
-            raise self.library.source.refuse(
-                "not supported: a for with several indices", node, hint="nest them"
-            )
-        index = node["indices"][0]
-        for value in self._range(index["range"]):
-            self.iterations += 1
-            if self.iterations > MAX_ITERATIONS:
-                raise self.library.source.refuse(
-                    f"a function loops more than {MAX_ITERATIONS} times", node, hint="shorten it"
-                )
-            self.scope.values[index["ident"]] = ca.SX(value)
-            self.statements(node["equations"])
+    def _put(self, target: ir.Name | ir.Field, value: Value) -> None:
+        skipping = self._skipping()
+        root, steps = _steps(target)
+        before = self.scope.values.get(root)
+        if before is None and steps:
+            before = self.scope.name(root, target)
+        if not steps and isinstance(before, list) and not isinstance(value, list):
+            value = fill(value, ca.SX(len(before))) if before else value
+        after = self._changed(before, steps, value, target)
+        if skipping is not None and before is not None:
+            after = choose(skipping, before, after)
+        self.scope.values[root] = after
 
-    def _range(self, tree: Tree) -> range:
-        node = tree.get("Range")
-        if node is None:
-            raise self.library.source.refuse(
-                "not supported: a for over something else than a range", tree
-            )
-        ends = [
-            self.translate.scalar(node[k]) if node[k] is not None else ca.SX(1)
-            for k in ("start", "step", "end")
+    def _changed(self, old: Value, steps: list[Any], value: Value, target: Any) -> Value:
+        if not steps:
+            return value
+        first, rest = steps[0], steps[1:]
+        if isinstance(first, str):
+            return {**old, first: self._changed(old.get(first), rest, value, target)}
+        if not isinstance(old, list):
+            raise self.source.refuse("a subscript stands behind a scalar", target)
+        if isinstance(first, ir.Slice):
+            index: Value = [ca.SX(i + 1) for i in range(len(old))]
+        else:
+            index = self.translate._with_last(first, len(old))
+        new = list(old)
+        if isinstance(index, list):
+            for k, at in enumerate(index):
+                item = value[k] if isinstance(value, list) else value
+                i = self._position(at, len(old), target)
+                new[i] = self._changed(old[i], rest, item, target)
+            return new
+        if index.is_constant():
+            i = self._position(index, len(old), target)
+            new[i] = self._changed(old[i], rest, value, target)
+            return new
+        return [
+            choose(index == i + 1, self._changed(item, rest, value, target), item)
+            for i, item in enumerate(old)
         ]
-        if not all(end.is_constant() for end in ends):
-            raise self.library.source.refuse(
-                "not supported: a for whose range is not constant", tree
-            )
-        numbers = [float(end) for end in ends]
-        if not all(number.is_integer() for number in numbers) or numbers[1] == 0:
-            raise self.library.source.refuse(
-                "a for needs whole numbers and a step that is not 0", tree, hint="correct its range"
-            )
-        start, step, end = map(int, numbers)
-        return range(start, end + (1 if step > 0 else -1), step)
 
-    def _if(self, node: Tree) -> None:
-        before = {k: _copy(v) for k, v in self.scope.values.items()}
+    def _position(self, at: ca.SX, size: int, target: Any) -> int:
+        number = float(at)
+        if not number.is_integer() or not 1 <= number <= size:
+            name = getattr(target, "name", "")
+            message = f"subscript {number:g} does not fit the array {name}"
+            raise self.source.refuse(message, target, hint="correct the subscript")
+        return int(number) - 1
+
+    def _forloop(self, node: ir.ForLoop) -> None:
+        if isinstance(node.range, ir.Range):
+            items: list[Value] = [ca.SX(v) for v in self.translate.range_values(node.range)]
+        else:
+            items = self.translate.items(node.range)
+        kept = self._before_loop()
+        for value in items:
+            self._count(node)
+            self.scope.values[node.name] = value
+            self.statements(node.body)
+            if self._over():
+                break
+        self._after_loop(kept)
+
+    def _before_loop(self) -> Value:
+        kept = self.scope.values.get(BROKEN)
+        self.scope.values[BROKEN] = ca.SX(0)
+        return kept
+
+    def _after_loop(self, kept: Value) -> None:
+        if kept is None:
+            self.scope.values.pop(BROKEN, None)
+        else:
+            self.scope.values[BROKEN] = kept
+
+    def _whileloop(self, node: ir.WhileLoop) -> None:
+        kept = self._before_loop()
+        rounds = 0
+        while not self._over():
+            condition = self.translate.scalar(node.condition)
+            if condition.is_constant():
+                if not float(condition):
+                    break
+            elif not self._may_go_on(condition, rounds, node):
+                break
+            rounds += not condition.is_constant()
+            self._count(node)
+            self.statements(node.body)
+        self._after_loop(kept)
+
+    def _may_go_on(self, condition: ca.SX, rounds: int, node: ir.WhileLoop) -> bool:
+        """A condition known only while running: as many rounds as the longest array has elements
+        are kept, each under its condition. What has not ended then is no number.
+        """
+        values = self.scope.values
+        most = max((len(v) for v in values.values() if isinstance(v, list)), default=0) + 2
+        if most <= 2:
+            raise self.source.refuse(
+                "not supported: the statement while with a condition that is not constant",
+                node,
+                hint="write a for that covers all rounds, with an if inside",
+            )
+        before = values.get(BROKEN, ca.SX(0))
+        values[BROKEN] = ca.logic_or(before, ca.logic_not(condition))
+        if rounds < most:
+            return True
+        for name in {target.name for target in assigned_names(node.body)}:
+            spoilt = elementwise(lambda v: v * ca.SX(float("nan")), values[name])
+            values[name] = choose(values[BROKEN], values[name], spoilt)
+        return False
+
+    def _count(self, node: Any) -> None:
+        self.iterations += 1
+        if self.iterations > MAX_ITERATIONS:
+            raise self.source.refuse(
+                f"a function loops more than {MAX_ITERATIONS} times", node, hint="shorten it"
+            )
+
+    def _ifstatement(self, node: ir.IfStatement) -> None:
+        before = dict(self.scope.values)
         outcomes: list[tuple[ca.SX, dict[str, Value]]] = []
-        for block in node["cond_blocks"]:
-            condition = self.translate.scalar(block["cond"])
-            self.scope.values = {k: _copy(v) for k, v in before.items()}
-            self.statements(block["stmts"])
-            outcomes.append((condition, self.scope.values))
-        self.scope.values = before
-        self.statements(node.get("else_block") or [])
-        for condition, values in reversed(outcomes):
+        for condition, body in node.branches:
+            test = self.translate.scalar(condition)
+            if test.is_constant():
+                if not float(test):
+                    continue
+                self.statements(body)
+                break
+            self.scope.values = dict(before)
+            self.statements(body)
+            outcomes.append((test, self.scope.values))
+            self.scope.values = dict(before)
+        else:
+            self.statements(node.otherwise)
+        for test, values in reversed(outcomes):
             for name, value in values.items():
                 other = self.scope.values.get(name, value)
-                self.scope.values[name] = (
-                    value if value is other else choose(condition, value, other)
+                self.scope.values[name] = value if value is other else choose(test, value, other)
+
+
+class _Run(Interpreter):
+    """One call."""
+
+    def __init__(self, library: FunctionLibrary, function: ir.Function) -> None:
+        scope = FunctionScope(library)
+        super().__init__(library.source, scope, Translator(library.source, scope, events=False))
+        self.function = function
+
+    def results(self, args: list[Value], named: dict[str, Value], node: Any) -> list[Value]:
+        function, values = self.function, self.scope.values
+        if len(args) > len(function.inputs):
+            raise self.source.refuse(
+                f"{function.name} takes {len(function.inputs)} arguments, not {len(args)}", node
+            )
+        for i, declared in enumerate(function.inputs):
+            if i < len(args):
+                values[declared.name] = args[i]
+            elif declared.name in named:
+                values[declared.name] = named[declared.name]
+            elif declared.default is not None:
+                values[declared.name] = self.translate(declared.default)
+            else:
+                raise self.source.refuse(
+                    f"{function.name} lacks its input {declared.name}", node, hint="give it"
                 )
+        values[FINISHED] = ca.SX(0)
+        waiting = [*function.locals, *function.outputs]
+        for local in waiting:  # a size may stand on a local declared later
+            self._declare(local)
+        self.statements(function.body)
+        return [self.scope.name(output.name, node) for output in function.outputs]
+
+    def _declare(self, local: ir.Local) -> None:
+        values = self.scope.values
+        if local.default is not None:
+            values[local.name] = self._spread(local, self.translate(local.default))
+        elif all(d is not None for d in local.dims) and (local.dims or local.fields):
+            values[local.name] = self._zeros(local)
+
+    def _spread(self, local: ir.Local, value: Value) -> Value:
+        """A scalar given for an array stands for all its elements."""
+        if isinstance(value, list) or not local.dims or any(d is None for d in local.dims):
+            return value
+        return fill(value, *(self.translate(d) for d in local.dims))
+
+    def _zeros(self, local: ir.Local) -> Value:
+        value: Value = {f.name: self._zeros(f) for f in local.fields} or ca.SX(0)
+        sizes = [self.translate.number(d, "a size") for d in local.dims]
+        count = 1
+        for size in sizes:
+            count *= size
+        if count > MAX_ITERATIONS:
+            raise self.source.refuse(
+                f"{local.name} has more than {MAX_ITERATIONS} elements",
+                local,
+                hint="make it smaller",
+            )
+        return fill(value, *map(ca.SX, sizes))
 
 
-def _copy(value: Value) -> Value:
-    return [_copy(v) for v in value] if isinstance(value, list) else value
+def assigned_names(body: tuple[ir.Statement, ...]) -> list[ir.Name]:
+    """Plain variables that statements assign, those within other statements too."""
+    found: list[ir.Name] = []
+    for statement in body:
+        if isinstance(statement, ir.Assign):
+            found += [t for t in statement.targets if isinstance(t, ir.Name)]
+        elif isinstance(statement, ir.IfStatement):
+            for inner in (*(b for _, b in statement.branches), statement.otherwise):
+                found += assigned_names(inner)
+        elif isinstance(statement, ir.ForLoop | ir.WhileLoop):
+            found += assigned_names(statement.body)
+    return found
+
+
+def _steps(target: ir.Name | ir.Field) -> tuple[str, list[Any]]:
+    """The variable behind a target, and the way to the part that is meant."""
+    if isinstance(target, ir.Field):
+        base = target.base
+        if not isinstance(base, ir.Name | ir.Field):
+            return target.name, []
+        root, steps = _steps(base)
+        return root, [*steps, target.name]
+    return target.name, list(target.subscripts)
+
+
+def call_with_numbers(
+    table: Any, node: ir.Call, args: list[Any], named: dict[str, Any]
+) -> Any | None:
+    """A function's first output for plain numbers; None where it is no number."""
+
+    def symbolic(value: Any) -> Value:
+        if isinstance(value, list):
+            return [symbolic(v) for v in value]
+        return ca.SX(float(value))
+
+    library = FunctionLibrary(Source(Path(node.place.file)), table.made)
+    function = table.made[node.function]
+    if function.external or not function.outputs:
+        return None
+    given = {name: symbolic(value) for name, value in named.items()}
+    result = _Run(library, function).results([symbolic(a) for a in args], given, node)[0]
+    if not all(isinstance(v, ca.SX) and v.is_constant() for v in flatten(result)):
+        return None
+    return _plain(result, function.outputs[0].type)
+
+
+def _plain(value: Value, type_: str) -> Any:
+    if isinstance(value, list):
+        return [_plain(v, type_) for v in value]
+    if isinstance(value, dict):
+        return None
+    number = float(value)
+    if type_ == "Real":
+        return number
+    return bool(number) if type_ == "Boolean" else int(number)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
 from modelica_fmu.compiled import Variable
 from modelica_fmu.emit import Emitter, Hoist
 from modelica_fmu.hybrid import TIME, HybridSystem
+from modelica_fmu.iterated import initial_functions, loop_functions
 from modelica_fmu.symbols import Scalar
 
 KIND = {
@@ -64,6 +65,13 @@ class Expressions:
     sample_starts: list[ca.SX]
     sample_intervals: list[ca.SX]
     delay_maxima: list[ca.SX]
+    initial_unknowns: list[Scalar] = field(default_factory=list)
+    initial_residuals: list[ca.SX] = field(default_factory=list)
+    initial_guesses: list[ca.SX] = field(default_factory=list)
+    loop_starts: list[ca.SX] = field(default_factory=list)
+    roundings: list[ca.SX] = field(default_factory=list)
+    constraints: list[ca.SX] = field(default_factory=list)
+    implicit: bool = False  # the internal solver
 
 
 def column(items: list[ca.SX]) -> ca.SX:
@@ -82,11 +90,14 @@ def groups(system: HybridSystem, layout: Layout) -> dict[str, ca.SX]:
         "q->late": column([d.symbol for d in system.delays]),
         "q->tick": column([s.symbol for s in system.samples]),
         "q->fired": column([b.fired for b in system.branches]),
+        "q->w": column([w for loop in system.loops for w in loop.symbols]),
+        "q->r": column([r.symbol for r in system.roundings]),
         "q->initial": system.initial,
     }
 
 
-def header(system: HybridSystem, layout: Layout, hoisted: int) -> str:
+def header(system: HybridSystem, layout: Layout, e: Expressions, hoisted: int) -> str:
+    loops = [len(loop.symbols) for loop in system.loops]
     sizes = {
         "N_STATES": len(layout.states),
         "N_INPUTS": len(layout.inputs),
@@ -101,7 +112,18 @@ def header(system: HybridSystem, layout: Layout, hoisted: int) -> str:
         "N_DELAYS": len(system.delays),
         "N_ASSERTIONS": len(system.assertions),
         "N_HOISTED": hoisted,
-        "N_SEEDS": len(layout.states) + len(layout.inputs) + len(layout.parameters),
+        "N_LOOPS": len(loops),
+        "N_LOOPED": sum(loops),
+        "N_INITIAL": len(e.initial_unknowns),
+        "N_LARGEST": max([*loops, len(e.initial_unknowns) + sum(loops)]),
+        "N_ROUNDINGS": len(system.roundings),
+        "N_CONSTRAINTS": len(e.constraints),
+        "SOLVER_IMPLICIT": int(e.implicit),
+        "N_SEEDS": len(layout.states)
+        + len(layout.inputs)
+        + len(layout.parameters)
+        + sum(loops)
+        + 1,
     }
     position = {s.name: i for i, s in enumerate(layout.parameters)}
     sizes |= {define: position[name] for name, define in SOLVER.items()}
@@ -126,6 +148,8 @@ typedef struct {{
     double tick[AT_LEAST_1(N_SAMPLES)];
     double fired[AT_LEAST_1(N_BRANCHES)];
     double initial;
+    double w[AT_LEAST_1(N_LOOPED)];     /* unknowns of algebraic loops, found by iteration */
+    double r[AT_LEAST_1(N_ROUNDINGS)];  /* frozen results of floor() */
     double h[AT_LEAST_1(N_HOISTED)];    /* whatever depends on parameters alone */
 }} ModelData;
 
@@ -154,6 +178,17 @@ void model_delays_used(const ModelData *q, double *used);
 void model_samples(const ModelData *q, double *start, double *interval);
 void model_check(const ModelData *q, double *ok);
 void model_directional(const ModelData *q, const double *seed, double *dx, double *y);
+void model_loop_starts(const ModelData *q, double *w);
+void model_loop(const ModelData *q, int loop, double *residual, double *jacobian); /* by columns */
+void model_loop_product(const ModelData *q, int loop, const double *seed, double *product);
+void model_roundings(const ModelData *q, double *r);
+void model_constraints(const ModelData *q, double *residual, double *jacobian); /* by columns */
+void model_initial(const ModelData *q, double *residual, double *jacobian);
+void model_initial_guess(const ModelData *q, double *guess);
+extern const int model_loop_size[], model_loop_line[];
+extern const char *const model_loop_names[];
+extern const char model_initial_kind[]; /* of each unknown: x, p, d */
+extern const int model_initial_index[];
 #endif
 """
 
@@ -205,7 +240,12 @@ def source(
             f"{q}, double *start, double *interval",
         ),
         emitter.function("model_check", {"ok": column(e.assertions)}, f"{q}, double *ok"),
+        emitter.function("model_roundings", {"r": column(e.roundings)}, f"{q}, double *r"),
+        emitter.function("model_loop_starts", {"w": column(e.loop_starts)}, f"{q}, double *w"),
+        _constraints(emitter, layout, e),
         _directional(inputs, layout, e, hoist),
+        *loop_functions(system, layout, e, inputs, hoist),
+        *initial_functions(system, layout, e, inputs),
     ]
     functions.append(_delays_used(system, hoist))
     calculated = _calculated(layout, e)
@@ -213,9 +253,15 @@ def source(
         "void model_prepare(ModelData *q) {\n    (void)q;\n" + "\n".join(hoist.statements) + "\n}\n"
     )
     text = "\n".join(
-        [_preamble(), _tables(system, layout, variables, identity), calculated, prepare, *functions]
+        [
+            _preamble(),
+            _tables(system, layout, e, variables, identity),
+            calculated,
+            prepare,
+            *functions,
+        ]
     )
-    return header(system, layout, len(hoist.slots)), _silence_unused(text)
+    return header(system, layout, e, len(hoist.slots)), _silence_unused(text)
 
 
 def _delays_used(system: HybridSystem, hoist: Hoist) -> str:
@@ -241,10 +287,9 @@ def _delays_used(system: HybridSystem, hoist: Hoist) -> str:
 
 
 def _directional(inputs: dict[str, ca.SX], layout: Layout, e: Expressions, hoist: Hoist) -> str:
-    """Forward mode: seeds of states, inputs and free parameters, in that order."""
-    free = column([s.symbol for s in layout.parameters])
+    """Forward mode; the order of the seeds is that of `seeded`."""
     calculated = [s.symbol for s in layout.calculated]
-    known = ca.vertcat(inputs["q->x"], inputs["q->u"], free)
+    known = seeded(inputs, layout)
     seed = ca.SX.sym("seed", known.numel())
     unknown = column(e.derivatives + e.algebraics)
     if calculated:
@@ -260,6 +305,21 @@ def _directional(inputs: dict[str, ca.SX], layout: Layout, e: Expressions, hoist
         {"dx": product[:n], "y": product[n:]},
         "const ModelData *q, const double *seed, double *dx, double *y",
     )
+
+
+def _constraints(emitter: Emitter, layout: Layout, e: Expressions) -> str:
+    residual = column(e.constraints)
+    states = column([s.symbol for s in layout.states])
+    matrix = ca.densify(ca.jacobian(residual, states)) if e.constraints else ca.SX.zeros(0, 1)
+    outputs = {"residual": residual, "jacobian": ca.vec(matrix)}
+    arguments = "const ModelData *q, double *residual, double *jacobian"
+    return emitter.function("model_constraints", outputs, arguments)
+
+
+def seeded(inputs: dict[str, ca.SX], layout: Layout) -> ca.SX:
+    """What derivatives are taken by: states, inputs, free parameters, loops' unknowns, time."""
+    free = column([s.symbol for s in layout.parameters])
+    return ca.vertcat(inputs["q->x"], inputs["q->u"], free, inputs["q->w"], inputs["q->time"])
 
 
 def close(layout: Layout, e: Expressions) -> list[ca.SX]:
@@ -299,6 +359,7 @@ static inline double model_max(double a, double b) { return a > b ? a : b; }
 def _tables(
     system: HybridSystem,
     layout: Layout,
+    e: Expressions,
     variables: tuple[Variable, ...],
     identity: tuple[str, dict[str, list[int]]],
 ) -> str:
@@ -306,6 +367,7 @@ def _tables(
     rows = ",\n".join(_row(v) for v in variables)
     starts = [constant_start(s) for s in layout.parameters]
     nominals = [abs(variables[i].nominal or 1.0) for i in references["states"]]
+    initial = [(KIND_OF[s.kind], _place(s, layout)) for s in e.initial_unknowns]
     messages = [f"{{{_quoted(a.message)}, {int(a.warning)}}}" for a in system.assertions]
     return f"""const char model_name[] = {_quoted(name)};
 const size_t model_n_variables = {len(variables)}, model_n_states = N_STATES,
@@ -321,14 +383,36 @@ const double model_nominals[] = {_list(nominals)};
 const unsigned char model_inclusive[] = {_list([int(r.inclusive) for r in system.relations])};
 const int model_chain[] = {_list([b.chain for b in system.branches])};
 const ModelAssertion model_assertions[] = {{{", ".join(messages) or "{0, 0}"}}};
+const int model_loop_size[] = {_list([len(loop.symbols) for loop in system.loops])};
+const int model_loop_line[] = {_list([loop.line or 0 for loop in system.loops])};
+const char *const model_loop_names[] = {_list_of_names(system)};
+const char model_initial_kind[] = "{"".join(kind for kind, _ in initial)}";
+const int model_initial_index[] = {_list([place for _, place in initial])};
 """
+
+
+KIND_OF = {"state": "x", "parameter": "p", "calculated": "p", "discrete": "d"}
+
+
+def _place(scalar: Scalar, layout: Layout) -> int:
+    """Where an unknown of the initial system stands in its array of ModelData."""
+    if scalar.kind == "state":
+        return layout.states.index(scalar)
+    if scalar.kind == "discrete":
+        return layout.memories.index(scalar)
+    return (layout.parameters + layout.calculated).index(scalar)
+
+
+def _list_of_names(system: HybridSystem) -> str:
+    names = [_quoted(", ".join(loop.names[:8])) for loop in system.loops]
+    return "{" + (", ".join(names) or "0") + "}"
 
 
 def _row(v: Variable) -> str:
     settable = "SET_NEVER"
     if v.kind == "input" or (v.kind == "parameter" and v.variability == "tunable"):
         settable = "SET_ALWAYS"
-    elif v.kind == "parameter" or (v.kind == "state" and v.initial == "exact"):
+    elif v.kind == "parameter" or (v.kind == "state" and v.initial in ("exact", "approx")):
         settable = "SET_BEFORE_START"
     low = "-HUGE_VAL" if v.min is None else repr(v.min)
     high = "HUGE_VAL" if v.max is None else repr(v.max)

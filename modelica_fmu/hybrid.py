@@ -13,10 +13,12 @@ from typing import Any
 
 import casadi as ca
 
-from modelica_fmu.expressions import Translator, Value, compare, flatten
-from modelica_fmu.frontend import FlatModel, Tree
+from modelica_fmu import ir
+from modelica_fmu.expressions import Translator, Value, compare, elementwise, flatten
+from modelica_fmu.frontend import FlatModel, FlatVariable, place_of
 from modelica_fmu.functions import FunctionLibrary
-from modelica_fmu.symbols import TIME, Scalar, Table, build_table, names_under_pre
+from modelica_fmu.symbols import TIME, Scalar, Table, build_table, constant, scalars_under
+from modelica_fmu.tearing import Loop
 
 DEEPEST = 1_000_000  # operations down to which two indicators are compared
 
@@ -26,6 +28,14 @@ class Relation:
     symbol: ca.SX  # frozen value, 0 or 1
     indicator: ca.SX  # true where > 0 (or >= 0)
     inclusive: bool  # >= 0
+
+
+@dataclass
+class Rounding:
+    """floor() of what moves: frozen between events, which two relations bring about."""
+
+    symbol: ca.SX
+    argument: ca.SX
 
 
 @dataclass
@@ -54,6 +64,7 @@ class Branch:
     fired: ca.SX
     assigns: dict[str, ca.SX] = field(default_factory=dict)
     reinits: dict[str, ca.SX] = field(default_factory=dict)
+    stops: str | None = None  # message with which it ends the run
 
 
 @dataclass
@@ -66,12 +77,17 @@ class Assertion:
 @dataclass
 class HybridSystem:
     table: Table
-    residuals: list[tuple[ca.SX, Tree]] = field(default_factory=list)
+    residuals: list[tuple[ca.SX, Any]] = field(default_factory=list)  # with their place
+    initial_residuals: list[tuple[ca.SX, Any]] = field(default_factory=list)
+    roundings: list[Rounding] = field(default_factory=list)
+    loops: list[Loop] = field(default_factory=list)  # filled by sorting.solve
+    constraints: list[ca.SX] = field(default_factory=list)  # that states must keep to
     relations: list[Relation] = field(default_factory=list)
     samples: list[Sample] = field(default_factory=list)
     delays: list[Delay] = field(default_factory=list)
     branches: list[Branch] = field(default_factory=list)
     assertions: list[Assertion] = field(default_factory=list)
+    updates: dict[str, ca.SX] = field(default_factory=dict)  # memories that algorithms assign
     memories: list[Scalar] = field(
         default_factory=list
     )  # discrete and Boolean scalars that pre() remembers
@@ -87,30 +103,55 @@ class HybridScope:
 
     def __init__(self, system: HybridSystem, functions: FunctionLibrary) -> None:
         self.system, self.table, self.functions = system, system.table, functions
-        self.source = system.table.model.source
+        self.source = system.table.source
         self._known_relations: dict[str, list[Relation]] = {}
+        self._known_roundings: dict[str, list[Rounding]] = {}
         self._by_symbol = {s.symbol.__hash__(): s for s in self.table.scalars.values()}
 
-    def name(self, name: str, tree: Tree) -> Value:
-        return self.table.value(name, tree)
+    def name(self, name: str, node: Any) -> Value:
+        return self.table.value(name, node)
 
-    def call(self, function: str, args: list[Value], tree: Tree) -> Value:
-        return self.functions.call(function, args, tree)
+    def call(self, node: ir.Call, translate: Translator, every: bool = False) -> Value:
+        return self.functions.call(node, translate, every)
 
-    def relation(self, op: str, lhs: ca.SX, rhs: ca.SX, event: bool, tree: Tree) -> ca.SX:
-        difference = lhs - rhs if op in ("Gt", "Ge") else rhs - lhs
-        if not event or not any(self._moves(symbol) for symbol in ca.symvar(difference)):
+    def relation(self, op: str, lhs: ca.SX, rhs: ca.SX, event: bool, node: Any) -> ca.SX:
+        difference = lhs - rhs if op in (">", ">=") else rhs - lhs
+        if not event or not self._any_moves(difference):
             return compare(op, lhs, rhs)
-        inclusive = op in ("Ge", "Le")
+        inclusive = op in (">=", "<=")
         # CasADi prints six digits: the text finds candidates, the expressions themselves decide
         alike = self._known_relations.setdefault(f"{difference}|{inclusive}", [])
         for known in alike:
             if ca.is_equal(known.indicator, difference, DEEPEST):
                 return known.symbol
+        alike.append(self._new_relation(difference, inclusive))
+        return alike[-1].symbol
+
+    def dimensions(self, node: Any) -> int | None:
+        return self.table.dimensions(node)
+
+    def _new_relation(self, indicator: ca.SX, inclusive: bool) -> Relation:
         symbol = ca.SX.sym(f"relation_{len(self.system.relations)}")
-        alike.append(Relation(symbol, difference, inclusive))
-        self.system.relations.append(alike[-1])
+        self.system.relations.append(Relation(symbol, indicator, inclusive))
+        return self.system.relations[-1]
+
+    def rounded(self, value: ca.SX, event: bool, node: Any) -> ca.SX:
+        """floor(value): between events a frozen number that the value must not leave."""
+        if not event or not self._any_moves(value):
+            return ca.floor(value)
+        alike = self._known_roundings.setdefault(str(value), [])
+        for known in alike:
+            if ca.is_equal(known.argument, value, DEEPEST):
+                return known.symbol
+        symbol = ca.SX.sym(f"rounding_{len(self.system.roundings)}")
+        alike.append(Rounding(symbol, value))
+        self.system.roundings.append(alike[-1])
+        self._new_relation(value - symbol, inclusive=True)
+        self._new_relation(symbol + 1 - value, inclusive=False)
         return symbol
+
+    def _any_moves(self, expression: ca.SX) -> bool:
+        return any(self._moves(symbol) for symbol in ca.symvar(expression))
 
     def _moves(self, symbol: ca.SX) -> bool:
         """Whether a symbol changes between events."""
@@ -123,164 +164,386 @@ class HybridScope:
         return scalar.kind in ("state", "input", "algebraic") and not scalar.discrete_valued
 
     def operator(
-        self, function: str, args: list[Tree], translate: Translator, tree: Tree
+        self, function: str, args: tuple[Any, ...], translate: Translator, node: Any
     ) -> Value | None:
-        method = getattr(self, "_" + function.lower(), None)
-        return None if method is None else method(args, translate, tree)
+        method = getattr(self, "_" + function.lower(), None) if function in HYBRID else None
+        return None if method is None else method(args, translate, node)
 
-    def _der(self, args: list[Tree], translate: Translator, tree: Tree) -> Value:
-        return self.system.derivatives[self._scalar_of(args[0], translate, tree).name]
+    def _der(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
+        value = translate.without_events()(args[0])
+        return elementwise(lambda v: self._rate(v, node), value)
 
-    def _scalar_of(self, arg: Tree, translate: Translator, tree: Tree) -> Scalar:
-        value = translate.scalar(arg)
-        scalar = self._by_symbol.get(value.__hash__()) if value.is_symbolic() else None
+    def _rate(self, value: ca.SX, node: Any) -> ca.SX:
+        """Time derivative of an expression: by the chain rule, of a variable its symbol."""
+        if value.is_symbolic():
+            return self._symbol_rate(value, node)
+        total = ca.SX(0)
+        for symbol in ca.symvar(value):
+            total += ca.jacobian(value, symbol) * self._symbol_rate(symbol, node)
+        return total
+
+    def _symbol_rate(self, symbol: ca.SX, node: Any) -> ca.SX:
+        scalar = self._by_symbol.get(symbol.__hash__())
         if scalar is None:
-            raise self.source.refuse("der(), pre() and reinit() take the name of a variable", tree)
+            if symbol.name() == "time":
+                return ca.SX(1)
+            if symbol.name().startswith("der("):
+                return self._second_rate(symbol)
+            raise self.source.refuse("not supported: der() of what jumps at events", node)
+        if scalar.kind in ("parameter", "calculated", "constant"):
+            return ca.SX(0)
+        if scalar.kind not in ("state", "algebraic") or scalar.discrete_valued:
+            raise self.source.refuse(
+                f"not supported: der() of {scalar.name}, which is no continuous variable",
+                node,
+                hint="filter it",
+            )
+        return self.system.derivatives[scalar.name]
+
+    def _second_rate(self, first: ca.SX) -> ca.SX:
+        """der(der(x)): the first derivative becomes a variable of its own."""
+        name = f"rate_of_{first.name()[4:-1]}"
+        if name not in self.table.scalars:
+            about = FlatVariable(name, "Real", "Continuous", "", (), protected=True)
+            made = Scalar(name, about, (), "state", ca.SX.sym(name))
+            self.table.scalars[name] = made
+            self._by_symbol[made.symbol.__hash__()] = made
+            self.system.derivatives[name] = ca.SX.sym(f"der({name})")
+            self.system.residuals.append((made.symbol - first, None))
+        return self.system.derivatives[name]
+
+    def _scalar_of(self, value: Value, node: Any) -> Scalar:
+        symbolic = isinstance(value, ca.SX) and value.is_symbolic()
+        scalar = self._by_symbol.get(value.__hash__()) if symbolic else None
+        if scalar is None:
+            raise self.source.refuse("pre() and reinit() take the name of a variable", node)
         return scalar
 
-    def _pre(self, args: list[Tree], translate: Translator, tree: Tree) -> Value:
-        scalar = self._scalar_of(args[0], translate, tree)
+    def _pre(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
+        plain = Translator(self.source, HybridNames(self), events=False)
+        return elementwise(lambda v: self._pre_of(v, node), plain(args[0]))
+
+    def _pre_of(self, value: ca.SX, node: Any) -> ca.SX:
+        if value.is_constant():
+            return value
+        scalar = self._scalar_of(value, node)
         if scalar.kind in ("state", "parameter", "calculated", "constant"):
             return scalar.symbol  # inside when: the value before the event is the present one
         if scalar.name not in self.system.pre:
             raise self.source.refuse(
-                f"not supported: pre({scalar.name}) of a continuous or input variable", tree
+                f"not supported: pre({scalar.name}) of a continuous or input variable", node
             )
         return self.system.pre[scalar.name]
 
-    def _edge(self, args: list[Tree], translate: Translator, tree: Tree) -> Value:
+    def _edge(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
         return ca.logic_and(
-            translate.scalar(args[0]), ca.logic_not(self._pre(args, translate, tree))
+            translate.scalar(args[0]), ca.logic_not(self._pre(args, translate, node))
         )
 
-    def _change(self, args: list[Tree], translate: Translator, tree: Tree) -> Value:
-        return translate.scalar(args[0]) != self._pre(args, translate, tree)
+    def _change(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
+        return translate.scalar(args[0]) != self._pre(args, translate, node)
 
-    def _initial(self, args: list[Tree], translate: Translator, tree: Tree) -> Value:
+    def _initial(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
         return self.system.initial
 
-    def _terminal(self, args: list[Tree], translate: Translator, tree: Tree) -> Value:
+    def _terminal(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
         return ca.SX(0)
 
-    def _sample(self, args: list[Tree], translate: Translator, tree: Tree) -> Value:
-        start, interval = (translate.scalar(arg) for arg in args[:2])
+    def _sample(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
+        if len(args) != 2:
+            raise self.source.refuse("not supported: sample() of a clock", node)
+        start, interval = (translate.scalar(arg) for arg in args)
         for value in (start, interval):
             for symbol in ca.symvar(value):
                 scalar = self._by_symbol.get(symbol.__hash__())
-                if scalar is None or scalar.kind not in ("parameter", "calculated"):
+                if scalar is None or scalar.kind not in ("parameter", "calculated", "constant"):
                     raise self.source.refuse(
-                        "sample() takes parameters only", tree, hint="give a parameter expression"
+                        "sample() takes parameters only", node, hint="give a parameter expression"
                     )
+        for known in self.system.samples:
+            if ca.is_equal(known.start, start, DEEPEST) and ca.is_equal(
+                known.interval, interval, DEEPEST
+            ):
+                return known.symbol
         symbol = ca.SX.sym(f"tick_{len(self.system.samples)}")
         self.system.samples.append(Sample(symbol, start, interval))
         return symbol
 
-    def _delay(self, args: list[Tree], translate: Translator, tree: Tree) -> Value:
+    def _delay(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
         plain = translate.without_events()
-        expression, time = plain.scalar(args[0]), plain.scalar(args[1])
+        time = plain.scalar(args[1])
         maximum = plain.scalar(args[2]) if len(args) > 2 else time
+        longest, actual = constant(maximum), constant(time)
+        if longest is not None and actual is not None and actual > longest:
+            raise self.source.refuse(
+                f"the delay {actual:g} must not exceed its maximum {longest:g}", node
+            )
+        return elementwise(lambda v: self._delayed(v, time, maximum), plain(args[0]))
+
+    def _delayed(self, expression: ca.SX, time: ca.SX, maximum: ca.SX) -> ca.SX:
         symbol = ca.SX.sym(f"delay_{len(self.system.delays)}")
         self.system.delays.append(Delay(symbol, expression, time, maximum))
         return symbol
 
 
+HYBRID = ("der", "pre", "edge", "change", "initial", "terminal", "sample", "delay")
+
+
+class HybridNames(HybridScope):
+    """The variables themselves, whatever an algorithm has assigned to them meanwhile."""
+
+    def __init__(self, scope: HybridScope) -> None:
+        self.__dict__.update(scope.__dict__)
+
+    def name(self, name: str, node: Any) -> Value:
+        return self.table.value(name, node)
+
+
 def build_system(model: FlatModel) -> HybridSystem:
-    """Translates equations, when-clauses and assertions of a flat model."""
-    functions = FunctionLibrary(model.source, model.functions, model.literals)
-    table, _ = build_table(model, functions)
+    """Translates equations, algorithms, when-clauses and assertions of a flat model."""
+    from modelica_fmu.algorithms import run_algorithm, run_initial_algorithm
+
+    table, functions = build_table(model)
     system = HybridSystem(table)
-    under_pre = names_under_pre(model)
+    under_pre = scalars_under(model, ("pre", "edge", "change"))
     for scalar in table.scalars.values():
         if scalar.kind == "state":
+            if scalar.discrete_valued:
+                raise table.source.refuse(
+                    f"der({scalar.name}) of a variable that is no Real", scalar.variable
+                )
             system.derivatives[scalar.name] = ca.SX.sym(f"der({scalar.name})")
         remembered = (
-            scalar.variable.name in under_pre
-            and scalar.kind == "algebraic"
-            and scalar.discrete_valued
+            scalar.name in under_pre and scalar.kind == "algebraic" and scalar.discrete_valued
         )
         if scalar.kind == "discrete" or remembered:
             system.memories.append(scalar)
             system.pre[scalar.name] = ca.SX.sym(f"pre({scalar.name})")
     scope = HybridScope(system, functions)
-    translate = Translator(model.source, scope)
+    translate = Translator(table.source, scope)
     for equation in model.equations:
-        for residual in flatten(translate(equation["residual"])):
+        for residual in residuals(translate, equation):
             system.residuals.append((residual, equation))
-    for scalar in table.of("algebraic"):
-        if scalar.variable.binding is not None:
-            residual = scalar.symbol - _element(
-                translate(scalar.variable.binding), scalar.subscripts
-            )
-            system.residuals.append((residual, scalar.variable.tree))
-    for number, chain in enumerate(model.when_chains):
-        for tree in [chain["first"], *chain["else_when"]]:
-            system.branches += _branches(system, translate, number, tree)
-    for tree in model.asserts:
-        system.assertions.append(_assertion(translate, tree))
+    _bindings(system, translate)
+    for algorithm in model.algorithms:
+        run_algorithm(system, scope, algorithm)
+    for when in model.whens:
+        number = len({branch.chain for branch in system.branches})
+        for condition, actions in when.branches:
+            system.branches += _branches(system, translate, number, condition, actions)
+    for assertion in model.assertions:
+        condition = translate.without_events().scalar(assertion.condition)
+        system.assertions.append(Assertion(condition, assertion.message, assertion.warning))
+    for equation in model.initial_equations:
+        for residual in residuals(translate.without_events(), equation):
+            system.initial_residuals.append((residual, equation))
+    for algorithm in model.initial_algorithms:
+        run_initial_algorithm(system, scope, algorithm)
     constants = table.of("constant")
     if constants:
         _put_constants(system, [s.symbol for s in constants], [s.value for s in constants])
     return system
 
 
-def _element(value: Value, subscripts: tuple[int, ...]) -> ca.SX:
+def _bindings(system: HybridSystem, translate: Translator) -> None:
+    """Equations that stand as values of variables."""
+    known: dict[str, Value] = {}
+    for scalar in system.table.scalars.values():
+        variable = scalar.variable
+        if scalar.kind not in ("algebraic", "state", "discrete") or variable.binding is None:
+            continue
+        if variable.name not in known:
+            known[variable.name] = translate(variable.binding)
+        value = _element(known[variable.name], scalar.subscripts)
+        if not isinstance(value, ca.SX):
+            raise translate.source.refuse(
+                f"dimension mismatch: the value of {variable.name} does not fit it", variable
+            )
+        system.residuals.append((scalar.symbol - value, variable))
+
+
+def residuals(translate: Translator, equation: ir.Equation | ir.IfEquation) -> list[ca.SX]:
+    """Left minus right side, scalar by scalar."""
+    if isinstance(equation, ir.IfEquation):
+        return _if_residuals(translate, equation)
+    left, right = _sides(translate, equation)
+    try:
+        return flatten(elementwise(lambda a, b: a - b, left, right))
+    except (ValueError, TypeError, KeyError):
+        raise translate.source.refuse(
+            "dimension mismatch: the two sides differ in size", equation, hint="correct the sizes"
+        ) from None
+
+
+def _sides(translate: Translator, equation: ir.Equation) -> tuple[Value, Value]:
+    left, right = equation.left, equation.right
+    if isinstance(left, ir.Several):
+        if not isinstance(right, ir.Call):
+            raise translate.source.refuse("several names take a function's results", equation)
+        results = translate.scope.call(right, translate, every=True)
+        pairs = [
+            (translate(item), result)
+            for item, result in zip(left.items, results, strict=False)
+            if item is not None
+        ]
+        return [a for a, _ in pairs], [b for _, b in pairs]
+    one, other = translate(left), translate(right)
+    for value in (one, other):
+        if isinstance(value, str):
+            raise translate.source.refuse("not supported: a String in an equation", equation)
+    if isinstance(one, list) != isinstance(other, list):
+        raise translate.source.refuse(
+            "dimension mismatch: an array equals a scalar", equation, hint="correct the sizes"
+        )
+    return one, other
+
+
+def _if_residuals(translate: Translator, equation: ir.IfEquation) -> list[ca.SX]:
+    conditions = [translate.scalar(c) for c, _ in equation.branches]
+    bodies = [
+        [r for e in body for r in residuals(translate, e)]
+        for body in (*(b for _, b in equation.branches), equation.otherwise)
+    ]
+    if len({len(body) for body in bodies}) != 1:
+        raise translate.source.refuse(
+            "the branches of an if-equation differ in their number of equations",
+            equation,
+            hint="write as many equations in each branch, an else among them",
+        )
+    targets = _common_targets(translate, equation)
+    result = bodies[-1]
+    if targets is not None:  # x = ... in every branch: x = if ... then ... else ...
+        bodies = [[t - r for t, r in zip(targets, body, strict=True)] for body in bodies]
+        result = bodies[-1]
+    for condition, body in zip(reversed(conditions), reversed(bodies[:-1]), strict=True):
+        result = [ca.if_else(condition, a, b) for a, b in zip(body, result, strict=True)]
+    if targets is not None:
+        result = [t - r for t, r in zip(targets, result, strict=True)]
+    return result
+
+
+def _common_targets(translate: Translator, equation: ir.IfEquation) -> list[ca.SX] | None:
+    """What all branches determine in the same order, if they do."""
+    found: list[list[ca.SX]] = []
+    for body in (*(b for _, b in equation.branches), equation.otherwise):
+        if not all(isinstance(e, ir.Equation) for e in body):
+            return None
+        sides = [v for e in body if isinstance(e, ir.Equation) for v in flatten(translate(e.left))]
+        found.append(sides)
+    same = all(
+        len(sides) == len(found[0])
+        and all(ca.is_equal(a, b) for a, b in zip(sides, found[0], strict=True))
+        for sides in found
+    )
+    return found[0] if same and all(s.is_symbolic() for s in found[0]) else None
+
+
+def _element(value: Value, subscripts: tuple[int, ...]) -> Any:
     for subscript in subscripts:
-        value = value[subscript - 1] if isinstance(value, list) else value
+        if isinstance(value, list):
+            if subscript > len(value):
+                return None
+            value = value[subscript - 1]
     return value
 
 
-def _branches(system: HybridSystem, translate: Translator, chain: int, tree: Tree) -> list[Branch]:
+def _branches(
+    system: HybridSystem,
+    translate: Translator,
+    chain: int,
+    condition: Any,
+    actions: tuple[ir.WhenAction, ...],
+) -> list[Branch]:
     """One branch for each condition of `when {a, b} then`: it fires when any of them rises."""
     first = len(system.branches)
-    conditions = flatten(translate(tree["condition"]))
+    conditions = flatten(translate(condition))
     branches = [
-        Branch(chain, condition, ca.SX.sym(f"fired_{first + i}"))
-        for i, condition in enumerate(conditions)
+        Branch(chain, test, ca.SX.sym(f"fired_{first + i}")) for i, test in enumerate(conditions)
     ]
-    branch = branches[0]
-    inside = translate.without_events()
-    source = translate.source
-    for equation in tree["equations"]:
-        kind, node = next(iter(equation.items()))
-        if kind == "Assign":
-            scalar = system.table.scalars.get(node["target"])
-            if scalar is None:
-                raise source.refuse(
-                    f"not supported: an array assigned in a when-clause ({node['target']})", tree
-                )
-            branch.assigns[scalar.name] = inside.scalar(node["value"])
-        elif kind == "Reinit":
-            if node["state"] not in system.derivatives:
-                raise source.refuse(f"reinit() takes a state, {node['state']} is none", tree)
-            branch.reinits[node["state"]] = inside.scalar(node["value"])
-        else:
-            raise source.refuse(f"not supported: {kind} in a when-clause", tree)
+    if not branches:
+        return []
+    branch, inside = branches[0], translate.without_events()
+    for action in actions:
+        _act(system, inside, branch, action, ca.SX(1))
     for other in branches[1:]:
         other.assigns, other.reinits = branch.assigns, branch.reinits
+        other.stops = branch.stops
     return branches
 
 
-def _assertion(translate: Translator, tree: Tree) -> Assertion:
-    message = (
-        tree["message"]["Literal"]["value"].get("String", "assertion failed")
-        if "Literal" in tree["message"]
-        else "assertion failed"
-    )
-    level = (
-        float(translate.scalar(tree["level"])) if tree.get("level") else 2
-    )  # AssertionLevel.warning is 1, .error 2
-    return Assertion(
-        translate.without_events().scalar(tree["condition"]), message, warning=level == 1
-    )
+def _act(
+    system: HybridSystem, inside: Translator, branch: Branch, action: Any, where: ca.SX
+) -> None:
+    """What one equation of a when-clause does; `where`: the condition of the if it stands in."""
+    source = system.table.source
+    if isinstance(action, ir.Equation):
+        left, right = _sides(inside, action)
+        pairs = zip(flatten(left), flatten(elementwise(lambda a, b: b, left, right)), strict=True)
+        for target, value in pairs:
+            name = target.name() if target.is_symbolic() else ""
+            scalar = system.table.scalars.get(name)
+            if scalar is None or scalar.kind != "discrete":
+                raise source.refuse("an equation in a when-clause gives a variable a value", action)
+            _twice(system, branch, name, action)
+            before = branch.assigns.get(name, scalar.symbol)
+            branch.assigns[name] = ca.if_else(where, value, before) if _open(where) else value
+    elif isinstance(action, ir.Reinit):
+        for target, value in zip(
+            flatten(inside(action.state)), flatten(inside(action.value)), strict=True
+        ):
+            if target.name() not in system.derivatives:
+                raise source.refuse(
+                    f"reinit() takes a state, {target.name()} is none: "
+                    f"{target.name()} is not a state",
+                    action,
+                )
+            before = branch.reinits.get(target.name(), target)
+            value = ca.if_else(where, value, before) if _open(where) else value
+            branch.reinits[target.name()] = value
+    elif isinstance(action, ir.IfEquation):
+        rest = where
+        for condition, body in action.branches:
+            test = inside.scalar(condition)
+            for inner in body:
+                _act(system, inside, branch, inner, ca.logic_and(rest, test))
+            rest = ca.logic_and(rest, ca.logic_not(test))
+        for inner in action.otherwise:
+            _act(system, inside, branch, inner, rest)
+    elif isinstance(action, ir.Assertion):
+        held = ca.logic_or(ca.logic_not(branch.fired), inside.scalar(action.condition))
+        system.assertions.append(Assertion(held, action.message, action.warning))
+    elif isinstance(action, ir.Terminate):
+        branch.stops = action.message
+    else:
+        kind = type(action).__name__
+        raise source.refuse(f"not supported: {kind} in a when-clause", action)
+
+
+def _open(where: ca.SX) -> bool:
+    return not (where.is_constant() and float(where) != 0)
+
+
+def _twice(system: HybridSystem, branch: Branch, name: str, node: Any) -> None:
+    """A variable is given its values by one when-clause."""
+    for other in system.branches:
+        if other.chain != branch.chain and name in other.assigns:
+            place = place_of(node)
+            raise system.table.source.refuse(
+                f"{name} is assigned in two when-clauses", place, hint="join them with elsewhen"
+            )
 
 
 def _put_constants(system: HybridSystem, old: list[ca.SX], new: list[Any]) -> None:
     def put(expression: ca.SX) -> ca.SX:
         return ca.substitute([expression], old, new)[0]
 
-    system.residuals = [(put(residual), tree) for residual, tree in system.residuals]
+    system.residuals = [(put(residual), node) for residual, node in system.residuals]
+    system.initial_residuals = [(put(r), node) for r, node in system.initial_residuals]
+    system.updates = {name: put(value) for name, value in system.updates.items()}
     for relation in system.relations:
         relation.indicator = put(relation.indicator)
+    for rounding in system.roundings:
+        rounding.argument = put(rounding.argument)
     for sample in system.samples:
         sample.start, sample.interval = put(sample.start), put(sample.interval)
     for delay in system.delays:

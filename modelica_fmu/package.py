@@ -16,6 +16,7 @@ import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.description import FmiVersion, model_description
@@ -42,7 +43,7 @@ def package_fmu(
     platforms: Sequence[str] | None = None,
     *,
     csrc: Path = CSRC,
-    provenance: Mapping[str, str] | None = None,
+    provenance: Mapping[str, Any] | None = None,
 ) -> Path:
     """Writes the FMU and its manifest; returns the FMU's path.
 

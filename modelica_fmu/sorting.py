@@ -10,12 +10,13 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from modelica_fmu.errors import InputError
-from modelica_fmu.frontend import Source, Tree
 from modelica_fmu.hybrid import Assertion, HybridSystem
 from modelica_fmu.symbols import literal
+from modelica_fmu.tearing import Loop, tear
 
 MOST_UNKNOWNS = 2000  # a minute of compilation
 LARGEST_BLOCK = 6  # linear algebraic loops up to this size are solved symbolically
+LARGEST_LOOP = 400  # unknowns that one loop iterates on
 
 
 def solve(system: HybridSystem) -> dict[str, ca.SX]:
@@ -23,21 +24,23 @@ def solve(system: HybridSystem) -> dict[str, ca.SX]:
     derivatives.
 
     They depend on time, states, inputs, parameters, frozen relations, memories, delayed values
-    only. Raises InputError for a structurally singular system and for an algebraic loop that is not
-    linear.
+    only. Nonlinear and large loops become `system.loops`, whose unknowns the expressions may
+    hold. Raises InputError for a structurally singular system.
     """
-    source = system.table.model.source
+    source = system.table.source
     unknowns = [(f"der({name})", symbol) for name, symbol in system.derivatives.items()]
     unknowns += [(s.name, s.symbol) for s in system.table.of("algebraic")]
     if len(unknowns) > MOST_UNKNOWNS:
         raise source.refuse(
             f"{len(unknowns)} unknowns, at most {MOST_UNKNOWNS} are solved for",
+            system.table.model.place,
             hint="make its arrays smaller",
         )
     residuals = [residual for residual, _ in system.residuals]
     if len(residuals) != len(unknowns):
         raise source.refuse(
-            f"{len(residuals)} equations for {len(unknowns)} unknowns",
+            f"{len(residuals)} equations, {len(unknowns)} unknowns",
+            system.table.model.place,
             hint="write one equation per unknown",
         )
     if not unknowns:
@@ -57,8 +60,11 @@ def solve(system: HybridSystem) -> dict[str, ca.SX]:
         present = ca.substitute(present, old, new) if old else present
         trees = [system.residuals[i][1] for i in equations]
         block_unknowns = [unknowns[j] for j in members]
-        values = _solve_block(source, present, block_unknowns, trees)
-        _watch_pivot(system, present, block_unknowns, trees)
+        if _solvable(present, block_unknowns):
+            values = _solve_block(present, block_unknowns)
+            _watch_pivot(system, present, block_unknowns, trees)
+        else:
+            values = _iterate(system, present, block_unknowns, trees)
         for j, value in zip(members, values, strict=True):
             name, symbol = unknowns[j]
             solved[name] = value
@@ -73,7 +79,7 @@ def _singular(system: HybridSystem, pattern: ca.Sparsity, names: list[str]) -> I
     graph = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=pattern.shape)
     unknown_of_equation = maximum_bipartite_matching(graph, perm_type="column")
     lacking = sorted(set(range(len(names))) - set(unknown_of_equation.tolist()))
-    return system.table.model.source.refuse(
+    return system.table.source.refuse(
         f"the equations are structurally singular: none is left for "
         f"{', '.join(names[j] for j in lacking)}, this one is too many",
         system.residuals[int(np.argmax(unknown_of_equation < 0))][1],
@@ -88,7 +94,7 @@ def _watch_pivot(
 
     Nothing is watched where that cannot be. Raises InputError where it is 0 always.
     """
-    source = system.table.model.source
+    source = system.table.source
     pivot = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*(symbol for _, symbol in unknowns)))
     factor = pivot if len(unknowns) == 1 else ca.det(pivot)
     names = ", ".join(name for name, _ in unknowns)
@@ -114,23 +120,72 @@ def _keeps_its_sign(system: HybridSystem, factor: ca.SX) -> bool:
     return (low is not None and low > 0) or (high is not None and high < 0)
 
 
-def _solve_block(
-    source: Source, residuals: list[ca.SX], unknowns: list[tuple[str, ca.SX]], trees: list[Tree]
-) -> list[ca.SX]:
+def _solvable(residuals: list[ca.SX], unknowns: list[tuple[str, ca.SX]]) -> bool:
+    """Whether a block is linear and small enough to be solved symbolically."""
+    symbols = ca.vertcat(*(symbol for _, symbol in unknowns))
+    matrix = ca.jacobian(ca.vertcat(*residuals), symbols)
+    return len(unknowns) <= LARGEST_BLOCK and not ca.depends_on(matrix, symbols)
+
+
+def _solve_block(residuals: list[ca.SX], unknowns: list[tuple[str, ca.SX]]) -> list[ca.SX]:
     symbols = ca.vertcat(*(symbol for _, symbol in unknowns))
     residual = ca.vertcat(*residuals)
     matrix = ca.jacobian(residual, symbols)
-    names = ", ".join(name for name, _ in unknowns)
-    if ca.depends_on(matrix, symbols):
-        raise source.refuse(
-            f"not supported: a nonlinear algebraic loop in {names}",
-            trees[0],
-            hint="solve it by hand, or add a state",
-        )
     right = -ca.substitute([residual], [symbols], [ca.SX.zeros(len(unknowns))])[0]
     if len(unknowns) == 1:
         return [right / matrix]
-    if len(unknowns) > LARGEST_BLOCK:
-        message = f"not supported: an algebraic loop of {len(unknowns)} variables ({names})"
-        raise source.refuse(message, trees[0], hint="break it with a state")
     return list(ca.vertsplit(ca.solve(matrix, right)))
+
+
+def _iterate(
+    system: HybridSystem, residuals: list[ca.SX], unknowns: list[tuple[str, ca.SX]], trees: list
+) -> list[ca.SX]:
+    """A loop for Newton's method; expressions of its unknowns in what is iterated on."""
+    source = system.table.source
+    names = [name for name, _ in unknowns]
+    scalars = [system.table.scalars.get(name) for name in names]
+    for scalar in scalars:
+        if scalar is not None and scalar.discrete_valued:
+            raise source.refuse(
+                f"not supported: {scalar.name} of type {scalar.variable.type} in an algebraic "
+                f"loop of {', '.join(names)}",
+                trees[0],
+                hint="put a pre() into the loop",
+            )
+    given = [i for i, s in enumerate(scalars) if s is not None and s.variable.start is not None]
+    preferred = given + [i for i in range(len(names)) if i not in given]
+    symbols = [symbol for _, symbol in unknowns]
+    torn, explicit, left = tear(residuals, symbols, preferred)
+    if len(torn) > LARGEST_LOOP:
+        raise source.refuse(
+            f"not supported: an algebraic loop of {len(torn)} variables after tearing",
+            trees[0],
+            hint="break it with a state",
+        )
+    new = [ca.SX.sym(f"loop_{len(system.loops)}_{k}") for k in range(len(torn))]
+    old = [symbols[i] for i in torn]
+
+    def put(items: list[ca.SX]) -> list[ca.SX]:
+        return ca.substitute(items, old, new) if items and old else items
+
+    chosen = [scalars[i] for i in torn]
+    starts = [s.value if s is not None else None for s in chosen]
+    system.loops.append(
+        Loop(
+            [names[i] for i in torn],
+            new,
+            put(left),
+            [ca.SX(0) if s is None or not parametric(system, s) else s for s in starts],
+            source.line(trees[0]),
+        )
+    )
+    values = dict(zip(torn, new, strict=True)) | dict(
+        zip(explicit, put(list(explicit.values())), strict=True)
+    )
+    return [values[i] for i in range(len(names))]
+
+
+def parametric(system: HybridSystem, value: ca.SX) -> bool:
+    """Whether an expression depends on parameters only."""
+    scalars = (system.table.scalars.get(v.name()) for v in ca.symvar(value))
+    return all(s is not None and s.kind in ("parameter", "calculated") for s in scalars)

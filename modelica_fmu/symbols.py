@@ -5,13 +5,16 @@ their start values.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 
+from modelica_fmu import ir
 from modelica_fmu.expressions import Translator, Value, compare, flatten
-from modelica_fmu.frontend import FlatModel, FlatVariable, Tree, scalar_name, subscripts_of
+from modelica_fmu.frontend import FlatModel, FlatVariable, Source, scalar_name, subscripts_of
 from modelica_fmu.functions import FunctionLibrary
 
 
@@ -38,22 +41,40 @@ class Table:
     model: FlatModel
     scalars: dict[str, Scalar] = field(default_factory=dict)
     arrays: dict[str, Value] = field(default_factory=dict)
+    strings: dict[str, FlatVariable] = field(default_factory=dict)
 
     def of(self, *kinds: str) -> list[Scalar]:
         return [s for s in self.scalars.values() if s.kind in kinds]
 
-    def value(self, name: str, tree: Tree) -> Value:
+    @property
+    def source(self) -> Source:
+        return Source(self.model.file)
+
+    def dimensions(self, node: Any) -> int | None:
+        """Number of dimensions of a variable that stands as a whole."""
+        if not isinstance(node, ir.Name) or node.subscripts:
+            return None
+        variable = self.model.variables.get(node.name)
+        if variable is None:
+            return None
+        return len(variable.dims)
+
+    def value(self, name: str, node: Any) -> Value:
         if name in self.arrays:
             return self.arrays[name]
-        if name in self.model.literals:
-            return ca.SX(self.model.literals[name])
         if name == "time":
             return TIME
-        raise self.model.source.refuse(f"unknown name {name}", tree)
+        if name in self.strings:
+            binding = self.strings[name].binding
+            if isinstance(binding, ir.Text):
+                return binding.value
+            raise self.source.refuse("not supported: a String in an equation", node)
+        raise self.source.refuse(f"unknown name {name}", node)
 
 
 MOST_SCALARS = 10_000
 TIME = ca.SX.sym("time")
+SETTINGS = ir.Place(Path("solver"), 0)  # where the solver's settings stand: in no file
 
 
 class PlainScope:
@@ -62,51 +83,59 @@ class PlainScope:
     def __init__(self, table: Table, functions: FunctionLibrary) -> None:
         self.table, self.functions = table, functions
 
-    def name(self, name: str, tree: Tree) -> Value:
-        return self.table.value(name, tree)
+    def name(self, name: str, node: Any) -> Value:
+        return self.table.value(name, node)
 
-    def relation(self, op: str, lhs: ca.SX, rhs: ca.SX, event: bool, tree: Tree) -> ca.SX:
+    def relation(self, op: str, lhs: ca.SX, rhs: ca.SX, event: bool, node: Any) -> ca.SX:
         return compare(op, lhs, rhs)
 
+    def rounded(self, value: ca.SX, event: bool, node: Any) -> ca.SX:
+        return ca.floor(value)
+
+    def dimensions(self, node: Any) -> int | None:
+        return self.table.dimensions(node)
+
     def operator(
-        self, function: str, args: list[Tree], translate: Translator, tree: Tree
+        self, function: str, args: tuple[Any, ...], translate: Translator, node: Any
     ) -> Value | None:
-        if function in ("Der", "Pre", "Sample", "Delay", "Edge", "Change"):
-            raise self.table.model.source.refuse(
-                f"{function.lower()}() cannot stand in a binding or start value", tree
+        if function in ("der", "pre", "sample", "delay", "edge", "change"):
+            raise self.table.source.refuse(
+                f"{function}() cannot stand in a binding or start value", node
             )
         return None
 
-    def call(self, function: str, args: list[Value], tree: Tree) -> Value:
-        return self.functions.call(function, args, tree)
+    def call(self, node: ir.Call, translate: Translator, every: bool = False) -> Value:
+        return self.functions.call(node, translate, every)
 
 
-def build_table(model: FlatModel, functions: FunctionLibrary) -> tuple[Table, PlainScope]:
+def build_table(model: FlatModel) -> tuple[Table, FunctionLibrary]:
     """Classifies every scalar and translates bindings and start values."""
-    states = _names_under(model, "Der")
-    assigned = _assigned_in_when(model)
     table = Table(model)
+    states = scalars_under(model, ("der",))
+    assigned = assigned_in_when(model)
+    for name in [n for n, v in model.variables.items() if v.type == "String"]:
+        table.strings[name] = model.variables.pop(name)
     if (count := sum(math.prod(v.dims) for v in model.variables.values())) > MOST_SCALARS:
-        raise model.source.refuse(
+        raise table.source.refuse(
             f"{count} scalar variables, at most {MOST_SCALARS} are compiled",
             hint="make its arrays smaller",
         )
     for variable in _solver_parameters():
         model.variables[variable.name] = variable
     for name, variable, subscripts in model.scalars():
-        kind = _kind(variable, states, assigned)
+        kind = _kind(name, variable, states, assigned)
         table.scalars[name] = Scalar(name, variable, subscripts, kind, ca.SX.sym(name))
     for variable in model.variables.values():
         table.arrays[variable.name] = _array(table, variable.name, variable.dims, ())
-    scope = PlainScope(table, functions)
-    translate = Translator(model.source, scope, events=False)
+    functions = FunctionLibrary(table.source, model.functions)
+    translate = Translator(table.source, PlainScope(table, functions), events=False)
     for variable in model.variables.values():
         _give_values(
             [table.scalars[scalar_name(variable.name, at)] for at in subscripts_of(variable.dims)],
             translate,
         )
     _fold_constants(table)
-    return table, scope
+    return table, functions
 
 
 def _solver_parameters() -> list[FlatVariable]:
@@ -129,26 +158,20 @@ def _solver_parameters() -> list[FlatVariable]:
 def _parameter(
     name: str, start: float, low: float, high: float, unit: str, description: str
 ) -> FlatVariable:
-    def literal(value: float) -> Tree:
-        return {"Literal": {"value": {"Real": value}}}
+    def literal(value: float) -> ir.Literal:
+        return ir.Literal(SETTINGS, value)
 
     return FlatVariable(
-        name=name,
-        type="Real",
-        variability="Parameter",
-        causality="",
-        dims=(),
-        binding=literal(start),
-        start=None,
-        fixed=None,
+        name,
+        "Real",
+        "Parameter",
+        "",
+        (),
+        literal(start),
         min=literal(low),
         max=literal(high),
-        nominal=None,
         unit=unit,
         description=description,
-        protected=False,
-        final=False,
-        tree={},
     )
 
 
@@ -158,16 +181,16 @@ def _array(table: Table, name: str, dims: tuple[int, ...], at: tuple[int, ...]) 
     return [_array(table, name, dims[1:], (*at, i)) for i in range(1, dims[0] + 1)]
 
 
-def _kind(variable: FlatVariable, states: set[str], assigned: set[str]) -> str:
+def _kind(name: str, variable: FlatVariable, states: set[str], assigned: set[str]) -> str:
     if variable.variability == "Constant":
         return "constant"
     if variable.variability == "Parameter":
         return "parameter"
     if variable.causality == "input":
         return "input"
-    if variable.name in states:
+    if name in states:
         return "state"
-    return "discrete" if variable.name in assigned else "algebraic"
+    return "discrete" if name in assigned else "algebraic"
 
 
 def _give_values(scalars: list[Scalar], translate: Translator) -> None:
@@ -178,14 +201,18 @@ def _give_values(scalars: list[Scalar], translate: Translator) -> None:
     tree = variable.binding if kind in ("constant", "parameter") else variable.start
     if tree is None and kind == "constant":
         raise translate.source.refuse(
-            f"the constant {variable.name} has no value", variable.tree, hint="bind it"
+            f"the constant {variable.name} has no value", variable, hint="bind it"
         )
     tree = tree or variable.start
     whole = ca.SX(0) if tree is None else translate(tree)
     for scalar in scalars:
         value = whole
         for subscript in scalar.subscripts:
-            value = value[subscript - 1] if isinstance(value, list) else value
+            fits = not isinstance(value, list) or subscript <= len(value)
+            value = value[subscript - 1] if isinstance(value, list) and fits else value
+        if not isinstance(value, ca.SX):
+            said = f"dimension mismatch: the value of {variable.name} does not fit it"
+            raise translate.source.refuse(said, variable)
         scalar.value = value
 
 
@@ -203,11 +230,10 @@ def _fold_constants(table: Table) -> None:
         if not open_:
             break
     else:
-        raise table.model.source.refuse(
-            "constants that depend on one another", hint="break the circle"
-        )
+        raise table.source.refuse("constants that depend on one another", hint="break the circle")
     for scalar in table.of("parameter"):
-        if scalar.value is not None and ca.symvar(scalar.value):
+        free = literal(scalar.variable.fixed) == 0  # found by the initial system
+        if free or (scalar.value is not None and ca.symvar(scalar.value)):
             scalar.kind = "calculated"
 
 
@@ -217,45 +243,93 @@ def _substitute(table: Table, old: list[ca.SX], new: list[Any]) -> None:
             scalar.value = ca.substitute([scalar.value], old, new)[0]
 
 
-def _names_under(model: FlatModel, function: str) -> set[str]:
-    """Names that stand directly under a built-in such as der()."""
+def nodes(root: Any) -> Iterable[Any]:
+    """A node of the flat model and all below it."""
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, tuple | list):
+            waiting += reversed(node)
+        elif hasattr(type(node), "__slots__") and hasattr(node, "place"):
+            yield node
+            waiting += [getattr(node, s) for s in reversed(type(node).__slots__) if s != "place"]
+
+
+def everything(model: FlatModel) -> list[Any]:
+    """All that is computed between events and at them."""
+    bindings = [v.binding for v in model.variables.values() if v.binding is not None]
+    return [model.equations, model.algorithms, model.whens, model.assertions, bindings]
+
+
+def scalars_under(model: FlatModel, functions: tuple[str, ...]) -> set[str]:
+    """Names of scalars that stand under an operator such as der()."""
     found: set[str] = set()
-
-    def walk(tree: Any) -> None:
-        if isinstance(tree, dict):
-            call = tree.get("BuiltinCall")
-            if call and call["function"] == function:
-                if "VarRef" not in call["args"][0]:
-                    raise model.source.refuse(
-                        f"not supported: {function.lower()}() of an expression",
-                        tree,
-                        hint="name it first",
-                    )
-                found.add(call["args"][0]["VarRef"]["name"]["name"])
-            tree = list(tree.values())
-        if isinstance(tree, list):
-            for child in tree:
-                walk(child)
-
-    walk(model.equations)
-    if function != "Der":
-        walk(model.when_chains)
+    for node in nodes([everything(model), model.initial_equations, model.initial_algorithms]):
+        if isinstance(node, ir.Builtin) and node.function in functions:
+            for inner in nodes(list(node.args)):
+                if isinstance(inner, ir.Name):
+                    found |= scalar_names(model, inner)
     return found
 
 
-def names_under_pre(model: FlatModel) -> set[str]:
-    """Variables whose value before the event is asked for."""
-    return _names_under(model, "Pre") | _names_under(model, "Edge") | _names_under(model, "Change")
+def scalar_names(model: FlatModel, node: ir.Name) -> set[str]:
+    """The scalars that a reference may mean."""
+    variable = model.variables.get(node.name)
+    if variable is None:
+        return set()
+    fixed = [int(s.value) if isinstance(s, ir.Literal) else None for s in node.subscripts]
+    fixed += [None] * (len(variable.dims) - len(fixed))
+    return {
+        scalar_name(variable.name, at)
+        for at in subscripts_of(variable.dims)
+        if all(k is None or k == i for k, i in zip(fixed, at, strict=True))
+    }
 
 
-def _assigned_in_when(model: FlatModel) -> set[str]:
-    names = set()
-    for chain in model.when_chains:
-        for branch in [chain["first"], *chain["else_when"]]:
-            for equation in branch["equations"]:
-                if "Assign" in equation:
-                    names.add(equation["Assign"]["target"])
-    return names
+def assigned_in_when(model: FlatModel) -> set[str]:
+    found: set[str] = set()
+    for when in model.whens:
+        for _, actions in when.branches:
+            for node in assigned(actions):
+                found |= scalar_names(model, node)
+    for algorithm in model.algorithms:
+        for node in nodes(list(algorithm.body)):
+            if isinstance(node, ir.WhenStatement):
+                for _, body in node.branches:
+                    for name in targets(body):
+                        found |= scalar_names(model, name)
+    return found
+
+
+def assigned(actions: Iterable[ir.WhenAction]) -> Iterable[ir.Name]:
+    """What the equations of a when-clause determine."""
+    for action in actions:
+        if isinstance(action, ir.Equation):
+            sides = action.left.items if isinstance(action.left, ir.Several) else [action.left]
+            for side in sides:
+                yield from (n for n in _whole_names(side))
+        elif isinstance(action, ir.IfEquation):
+            for _, body in action.branches:
+                yield from assigned(body)
+            yield from assigned(action.otherwise)
+
+
+def _whole_names(side: Any) -> Iterable[ir.Name]:
+    if isinstance(side, ir.Name):
+        yield side
+    elif isinstance(side, ir.Array):
+        for item in side.items:
+            yield from _whole_names(item)
+    elif isinstance(side, ir.Record):
+        for _, item in side.fields:
+            yield from _whole_names(item)
+
+
+def targets(body: Iterable[Any]) -> Iterable[ir.Name]:
+    """Variables that statements assign."""
+    for node in nodes(list(body)):
+        if isinstance(node, ir.Assign):
+            yield from (t for t in node.targets if isinstance(t, ir.Name))
 
 
 def constant(value: Value) -> float | None:
@@ -264,8 +338,6 @@ def constant(value: Value) -> float | None:
     return float(items[0]) if len(items) == 1 and items[0].is_constant() else None
 
 
-def literal(tree: Tree | None) -> float | None:
+def literal(node: Any) -> float | None:
     """The number that an attribute is written as, or None."""
-    node = (tree or {}).get("Literal")
-    number = next(iter(node["value"].values())) if node else None
-    return float(number) if isinstance(number, int | float) else None
+    return float(node.value) if isinstance(node, ir.Literal) else None

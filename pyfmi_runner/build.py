@@ -46,10 +46,15 @@ def build_fmu(
     platforms: Sequence[str] | None = None,
     force: bool = False,
     starts: Mapping[str, float] | None = None,
+    libraries: Sequence[Path] = (),
 ) -> BuildResult:
-    """`build_class` of the gantry's model, into the user's cache unless `out` names a folder."""
-    model = model or default_model()
-    return build_class(class_name, model, out or _cached, fmi, platforms, force, starts)
+    """`build_class` of the gantry's model, into the user's cache unless `out` names a folder.
+
+    With libraries and without a model, the class is one of theirs.
+    """
+    model = model or (None if libraries else default_model())
+    folder = out or _cached
+    return build_class(class_name, model, folder, fmi, platforms, force, starts, libraries)
 
 
 def build_controller_fmu(

@@ -60,12 +60,12 @@ WRAPPED = {  # library: the files that may import it
         "benchmarks/solver_check.py",
         "pneugantry/speed/paths.py",
         "benchmarks/importers.py",
+        "benchmarks/textbook.py",
     },
     "matplotlib": {
         path.relative_to(ROOT).as_posix()
         for path in (ROOT / "pneugantry" / "analysis").glob("plots*.py")
     },
-    "rumoca": {"modelica_fmu/parser.py"},
     "llvmlite": {"pyfmi_runner/native.py"},
     "gymnasium": {"pyfmi_runner/gym_env.py"},  # an extra: nothing else needs it
     "distributed": {"pneugantry/jobs/cluster.py"},  # loaded only where a scheduler is given

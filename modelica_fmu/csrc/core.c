@@ -28,6 +28,8 @@ typedef struct {
     double step; /* last internal step that the error estimate allowed, s */
     double delay_used[AT_LEAST_1(N_DELAYS)]; /* 0: nothing reads the delayed value with the present parameters */
     int started, rates_valid, parameters_changed, events_possible;
+    int guessed;                  /* the initial system's first guess has been made */
+    int loops_valid, loop_failed; /* 1 + the loop that could not be solved; 0: none */
 } Core;
 
 typedef struct {
@@ -43,6 +45,15 @@ struct Instance {
     void *environment;
     History history[AT_LEAST_1(N_DELAYS)];
     double delay[AT_LEAST_1(N_DELAYS)], delay_maximum[AT_LEAST_1(N_DELAYS)];
+#if N_CONSTRAINTS > 0
+    double constraint[N_CONSTRAINTS * N_STATES], normal[N_CONSTRAINTS * N_CONSTRAINTS];
+#endif
+#if SOLVER_IMPLICIT && N_STATES > 0
+    double jacobian[N_STATES * N_STATES], factors[N_STATES * N_STATES], rate_of_time[N_STATES];
+    double jacobian_time, jacobian_at[N_STATES]; /* where the Jacobian was taken */
+    int jacobian_valid;
+#endif
+    double matrix[AT_LEAST_1(N_LARGEST * N_LARGEST)], unused[AT_LEAST_1(N_LARGEST * N_LARGEST)]; /* scratch of Newton's method, by columns */
 };
 
 static CoreStatus say(const Instance *s, CoreStatus status, const char *category, const char *format, ...) {
@@ -163,17 +174,25 @@ static void prepare(Instance *s) {
     model_delays_used(&s->c.q, s->c.delay_used);
     if (N_DELAYS && s->c.started) look_up_delays(s, 1); /* one that has just been switched on: its history is kept all the time */
     s->c.parameters_changed = 0;
-    s->c.rates_valid = s->outputs_valid = s->locals_valid = 0;
+    s->c.rates_valid = s->outputs_valid = s->locals_valid = s->c.loops_valid = 0;
 }
+
+#include "newton.h"
 
 static void rates(Instance *s) {
     prepare(s);
     if (s->c.rates_valid) return;
+    loops(s);
     model_rates(&s->c.q, s->c.dx, s->c.z);
     s->c.rates_valid = 1;
 }
 
-static void invalidate(Instance *s) { s->c.rates_valid = s->outputs_valid = s->locals_valid = 0; }
+static void invalidate(Instance *s) {
+    s->c.rates_valid = s->outputs_valid = s->locals_valid = s->c.loops_valid = 0;
+#if SOLVER_IMPLICIT && N_STATES > 0
+    s->jacobian_valid = 0;
+#endif
+}
 
 static int holds(int relation, double indicator) { return model_inclusive[relation] ? indicator >= 0 : indicator > 0; }
 
@@ -199,6 +218,11 @@ static CoreStatus check_assertions(Instance *s) {
 }
 
 static CoreStatus check_finite(Instance *s) {
+#if N_LOOPS > 0
+    if (s->c.loop_failed)
+        return say(s, CORE_ERROR, "logStatusError", "the equations of line %d have no solution for %s near t = %g s",
+                   model_loop_line[s->c.loop_failed - 1], model_loop_names[s->c.loop_failed - 1], s->c.q.time);
+#endif
     for (int i = 0; i < N_STATES; i++)
         if (!isfinite(s->c.q.x[i]) || !isfinite(s->c.dx[i]))
             return say(s, CORE_ERROR, "logStatusError", "%s or its rate is not finite at t = %g s (%g, %g)", state_name(i), s->c.q.time,
@@ -218,6 +242,23 @@ static int fire(Instance *s, const double *condition) {
     return any;
 }
 
+/* Frozen relations and roundings as they are now; whether any has changed. */
+static int refresh(Instance *s) {
+    Core *c = &s->c;
+    int changed = 0;
+    for (int i = 0; i < N_RELATIONS; i++) {
+        double now = holds(i, c->z[i]);
+        if (now != c->q.m[i]) c->q.m[i] = now, changed = 1;
+    }
+#if N_ROUNDINGS > 0
+    double r[N_ROUNDINGS];
+    model_roundings(&c->q, r);
+    for (int i = 0; i < N_ROUNDINGS; i++)
+        if (r[i] != c->q.r[i]) c->q.r[i] = r[i], changed = 1;
+#endif
+    return changed;
+}
+
 /* New relations, when-clauses and memories until nothing changes any more. */
 static CoreStatus iterate_events(Instance *s) {
     Core *c = &s->c;
@@ -225,11 +266,7 @@ static CoreStatus iterate_events(Instance *s) {
     for (int round = 0; round < MAX_ITERATIONS; round++) {
         invalidate(s);
         rates(s);
-        int changed = 0;
-        for (int i = 0; i < N_RELATIONS; i++) {
-            double now = holds(i, c->z[i]);
-            if (now != c->q.m[i]) c->q.m[i] = now, changed = 1;
-        }
+        int changed = refresh(s);
         if (changed) continue;
         memcpy(c->q.pre, c->q.d, sizeof c->q.pre);
         if (N_BRANCHES) model_conditions(&c->q, condition);
@@ -301,9 +338,14 @@ static void evaluate(Instance *s, double time, const double *x, double *dx, doub
     s->c.q.time = time;
     memcpy(s->c.q.x, x, sizeof s->c.q.x);
     if (N_DELAYS) look_up_delays(s, 0);
+#if N_LOOPS > 0
+    s->c.loops_valid = 0;
+    loops(s);
+#endif
     model_rates(&s->c.q, dx, z);
 }
 
+#if !(SOLVER_IMPLICIT && N_STATES > 0)
 /* One Runge-Kutta step of length h from (time, x0, k1) with frozen modes. */
 static void attempt(Instance *s, double time, const double *x0, const double *k1, double h, Trial *trial) {
     double k2[AT_LEAST_1(N_STATES)], k3[AT_LEAST_1(N_STATES)], k4[AT_LEAST_1(N_STATES)], x[AT_LEAST_1(N_STATES)];
@@ -324,6 +366,10 @@ static void attempt(Instance *s, double time, const double *x0, const double *k1
         if (!(error <= trial->error)) trial->error = error; /* keeps a NaN */
     }
 }
+
+#else
+#include "rosenbrock.h"
+#endif
 
 /* Shortens the step that ends in a contradiction to the earliest one found: on return `trial` ends just behind it. */
 static double locate(Instance *s, double time, const double *x0, const double *k1, const double *z0, double h, Trial *trial) {
@@ -359,6 +405,39 @@ static double locate(Instance *s, double time, const double *x0, const double *k
         }
     }
     return high;
+}
+
+/* Puts the states back onto the constraints that index reduction left, by the shortest way. */
+static void project(Instance *s) {
+#if N_CONSTRAINTS > 0
+    double residual[N_CONSTRAINTS], factor[N_CONSTRAINTS];
+    int row[N_CONSTRAINTS];
+    for (int round = 0; round < 5; round++) {
+        model_constraints(&s->c.q, residual, s->constraint);
+        for (int i = 0; i < N_CONSTRAINTS; i++)
+            for (int j = 0; j < N_CONSTRAINTS; j++) {
+                double sum = 0;
+                for (int k = 0; k < N_STATES; k++) sum += s->constraint[i + k * N_CONSTRAINTS] * s->constraint[j + k * N_CONSTRAINTS];
+                s->normal[i + j * N_CONSTRAINTS] = sum;
+            }
+        if (!lu_factor(s->normal, N_CONSTRAINTS, row)) return; /* one follows from the others */
+        lu_solve(s->normal, N_CONSTRAINTS, row, residual, factor);
+        double largest = 0;
+        for (int k = 0; k < N_STATES; k++) {
+            double change = 0;
+            for (int i = 0; i < N_CONSTRAINTS; i++) change += s->constraint[i + k * N_CONSTRAINTS] * factor[i];
+            if (!isfinite(change)) return;
+            s->c.q.x[k] -= change;
+            const double share = fabs(change) / (1 + fabs(s->c.q.x[k]));
+            if (share > largest) largest = share;
+        }
+        if (largest < 1e-14) break;
+    }
+    invalidate(s);
+    rates(s);
+#else
+    (void)s;
+#endif
 }
 
 /* One accepted internal step, not beyond `end`. Sets `event` where it ends in one. */
@@ -401,6 +480,11 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     memcpy(c->dx, trial.dx, sizeof trial.dx);
     memcpy(c->z, trial.z, sizeof trial.z);
     c->rates_valid = 1;
+#if N_LOOPS > 0
+    c->loops_valid = 0; /* the last trial may have been another one */
+    loops(s);
+#endif
+    project(s);
     CoreStatus status = check_finite(s);
     if (status != CORE_OK) { /* back to the last good state */
         c->q.time = time;
@@ -482,6 +566,7 @@ void core_reset(Instance *s) {
     s->c.step = HUGE_VAL;
     s->c.parameters_changed = 1;
     prepare(s);
+    model_loop_starts(&s->c.q, s->c.q.w);
     model_starts(&s->c.q, s->c.q.x);
     model_memory_starts(&s->c.q, s->c.q.d);
     invalidate(s);
@@ -542,6 +627,7 @@ CoreStatus core_get(Instance *s, unsigned reference, double *value) {
         break;
     case VK_DISCRETE: *value = s->c.q.d[v->index]; break;
     default:
+        loops(s);
         if (v->index < N_OUTPUTS && !s->locals_valid) {
             if (!s->outputs_valid) model_outputs(&s->c.q, s->y);
             s->outputs_valid = 1;
@@ -570,20 +656,24 @@ CoreStatus core_initialise(Instance *s, double start_time) {
         c->tick_count[i] = passed > 0 ? (int64_t)ceil(passed - 1e-9) : 0;
     }
     c->started = 1;
-    CoreStatus status = check_assertions(s);
+    c->guessed = 0;
+    CoreStatus status = N_INITIAL > 0 || N_LOOPS > 0 ? CORE_OK : check_assertions(s);
     if (status == CORE_OK) status = record_delays(s);
     if (status != CORE_OK) return status;
     /* relations first, without firing what is true from the start; when initial() does fire */
     for (int round = 0; round < MAX_ITERATIONS; round++) {
+#if N_INITIAL > 0
+        if (round > 0 || N_RELATIONS + N_ROUNDINGS == 0) status = solve_initial(s);
+        if (status != CORE_OK) return status;
+#endif
         invalidate(s);
         rates(s);
-        int changed = 0;
-        for (int i = 0; i < N_RELATIONS; i++) {
-            double now = holds(i, c->z[i]);
-            if (now != c->q.m[i]) c->q.m[i] = now, changed = 1;
-        }
-        if (!changed) break;
+        int changed = refresh(s);
+        if (!changed && (round > 0 || N_INITIAL == 0 || N_RELATIONS + N_ROUNDINGS == 0)) break;
     }
+#if N_INITIAL > 0
+    memcpy(c->q.pre, c->q.d, sizeof c->q.pre);
+#endif
     if (N_BRANCHES) {
         model_conditions(&c->q, c->condition);
         c->q.initial = 1;
@@ -594,6 +684,7 @@ CoreStatus core_initialise(Instance *s, double start_time) {
     c->q.initial = 1;
     status = iterate_events(s);
     c->q.initial = 0;
+    if ((N_INITIAL > 0 || N_LOOPS > 0) && status == CORE_OK) status = check_assertions(s);
     if (N_BRANCHES) model_conditions(&c->q, c->condition);
     invalidate(s);
     return status;
@@ -680,6 +771,7 @@ CoreStatus core_directional(Instance *s, const unsigned *unknown, size_t n_unkno
         if (i < 0) return say(s, CORE_ERROR, "logStatusError", "no derivative with respect to value reference %u", known[j]);
         seeds[i] += seed[j];
     }
+    loop_seeds(s, seeds);
     model_directional(&s->c.q, seeds, dx, y);
     for (size_t j = 0; j < n_unknown; j++) {
         const ModelVariable *v = unknown[j] < model_n_variables ? &model_variables[unknown[j]] : NULL;

@@ -72,19 +72,22 @@ def build(
     out: PathLike | None = None,
     platforms: Sequence[str] | None = None,
     force: bool = False,
+    libraries: Sequence[PathLike] = (),
 ) -> BuiltFmu:
     """Compiles a Modelica class to an FMU; what is up to date is not built again.
 
     class_name: a class of the Modelica file `model` (None: the gantry's). controller: a controller
     of the catalogue, compiled instead of a class. out: a folder; None: the user's cache. platforms:
-    names as of `pneugantry build --platform`. Raises InputError naming file, line and hint.
+    names as of `pneugantry build --platform`. libraries: package folders with classes that it
+    uses; without a model, the class is one of theirs. Raises InputError naming file, line and hint.
     """
     folder = None if out is None else Path(out)
     if controller is not None:
         made = build_controller_fmu(controller, fmi, folder, platforms, force)
     else:
         source = None if model is None else Path(model)
-        made = build_fmu(class_name, source, fmi, folder, platforms, force)
+        folders = [Path(library) for library in libraries]
+        made = build_fmu(class_name, source, fmi, folder, platforms, force, libraries=folders)
     return BuiltFmu(made.path, made.manifest, made.rebuilt)
 
 

@@ -19,6 +19,7 @@ Rebuilds only if the Modelica file, the compiler or the platforms have changed.
   pneugantry build                                       the gantry, FMI 2.0, this machine
   pneugantry build --fmi 3.0
   pneugantry build --class PneuGantry.Valve              one block
+  pneugantry build --library Modelica --class Modelica.Blocks.Examples.PID_Controller
   pneugantry build --controller pi_fv  a controller, sampled at 1 ms: a loop of two FMUs
   pneugantry build --platform linux64 --platform win64   needs the extra [zig]"""
 
@@ -56,6 +57,13 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         type=out_folder,
         help="folder of the FMU (default: the user's cache)",
     )
+    command.add_argument(
+        "--library",
+        action="append",
+        metavar="DIR",
+        type=Path,
+        help="folder of a package, may be repeated; those of $MODELICAPATH come behind",
+    )
     command.add_argument("--force", action="store_true", help="build even if nothing has changed")
 
 
@@ -72,6 +80,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
             out=options.out,
             platforms=options.platform,
             force=options.force,
+            libraries=options.library or (),
         )
     print(f"{'built' if built.rebuilt else 'up to date'}: {built.path}")
     for platform, made in built.manifest["compilers"].items():

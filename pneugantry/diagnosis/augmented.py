@@ -68,8 +68,7 @@ def write_augmented(
 ) -> tuple[Path, Path]:
     """Writes AugmentedGantry.mo and the FMU built from it into a folder; returns both paths.
 
-    The values reach the FMU as start values, for rumoca 0.10.2 binds modified arrays wrongly and
-    lets a modifier of a nested component drop those beside it. `model`: the Modelica file of the
+    The values reach the FMU as start values. `model`: the Modelica file of the
     nominal class (the project's own). Raises InputError where the folder cannot be written.
     """
     try:

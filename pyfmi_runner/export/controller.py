@@ -15,7 +15,7 @@ from controllers.interface import U_MAX, U_MIN, Command, Controller, Reference, 
 from modelica_fmu import generate
 from modelica_fmu.compiled import CompiledModel, Variable
 from modelica_fmu.errors import InputError
-from modelica_fmu.frontend import FlatModel, FlatVariable, Source
+from modelica_fmu.frontend import FlatModel, FlatVariable
 from modelica_fmu.generate import Expressions, Layout
 from modelica_fmu.hybrid import Branch, HybridSystem, Sample
 from modelica_fmu.symbols import Scalar, Table
@@ -151,17 +151,8 @@ def _scalar(
         "Continuous",
         "input" if kind == "input" else "",
         (),
-        None,
-        None,
-        None,
-        None,
-        None,
-        None,
-        unit,
-        text,
-        False,
-        False,
-        {},
+        unit=unit,
+        description=text,
     )
     return Scalar(name, variable, (), kind, ca.SX.sym(name), ca.SX(value))
 
@@ -169,7 +160,7 @@ def _scalar(
 def _system(
     name: str, where: Path, parameters: dict[str, float], start: dict[str, float]
 ) -> tuple[HybridSystem, Layout]:
-    system = HybridSystem(Table(FlatModel(name, "", Source(where), {}, [], [], [], {}, {}, {})))
+    system = HybridSystem(Table(FlatModel(name, "", where, {})))
     settings = [
         _scalar(n, "parameter", value, unit, text) for n, (value, unit, text) in SOLVER.items()
     ]

@@ -689,33 +689,6 @@ FUNCTION = (
     "Real x;\nequation\n  x = f(time);\nend M;\n"
 )
 REFUSED = {  # name: (text, line, a piece of the message)
-    "nonlinear loop": (
-        "model M\n  Real x, y;\nequation\n  x = y^2 + 1;\n  y = sin(x);\nend M;\n",
-        4,
-        "nonlinear algebraic loop in x, y",
-    ),
-    "large loop": (
-        "model M\n  Real x[8];\nequation\n  for i in 1:7 loop\n    x[i] + x[i+1] = i;\n  "
-        "end for;\n  x[8] + 3*x[1] = 1;\nend M;\n",
-        (4, 5, 7),
-        "loop of 8 variables",
-    ),
-    "initial equation": (
-        "model M\n  Real x;\ninitial equation\n  x = 1;\nequation\n  der(x) = -x;\nend M;\n",
-        4,
-        "initial equation",
-    ),
-    "algorithm section": (
-        "model M\n  Real x;\nalgorithm\n  x := time;\nend M;\n",
-        4,
-        "algorithm section",
-    ),
-    "initial algorithm": (
-        "model M\n  Real x(start=0);\ninitial algorithm\n  x := 2;\nequation\n  der(x) = "
-        "1;\nend M;\n",
-        (1, 2),
-        "initial algorithm",
-    ),
     "while": (
         FUNCTION.format(body="  y := u;\n  while y < 10 loop\n    y := y + 1;\n  end while;\n"),
         (1, 6),
@@ -743,16 +716,6 @@ REFUSED = {  # name: (text, line, a piece of the message)
         "f;\nmodel M\n  Real x;\nequation\n  x = f(time);\nend M;\n",
         9,
         "the function f",
-    ),
-    "floor with events": (
-        "model M\n  Real x;\nequation\n  x = floor(time);\nend M;\n",
-        4,
-        "floor() outside noEvent",
-    ),
-    "mod with events": (
-        "model M\n  Real x;\nequation\n  x = mod(time, 2);\nend M;\n",
-        4,
-        "mod() outside noEvent",
     ),
     "too few equations": (
         "model N\nend N;\nmodel M\n  Real x, y;\nequation\n  x = time;\nend M;\n",
@@ -793,12 +756,6 @@ REFUSED = {  # name: (text, line, a piece of the message)
     ),
     "unknown base class": ("model M\n  extends Foo;\nend M;\n", 2, "`Foo` does not exist"),
     "unknown class": ("model N\n  Real x;\nequation\n  x = 1;\nend N;\n", None, "no class M"),
-    "string in an equation": (
-        'model M\n  parameter String s = "a";\n  Real x;\nequation\n  x = if s == "a" '
-        "then 1 else 2;\nend M;\n",
-        (2, 5),
-        "String",
-    ),
     "type mismatch": (
         "model M\n  Real x;\n  Boolean b;\nequation\n  b = time > 1;\n  x = b;\nend M;\n",
         6,
@@ -814,12 +771,6 @@ REFUSED = {  # name: (text, line, a piece of the message)
         "x[3];\nend M;\n",
         7,
         "out of bounds",
-    ),
-    "subscript that varies": (
-        "model M\n  Real x[2];\n  Real y;\n  Integer i;\nequation\n  i = if time > 1 "
-        "then 1 else 2;\n  x[1] = 1;\n  x[2] = 2;\n  y = x[i];\nend M;\n",
-        9,
-        "subscript",
     ),
     "delay longer than its maximum": (
         "model M\n  Real x;\nequation\n  x = delay(time, 0.5, 0.2);\nend M;\n",
@@ -854,11 +805,6 @@ REFUSED = {  # name: (text, line, a piece of the message)
         2,
         "the constant a has no value",
     ),
-    "derivative of an expression": (
-        "model M\n  Real x;\nequation\n  der(2*x) = 1;\nend M;\n",
-        4,
-        "der(",
-    ),
     "reinit of no state": (
         "model M\n  Real x, y;\nequation\n  der(x) = 1;\n  y = x;\n  when x > 1 then\n   "
         " reinit(y, 0);\n  end when;\nend M;\n",
@@ -880,14 +826,8 @@ REFUSED = {  # name: (text, line, a piece of the message)
     "two when clauses for one variable": (
         "model M\n  discrete Real x;\nequation\n  when time > 1 then\n    x = 1;\n  end "
         "when;\n  when time > 2 then\n    x = 2;\n  end when;\nend M;\n",
-        (1, 2, 4),
-        "when",
-    ),
-    "several outputs": (
-        "function f\n  input Real u;\n  output Real a, b;\nalgorithm\n  a := u;\n  b := "
-        "u;\nend f;\nmodel M\n  Real x, y;\nequation\n  (x, y) = f(time);\nend M;\n",
-        11,
-        "Tuple",
+        8,
+        "two when-clauses",
     ),
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -60,10 +61,14 @@ class Tiny:
         return np.array(rows).T
 
 
-def library_of(text: str, folder: Path, name: str = "M") -> Tiny:
-    file = folder / "m.mo"
-    file.write_text(text)
-    compiled = compile_model(file, name)
+def library_of(
+    text: str | None, folder: Path, name: str = "M", libraries: Sequence[Path] = ()
+) -> Tiny:
+    """`text`: the Modelica file; None: the class is one of the libraries'."""
+    file = None if text is None else folder / "m.mo"
+    if file is not None and text is not None:
+        file.write_text(text)
+    compiled = compile_model(file, name, libraries=libraries)
     for source, content in compiled.sources.items():
         (folder / source).write_text(content)
     flags = [

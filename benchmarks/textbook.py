@@ -1,0 +1,195 @@
+"""Textbook models: compiled / right / refused, each held against an independent solution.
+
+    python -m benchmarks.textbook LIBRARY [--within Package.Part ...] [--also LIBRARY] [--out FILE]
+
+Takes a package folder (such as the public source of *Modelica by Example*), compiles each model and
+block in the named packages to an FMU and runs it. The independent solution is a second compiler's
+own simulation (rumoca: another parser, flattening, sorting and integrator) or, where that one takes
+the model not, equations written by hand (textbook_solutions.py).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import fmpy
+import numpy as np
+
+from benchmarks.textbook_solutions import HAND_WRITTEN, PARAMETERS, STOP_TIMES
+from modelica_fmu.compiler import compile_model
+from modelica_fmu.errors import InputError
+from modelica_fmu.modelica.library import Library
+from modelica_fmu.modelica.scope import Scope, root_scope
+from modelica_fmu.package import package_fmu
+
+POINTS = 500
+STOP = 5.0  # s, where neither the model nor STOP_TIMES says
+TOLERANCE = 2e-3  # of a variable's range, beside jumps
+WITHIN = ("BasicEquations", "ArrayEquations", "DiscreteBehavior", "Functions")
+
+
+class Outcome(NamedTuple):
+    model: str
+    state: str  # right, wrong, unchecked, refused, failed
+    against: str  # which independent solution
+    error: float | None  # largest difference / range, over all variables
+    said: str
+
+
+def models(library: Path, within: Sequence[str]) -> Iterator[str]:
+    """Full names of all models and blocks in packages of a library, partial ones too."""
+    root = root_scope(Library([library]))
+    top = root.top_class(library.resolve().name.split(" ")[0])
+    if top is None:
+        raise InputError("no package in this folder", file=library, hint="give one with package.mo")
+    for part in within or [""]:
+        scope: Scope | None = top
+        for name in filter(None, part.split(".")):
+            scope = scope.own_class(name) if scope is not None else None
+        if scope is None:
+            raise InputError(f"no package {part}", file=library, hint="name one that it has")
+        yield from _below(scope)
+
+
+def _below(scope: Scope) -> Iterator[str]:
+    if scope.cls.kind in ("model", "block", "class"):
+        yield scope.path
+    elif scope.cls.kind == "package":
+        for name in scope.library.children(scope.cls):
+            inner = scope.own_class(name)
+            if inner is not None:
+                yield from _below(inner)
+
+
+def tried(name: str, libraries: Sequence[Path], reference: Reference, folder: Path) -> Outcome:
+    """Compiles, runs and checks one model."""
+    try:
+        compiled = compile_model(None, name, PARAMETERS.get(name.split(".", 1)[-1]), libraries)
+        path = package_fmu(compiled, "2.0", folder / "model.fmu")
+    except InputError as error:
+        return Outcome(name, "refused", "", None, str(error))
+    stop = STOP_TIMES.get(name.split(".", 1)[-1], STOP)
+    wanted = [
+        v.name
+        for v in compiled.variables
+        if v.kind in ("state", "algebraic", "discrete") and v.type != "Boolean"
+    ]
+    try:
+        ran = fmpy.simulate_fmu(
+            str(path),
+            stop_time=stop,
+            output_interval=stop / POINTS,
+            fmi_type="CoSimulation",
+            output=wanted,
+        )
+    except Exception as error:
+        return Outcome(name, "failed", "", None, " ".join(str(error).split())[:200])
+    found = {v: np.asarray(ran[v], float) for v in wanted}
+    return compared(name, np.asarray(ran["time"]), found, reference.solution(name, stop))
+
+
+def compared(
+    name: str, t: np.ndarray, found: dict[str, np.ndarray], solution: tuple[str, dict[str, Any]]
+) -> Outcome:
+    """The largest difference of any variable that both know, in parts of its range."""
+    against, wanted = solution
+    errors = {v: difference(t, found[v], wanted[v](t)) for v in found if v in wanted}
+    if not found:
+        return Outcome(name, "right", "no variable to compare", None, "")
+    if not errors:
+        return Outcome(name, "unchecked", against, None, "no independent solution")
+    worst = max(errors, key=lambda v: errors[v])
+    state = "right" if errors[worst] <= TOLERANCE else "wrong"
+    return Outcome(name, state, against, errors[worst], "" if state == "right" else worst)
+
+
+def difference(t: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
+    """Largest |a - b| / range; beside a jump of either, the neighbours count as well."""
+    size = max(float(np.ptp(b)), 1e-3 * float(np.max(np.abs(b))), 1e-9)
+    shifted = [np.abs(a - np.roll(b, k)) for k in (-1, 0, 1)]
+    steep = np.abs(np.diff(b, prepend=b[0])) > 0.05 * size
+    near = steep | np.roll(steep, 1) | np.roll(steep, -1)
+    error = np.where(near, np.minimum.reduce(shifted), shifted[1])[1:-1]
+    return float(np.max(error) / size) if len(error) else 0.0
+
+
+class Reference:
+    """Independent solutions: by hand first, else the other compiler's simulation."""
+
+    def __init__(self, library: Path, folder: Path) -> None:
+        self.copy = folder / library.resolve().name
+        shutil.copytree(library, self.copy)
+        _complete(self.copy)
+        try:
+            self.rumoca: Any = importlib.import_module("rumoca")
+        except ImportError:
+            self.rumoca = None
+
+    def solution(self, name: str, stop: float) -> tuple[str, dict[str, Any]]:
+        by_hand = HAND_WRITTEN.get(name.split(".", 1)[-1])
+        if by_hand is not None:
+            return "by hand", by_hand(stop)
+        if self.rumoca is None:
+            return "", {}
+        try:
+            session = self.rumoca.Session([str(self.copy)])
+            model = session.loads(f"model Z extends {name}; end Z;", model="Z")
+            result = model.simulate((0.0, stop), dt=stop / (4 * POINTS))
+        except Exception as error:  # whatever stops the other compiler is no fault of ours
+            return f"rumoca: {' '.join(str(error).split())[:80]}", {}
+        time = np.asarray(result.time, float)
+        return "rumoca", {v: _lookup(time, np.asarray(result[v], float)) for v in result.names}
+
+
+def _lookup(time: np.ndarray, values: np.ndarray) -> Any:
+    return lambda t: np.interp(t, time, values)
+
+
+def _complete(folder: Path) -> None:
+    """The other compiler insists on a package.mo in every folder."""
+    for inner in [p for p in folder.rglob("*") if p.is_dir()]:
+        if not inner.exists() or (inner / "package.mo").is_file():
+            continue
+        if any(inner.rglob("*.mo")):
+            path = ".".join(inner.relative_to(folder.parent).parts[:-1])
+            text = f"within {path};\npackage {inner.name}\nend {inner.name};\n"
+            (inner / "package.mo").write_text(text, encoding="utf-8")
+        else:
+            shutil.rmtree(inner)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("library", type=Path)
+    parser.add_argument("--within", action="append", metavar="PACKAGE")
+    parser.add_argument("--also", action="append", type=Path, default=[], metavar="LIBRARY")
+    parser.add_argument("--only", metavar="TEXT", default="")
+    parser.add_argument("--out", type=Path, metavar="FILE.json")
+    options = parser.parse_args(arguments)
+    outcomes: list[Outcome] = []
+    with TemporaryDirectory(prefix="textbook-") as temporary:
+        reference = Reference(options.library, Path(temporary))
+        for name in models(options.library, options.within or WITHIN):
+            if options.only not in name:
+                continue
+            made = tried(name, [options.library, *options.also], reference, Path(temporary))
+            outcomes.append(made)
+            error = "" if made.error is None else f"{made.error:.1e}"
+            print(f"{made.state:9} {error:8} {made.model}  {made.against}  {made.said}", flush=True)
+    counts = {s: sum(o.state == s for o in outcomes) for s in sorted({o.state for o in outcomes})}
+    print(f"{len(outcomes)} models: " + ", ".join(f"{n} {s}" for s, n in counts.items()))
+    if options.out is not None:
+        options.out.write_text(json.dumps([o._asdict() for o in outcomes], indent=1) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Front end: Modelica text → syntax tree → instances → a flat model in types of its own (ir.py)."""
