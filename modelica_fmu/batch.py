@@ -176,7 +176,8 @@ def part_key(model: Path, what: str) -> str:
 
 def _compile(compiled: CompiledModel, folder: Path) -> None:
     target = host_platform()
-    sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in ("core.c", "core.h")}
+    core = ("core.c", "core.h", "newton.h", "rosenbrock.h")
+    sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in core}
     sources |= {"batch.c": (CSRC / "batch" / "batch.c").read_text(encoding="utf-8")}
     sources |= dict(compiled.sources)
     for name, text in sources.items():
