@@ -18,7 +18,7 @@ from pneugantry.engine.information import Information, Sight, Size, gather, scor
 from pneugantry.engine.plant import Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.synthetic import Nominal, noisy
-from pneugantry.engine.views import View, build_views
+from pneugantry.engine.views import SubsystemView, View, build_views, view_beside
 
 __all__ = ["Addition", "Case", "Experiment", "Plan", "make_plan"]
 
@@ -90,7 +90,8 @@ def make_plan(case: Case, say: Say = lambda _: None) -> Plan:
         raise RunError("the nominal model can be simulated over none of the records")
     say("views")
     everything = (*records, *(e.record for e in experiments))
-    fitter = _fitter(case, case.plant, everything)
+    views: list[View] = [*_views(case, records[0].period), *case.others]
+    fitter = Fitter(case.plant, views, everything, case.rules)
     try:
         say("effects")
         readable = {k: e for k, e in case.catalogue.items() if fitter.readable(e.forms[0])}
@@ -115,13 +116,9 @@ def make_plan(case: Case, say: Say = lambda _: None) -> Plan:
     )
 
 
-def _fitter(case: Case, plant: Plant, records: Sequence[Record]) -> Fitter:
-    measured = [s.name for s in plant.signals]
-    rules, period = case.rules, records[0].period
-    views: list[View] = list(
-        build_views(plant, measured, case.cache, period, rules.observer, rules.band)
-    )
-    return Fitter(plant, [*views, *case.others], records, rules)
+def _views(case: Case, period: float) -> list[SubsystemView]:
+    rules, measured = case.rules, [s.name for s in case.plant.signals]
+    return build_views(case.plant, measured, case.cache, period, rules.observer, rules.band)
 
 
 def _completed(case: Case, notes: list[str]) -> tuple[list[Record], list[Experiment]]:
@@ -207,7 +204,9 @@ def _ranked(additions: Iterable[Addition]) -> tuple[Addition, ...]:
 
 
 def _sensors(case: Case, records: Sequence[Record], notes: list[str]) -> list[Addition]:
-    """What each sensor that could be added brings: nominal records with and without it."""
+    """What each sensor that could be added brings: nominal records with and without its view,
+    beside the views that are there.
+    """
     if not case.sensors:
         return []
     variables = [s.variable for s in (*case.plant.signals, *case.sensors)]
@@ -224,7 +223,8 @@ def _sensors(case: Case, records: Sequence[Record], notes: list[str]) -> list[Ad
         extra.append({s.name: found[s.variable] for s in case.sensors})
     if not plain:
         return []
-    before = sights(_informed(case, case.plant, plain))
+    views = _views(case, plain[0].period)
+    before = sights(_informed(case, case.plant, views, plain))
     made = []
     for sensor in case.sensors:
         span = max(float(np.ptp(e[sensor.name])) for e in extra)
@@ -236,13 +236,16 @@ def _sensors(case: Case, records: Sequence[Record], notes: list[str]) -> list[Ad
             replace(r, signals={**r.signals, sensor.name: e[sensor.name]})
             for r, e in zip(plain, extra, strict=True)
         ]
-        after = sights(_informed(case, plant, records))
+        own = view_beside(plant, sensor.name, case.cache, views[0])
+        after = sights(_informed(case, plant, [*views, own], records))
         made.append(replace(_addition(sensor.name, before, after), sigma=sensor.sigma))
     return made
 
 
-def _informed(case: Case, plant: Plant, records: Sequence[Record]) -> Information:
-    fitter = _fitter(case, plant, records)
+def _informed(
+    case: Case, plant: Plant, views: Sequence[View], records: Sequence[Record]
+) -> Information:
+    fitter = Fitter(plant, [*views, *case.others], records, case.rules)
     try:
         effects = {k: e for k, e in case.catalogue.items() if fitter.readable(e.forms[0])}
         return gather(fitter, effects, partial(noisy, plant))

@@ -30,7 +30,8 @@ def as_text(plan: Plan) -> Iterator[str]:
     yield f"seen from: smallest size at {SEEN:g} sigma; told: sigma left after the best imitation"
     for names, text in (
         (plan.unread, "nothing measured shows"),
-        ([s.effect for s in plan.sights if not s.visible], "too small at the usual size"),
+        ([s.effect for s in plan.sights if s.sigma > 0 and not s.visible], "too small"),
+        ([_shaped(plan, s) for s in plan.sights if s.sigma == 0], "without any trace by itself"),
     ):
         if names:
             yield f"{text}: {', '.join(names)}"
@@ -41,6 +42,12 @@ def as_text(plan: Plan) -> Iterator[str]:
         yield f"{title}:"
         yield from (f"  {_said(a)}" for a in found)
     yield from (f"note: {note}" for note in plan.notes)
+
+
+def _shaped(plan: Plan, s: Sight) -> str:
+    """An effect, and those without which it is nothing."""
+    refined = plan.case.catalogue[s.effect].refines
+    return f"{s.effect} (it shapes {' or '.join(refined)})" if refined else s.effect
 
 
 def _ordered(found: Sequence[Sight]) -> list[Sight]:

@@ -54,6 +54,7 @@ def noisy(plant: Plant, record: Record) -> Record:
     draw = np.random.default_rng(zlib.crc32(record.name.encode()))
     sigma = {s.name: s.sigma for s in plant.signals}
     signals = {
-        n: v + sigma[n] * draw.standard_normal(len(v)) for n, v in sorted(record.signals.items())
+        n: v + sigma.get(n, 0.0) * draw.standard_normal(len(v))
+        for n, v in sorted(record.signals.items())
     }
     return replace(record, name=f"{record.name}, noisier", signals=signals)

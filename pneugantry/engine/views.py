@@ -24,7 +24,7 @@ from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.sensors import PREFIX, sensed, signal_of, slope, true_signal
 from pyfmi_runner.smoothing import smooth_axis
 
-__all__ = ["SubsystemView", "View", "build_views", "known_variables", "part_of"]
+__all__ = ["SubsystemView", "View", "build_views", "known_variables", "part_of", "view_beside"]
 
 Values = Mapping[str, float]
 SMOOTH = 3  # rows over which a measured input is smoothed
@@ -250,6 +250,12 @@ def build_views(
         key = (part.library,) if part.of("state") else tuple(sorted(part.of("parameter")))
         grouped.setdefault(key, []).append(name)
     return [_view(sight, names, decimation, observer) for names in grouped.values()]
+
+
+def view_beside(plant: Plant, signal: str, cache: Path, like: SubsystemView) -> SubsystemView:
+    """The view of one more signal, cut at all others of the plant, with another view's timing."""
+    sight = _Sight(plant, _structure(plant, cache), {s.name: s for s in plant.signals}, cache)
+    return _view(sight, [signal], like.decimation, like.observer)
 
 
 def _view(sight: _Sight, names: Sequence[str], decimation: int, observer: float) -> SubsystemView:
