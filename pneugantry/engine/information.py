@@ -16,10 +16,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pneugantry.diagnosis.catalogue import Effect, Form
-from pneugantry.engine.fitter import Cell, Fitter
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
 from pneugantry.engine.noise import LONGEST, Whitener, whitener_of
 from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.simulation import Cell
 
 __all__ = ["SEEN", "Information", "Sight", "Size", "gather", "score", "sights", "sizes"]
 
@@ -264,15 +265,15 @@ def _differences(
     """Columns (rows, signals) of each cell: of those parameters that its view reads."""
     jobs: dict[Cell, list[Values]] = {}
     kept: dict[Cell, list[tuple[int, float]]] = {}
-    for cell in fitter.cells:
-        view = fitter.views[cell[0]]
+    for cell in fitter.simulation.cells:
+        view = fitter.simulation.views[cell[0]]
         values = {**base.get(None, {}), **base.get(cell[1], {})}
         jobs[cell], kept[cell] = [values], []
         for move in moves:
             if move.record in (None, cell[1]) and any(view.depends_on(n) for n in move.values):
                 jobs[cell].append({**values, **move.values})
                 kept[cell].append((move.column, move.step))
-    found = fitter.simulate(jobs)
+    found = fitter.simulation.run(jobs)
     return {
         cell: (
             tuple(i for i, _ in own),
@@ -300,7 +301,7 @@ def _gram(
     """
     if not columns:
         return np.zeros((0, 0))
-    view, record = fitter.views[cell[0]], fitter.records[cell[1]]
+    view, record = fitter.simulation.views[cell[0]], fitter.simulation.records[cell[1]]
     skipped = max(round(record.skip / (record.period * view.decimation)) - LONGEST, 0)
     parts = []
     for c, whiten in enumerate(whiteners[cell[0]]):
@@ -317,18 +318,18 @@ def _whiteners(
     """Of each view and signal: white noise as quoted, or as coloured and as large as the noise of
     all the sensors that the view reads makes it.
     """
-    found = fitter.quoted()
+    found = dict(fitter.quoted())
     if noisy is None:
         return found
     base = _base(fitter.nuisances())
-    for name, view in fitter.views.items():
+    for name, view in fitter.simulation.views.items():
         own: list[Array] = []
-        for cell in fitter.cells:
-            other = noisy(fitter.records[cell[1]])
+        for cell in fitter.simulation.cells:
+            other = noisy(fitter.simulation.records[cell[1]])
             if cell[0] != name or not view.shows(other) or len(own) == DRAWN:
                 continue
             values = {**base.get(None, {}), **base.get(cell[1], {})}
-            clean = view.residuals(fitter.records[cell[1]], [values])[0]
+            clean = view.residuals(fitter.simulation.records[cell[1]], [values])[0]
             change = view.residuals(other, [values])[0] - clean
             if len(change) > 4 * LONGEST and not _lost(change):
                 own.append(change)

@@ -1,57 +1,58 @@
-"""Noise of unknown colour: autoregressions that make residuals white, with the order that the data
-pay for.
+"""Noise of residuals: Student's t with an estimated size and colour.
+
+An event that the model mistimes makes a few large residuals. Under a normal distribution they would
+decide a fit and make it rough in the parameters; under Student's t each counts a bounded amount.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 
-__all__ = ["LONGEST", "Whitener", "whitener_of"]
+from pneugantry.diagnosis.autoregression import LONGEST, Whitener, whitener_of
+from pneugantry.engine.plant import Array
 
-Array = NDArray[np.float64]
-LONGEST = (
-    12  # samples; every order leaves out as many rows at a log's start, so that orders compare
-)
+__all__ = [
+    "LONGEST",
+    "Noise",
+    "Whitener",
+    "coloured",
+    "flat",
+    "loss",
+    "spread",
+    "weights",
+    "whitener_of",
+]
 
-
-@dataclass(frozen=True, eq=False)
-class Whitener:
-    """e_k = (r_k - sum coefficients_i r_{k-i}) / sigma."""
-
-    coefficients: Array
-    sigma: float
-
-    def __call__(self, residual: Array) -> Array:
-        """Innovations of a residual (N,), from row LONGEST on."""
-        kernel = np.concatenate([[1.0], -self.coefficients])
-        return np.asarray(np.convolve(residual, kernel)[LONGEST : len(residual)] / self.sigma)
+Noise = Mapping[str, tuple[Whitener, ...]]  # by view, one for each of its signals
+CLIPPED = 5.0  # spreads beyond which a residual says nothing of the noise's colour
+NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute value
 
 
-def whitener_of(residuals: Sequence[Array], least: float = 1e-9) -> Whitener:
-    """Autoregression of the order 0..LONGEST of least n log s^2 + order log n over all residuals.
-    `least`: bound of sigma from below.
+def loss(innovations: Array, freedom: float) -> Array:
+    """-2 log density of each innovation, up to a constant."""
+    return np.asarray((freedom + 1) * np.log1p(innovations**2 / freedom))
 
-    The mean is not taken out: a constant error is structure that an effect may explain.
-    """
-    n = sum(len(r) - LONGEST for r in residuals)
-    lags = np.array(
-        [sum(float(r[: len(r) - k] @ r[k:]) for r in residuals) for k in range(LONGEST + 1)]
-    )
-    lags[0] = lags[0] * (1 + 1e-9) + 1e-300
-    best, cost = Whitener(np.zeros(0), 1.0), math.inf
-    for order in range(LONGEST + 1):
-        tried = Whitener(
-            np.asarray(solve_toeplitz(lags[:order], lags[1 : order + 1])) if order else np.zeros(0),
-            1.0,
-        )
-        square = sum(float(e @ e) for e in map(tried, residuals)) / n
-        price = n * math.log(max(square, least**2)) + order * math.log(n)
-        if price < cost - 1e-9:
-            best, cost = Whitener(tried.coefficients, max(math.sqrt(square), least)), price
-    return best
+
+def weights(innovations: Array, freedom: float) -> Array:
+    """Weights of the squares that have the same gradient."""
+    return np.asarray((freedom + 1) / (freedom + innovations**2))
+
+
+def spread(residuals: Sequence[Array]) -> float:
+    """Standard deviation of the bulk of some residuals about 0."""
+    return NORMAL * float(np.median(np.abs(np.concatenate(residuals))))
+
+
+def flat(residuals: Sequence[Array], sigma: float) -> Whitener:
+    """White noise of the residuals' own size, at least `sigma`."""
+    return Whitener(np.zeros(0), max(spread(residuals), sigma) if residuals else sigma)
+
+
+def coloured(residuals: Sequence[Array], least: float) -> Whitener:
+    """Autoregression of the bulk of the residuals; `least`: bound of its innovations' size."""
+    if not residuals:
+        return Whitener(np.zeros(0), least)
+    bound = CLIPPED * max(spread(residuals), least)
+    return whitener_of([np.clip(r, -bound, bound) for r in residuals], least)

@@ -13,15 +13,10 @@ __all__ = ["Rules"]
 class Rules:
     """Origin "field": usual practice; "design": follows from another number here."""
 
-    band: float = (
-        100.0  # Hz, residuals are averages over 1/band (field: ten times a drive's bandwidth)
-    )
+    band: float = 100.0  # Hz, residuals are averages over 1/band (field: ten times the bandwidth)
     thinning: int = 2  # rows of a record that are averaged into one before anything is simulated
-    observer: float = 0.008  # s, time constant of the observer in parts that switch
-    homotopy: tuple[float, ...] = (0.15, 1.0)  # observers of a first fit, in units of `observer`
-    doubtful: float = (
-        1.3  # misfit, in units of the noise, from which on a first fit uses the homotopy
-    )
+    observer: float = 0.016  # s, time constant of the observer in parts that switch
+    tails: float = 4.0  # degrees of freedom of the noise's distribution (field: robust regression)
     quietest: float = 0.6  # smallest noise, in units of the quoted one, that a sensor may have
     effect_prior: float = 2.0  # spread of an effect's size, in usual sizes
     tolerance: float = 1.5  # a rig's tolerance scale before it is estimated
@@ -33,6 +28,6 @@ class Rules:
     screened: int = 4  # effects refitted in full at each step, in each of two orders of promise
     reformed: int = 2  # effects that are then tried in their other forms
     entry: float = 10.0  # fall of -2 log evidence that an effect must bring (field: very strong)
-    material: float = 0.10  # share of the misfit above noise that an effect must explain
+    material: float = 0.05  # fall of -2 log evidence that an effect must bring per row it touches
     most: int = 4  # effects
     block: float = 0.5  # s of a record that are drawn together in a bootstrap

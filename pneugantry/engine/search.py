@@ -14,10 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
-from pneugantry.engine.fitter import Cell, Fit, Fitter
+from pneugantry.engine.descent import Weighing
+from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.hypothesis import effect_coordinate
-from pneugantry.engine.noise import Whitener
+from pneugantry.engine.noise import Noise, weights
 from pneugantry.engine.plant import Array
+from pneugantry.engine.simulation import Cell
 
 __all__ = ["Candidate", "Search", "Step", "screen", "search"]
 
@@ -55,9 +57,7 @@ class Search:
 
 
 def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search:
-    """Effects are added while one brings evidence, and dropped where a later one makes them
-    needless.
-    """
+    """Effects are added while one brings evidence, and dropped where a later one replaces them."""
     best, steps, tried = null, [], [null]
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
     price = 2 * math.log(max(len(offered), 1))
@@ -73,31 +73,43 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
         fits += _other_forms(fitter, best, fits)
         tried += fits
         top = min(fits, key=lambda f: f.evidence)
-        if best.evidence - top.evidence < bar:
+        if best.evidence - top.evidence < max(bar, _material(fitter, top)):
             break
-        top = fitter.fit(top.hypothesis, top, thorough=True)
+        top = fitter.again(top)
         steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
         best = _pruned(fitter, top, price, steps, tried)
         tried.append(best)
     return Search(null, best, tuple(steps), tuple(tried), tuple(promised))
 
 
+def _material(fitter: Fitter, fit: Fit) -> float:
+    """Fall of -2 log evidence that is worth a name: a share of the rows that the effect touches."""
+    _, form = fit.hypothesis.effects[-1]
+    names = {p.name for p in form.parameters} | set(form.settings)
+    rows = sum(
+        r.size
+        for (view, _), r in fit.residuals.items()
+        if any(fitter.simulation.views[view].depends_on(n) for n in names)
+    )
+    return fitter.rules.material * rows
+
+
 def _pruned(fitter: Fitter, fit: Fit, price: float, steps: list[Step], tried: list[Fit]) -> Fit:
     """Without effects whose removal costs less evidence than an effect must bring."""
     while len(fit.keys) > 1:
-        drops = [fitter.fit(fit.hypothesis.without(k), fit) for k in fit.keys[:-1]]
+        drops = [fitter.explore(fit.hypothesis.without(k), fit) for k in fit.keys[:-1]]
         tried += drops
         least = min(drops, key=lambda f: f.evidence)
         if least.evidence - fit.evidence > fitter.rules.entry + price:
             return fit
         gone = next(k for k in fit.keys if k not in least.keys)
         steps.append(Step(gone, fit.evidence - least.evidence, least, dropped=True))
-        fit = fitter.fit(least.hypothesis, least, thorough=True)
+        fit = fitter.again(least)
     return fit
 
 
 def _added(fitter: Fitter, base: Fit, c: Candidate) -> Fit:
-    return fitter.fit(base.hypothesis.plus(c.effect, c.form), base, c.starts)
+    return fitter.explore(base.hypothesis.plus(c.effect, c.form), base, c.starts)
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
@@ -111,7 +123,7 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
             hypothesis = base.hypothesis.plus(effect, form)
             made.append(
                 min(
-                    (fitter.fit(hypothesis, base, s) for s in _starts(fitter, form)[:2]),
+                    (fitter.explore(hypothesis, base, s) for s in _starts(fitter, form)[:2]),
                     key=lambda f: f.evidence,
                 )
             )
@@ -149,21 +161,21 @@ def screen(fitter: Fitter, base: Fit, effects: Mapping[str, Effect]) -> list[Can
         own = _points(fitter, base, form, starts)
         points.append(own)
         names = {p.name for p in form.parameters} | set(form.settings)
-        for cell in fitter.cells:
-            if not any(fitter.views[cell[0]].depends_on(n) for n in names):
+        for cell in fitter.simulation.cells:
+            if not any(fitter.simulation.views[cell[0]].depends_on(n) for n in names):
                 continue
             values = base.values(cell[1])
             for j, (moved, _) in enumerate(own):
                 places[t, j, cell] = len(jobs.setdefault(cell, []))
                 jobs[cell].append({**values, **moved})
-    found = fitter.simulate(jobs)
+    found = fitter.simulation.run(jobs)
     tests = {
-        "gain": _Test(fitter, base, base.whiteners),
+        "gain": _Test(fitter, base, base.noise),
         "plain": _Test(fitter, base, fitter.flat(base.residuals)),
     }
     result = []
     for t, (effect, form, starts) in enumerate(trials):
-        cells = [c for c in fitter.cells if (t, 0, c) in places]
+        cells = [c for c in fitter.simulation.cells if (t, 0, c) in places]
         columns = {}
         for cell in cells:
             runs = [found[cell][places[t, j, cell]] for j in range(len(points[t]))]
@@ -213,46 +225,39 @@ def _starts(fitter: Fitter, form: Form) -> list[dict[str, float]]:
 class _Test:
     """Score tests about a fit, under given noise."""
 
-    def __init__(
-        self, fitter: Fitter, base: Fit, whiteners: Mapping[str, tuple[Whitener, ...]]
-    ) -> None:
-        self.fitter, self.whiteners = fitter, whiteners
-        self.prior = fitter.rules.effect_prior
-        names = [c.name for c in base.coordinates]
-        n = len(names)
-        normal = np.diag([1 / c.spread**2 for c in base.coordinates])
-        gradient = base.theta * np.diag(normal)
-        self.residual: dict[Cell, Array] = {}
-        self.columns: dict[Cell, tuple[list[int], Array]] = {}
-        for cell in fitter.cells:
-            r = fitter.whitened(cell, base.residuals[cell], whiteners)
-            index = [i for i in range(n) if (cell, names[i]) in base.columns]
-            j = np.column_stack(
-                [fitter.whitened(cell, base.columns[cell, names[i]], whiteners) for i in index]
-                or [np.zeros(len(r))]
-            )
-            j = np.nan_to_num(j)
-            self.residual[cell], self.columns[cell] = r, (index, j)
-            if index:
-                normal[np.ix_(index, index)] += j.T @ j
-                gradient[index] += j.T @ r
-        self.n, self.inverse = n, np.linalg.inv(normal)
-        self.gradient = gradient
+    def __init__(self, fitter: Fitter, base: Fit, of_views: Noise) -> None:
+        self.weighing = Weighing(of_views, fitter.rules.tails)
+        self.prior, self.freedom = fitter.rules.effect_prior, fitter.rules.tails
+        point = base.point
+        prior = np.array([1 / c.spread**2 for c in point.coordinates])
+        normal, gradient = self.weighing.normal(point, base.residuals, base.columns)
+        self.inverse = np.linalg.inv(normal + np.diag(prior))
+        self.gradient = gradient + prior * point.theta
+        names = [c.name for c in point.coordinates]
+        self.cells: dict[Cell, tuple[Array, Array, list[int], Array]] = {}
+        for cell in fitter.simulation.cells:
+            w = self.weighing.innovations(cell, base.residuals[cell])
+            root = np.sqrt(weights(w, self.freedom))
+            index = [i for i, name in enumerate(names) if (cell, name) in base.columns]
+            columns = [
+                self.weighing.innovations(cell, base.columns[cell, names[i]]) * root for i in index
+            ]
+            j = np.nan_to_num(np.column_stack(columns or [np.zeros(len(w))]))
+            self.cells[cell] = w * root, root, index, j
 
     def gain(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
         """Fall of -2 log posterior that a step along these columns promises."""
         k = max((len(c) for c in columns.values()), default=0)
-        if k == 0:
+        if k == 0 or not all(np.isfinite(c).all() for cs in columns.values() for c in cs):
             return 0.0
         square, pull = np.eye(k) / self.prior**2, np.zeros(k)
-        cross = np.zeros((self.n, k))
+        cross = np.zeros((len(self.gradient), k))
         for cell, raw in columns.items():
-            if not all(np.isfinite(c).all() for c in raw):
-                return 0.0
-            d = np.column_stack([self.fitter.whitened(cell, c, self.whiteners) for c in raw])
-            index, j = self.columns[cell]
+            residual, root, index, j = self.cells[cell]
+            d = np.column_stack([self.weighing.innovations(cell, c) for c in raw])
+            d *= root[:, None]
             square += d.T @ d
-            pull += d.T @ self.residual[cell]
+            pull += d.T @ residual
             if index:
                 cross[index] += j.T @ d
         square -= cross.T @ self.inverse @ cross

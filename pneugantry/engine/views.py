@@ -41,12 +41,8 @@ class View(Protocol):
     decimation: int  # rows of the record that make one of the residual
 
     @property
-    def observes(self) -> bool:
-        """Whether an observer holds its states to the measured ones."""
-        ...
-
-    def looser(self, share: float) -> None:
-        """Lets the observer be slower by this factor than by the rules."""
+    def defaults(self) -> Mapping[str, float]:
+        """The model's own values of the parameters that it reads."""
         ...
 
     def shows(self, record: Record) -> bool: ...
@@ -77,7 +73,6 @@ class SubsystemView:
     _kept: dict[tuple[object, ...], object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._share = 1.0
         self._parameters = frozenset(self.part.of("parameter"))
         self._read = {
             s.removeprefix(RATE)
@@ -87,11 +82,9 @@ class SubsystemView:
         self._all = {*self._read, *self.signals}
 
     @property
-    def observes(self) -> bool:
-        return bool(self.corrected)
-
-    def looser(self, share: float) -> None:
-        self._share = share
+    def defaults(self) -> Mapping[str, float]:
+        found = [v for v in self.part.variables if v.kind == "parameter"]
+        return {v.name: v.start for v in found if v.start is not None}
 
     def shows(self, record: Record) -> bool:
         if not self._all <= set(record.signals):
@@ -120,7 +113,7 @@ class SubsystemView:
         for r, given in enumerate(own):
             for c, signal in enumerate(self.signals):
                 error = record.signals[signal] - sensed(signal, simulated[r, :, c], record, given)
-                if record.judged is not None and self.observes:
+                if record.judged is not None and self.corrected:
                     error = np.where(record.judged, error, 0.0)
                 error = error[: rows * self.decimation].reshape(rows, self.decimation)
                 result[r, :, c] = error.mean(axis=1)
@@ -160,9 +153,10 @@ class SubsystemView:
     def _inputs(
         self, record: Record, errors: Values
     ) -> tuple[dict[str, Array | tuple[Array, Array]], Correction | None]:
-        key = (record.name, self._share, tuple(errors.items()))
-        if key in self._kept:
-            return self._kept[key]  # type: ignore[return-value]
+        key = (record.name, tuple(errors.items()))
+        kept = self._kept.get(key)  # another thread may clear the rest meanwhile
+        if kept is not None:
+            return kept  # type: ignore[return-value]
         smooth = {s: self._smoothed(s, record, errors) for s in self._read}
         inputs: dict[str, Array | tuple[Array, Array]] = {}
         moving = bool(self.part.of("state"))
@@ -178,7 +172,7 @@ class SubsystemView:
             inputs[name] = (values, over) if moving else values
         correction = None
         if self.corrected:
-            share = 1 - np.exp(-record.period / (self.observer * self._share))
+            share = 1 - np.exp(-record.period / (self.observer))
             measured = np.column_stack([smooth[s] for s in self.corrected.values()])
             correction = Correction(tuple(self.corrected), measured, (share,) * len(self.corrected))
         if len(self._kept) > 64:

@@ -1,7 +1,8 @@
 /* Many runs of a model over one record, in one call: parameters differ from run to run, inputs and corrections are shared.
  *
- * Row k holds the values at k * period. Between rows the inputs are held. After each step a state may be drawn towards a measured
- * value by a fixed share (an observer). Outputs are read at the rows. Calls are independent: several threads may run at once.
+ * Row k holds the values at k * period. Between rows the inputs are held. Outputs are read at the rows; then a state may be drawn
+ * towards a measured value by a fixed share (an observer): outputs are predictions. Calls are independent: several threads may run at
+ * once.
  */
 #include "model.h"
 #include <math.h>
@@ -64,7 +65,7 @@ static int one_run(Instance *s, const Batch *b, size_t run, const size_t *index,
         if (!good || !read_all(s, b, result + k * b->n_outputs)) break;
         if (N_STATES == 0 || k + 1 == b->n_rows) continue;
         if (!same) good = set_all(s, b->n_inputs, b->inputs, b->over + k * b->n_inputs);
-        good = good && core_step(s, time, b->period) <= CORE_WARNING && correct(s, b, index, k + 1, x);
+        good = good && correct(s, b, index, k, x) && core_step(s, time, b->period) <= CORE_WARNING;
     }
     for (size_t i = k * b->n_outputs; i < b->n_rows * b->n_outputs; i++) result[i] = NAN;
     return k == b->n_rows;

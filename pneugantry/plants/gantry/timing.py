@@ -23,7 +23,7 @@ class ControllerView:
     signals: tuple[str, ...] = ("u_x", "u_z")
     sigmas: tuple[float, ...] = (COMMAND_QUANTUM, COMMAND_QUANTUM)
     decimation = 1
-    observes = False
+    defaults: Mapping[str, float] = {}
 
     def __init__(self, runs: Mapping[str, LoggedRun]) -> None:
         self._commands: dict[str, Array] = {}
@@ -33,9 +33,6 @@ class ControllerView:
             found = recomputed_commands(run, np.round(run.log.measured(), 12))
             if found is not None:
                 self._commands[name] = found
-
-    def looser(self, share: float) -> None:
-        """It has no observer."""
 
     def shows(self, record: Record) -> bool:
         return record.name in self._commands

@@ -47,7 +47,7 @@ def test_the_gantry_s_views_come_out_of_its_structure() -> None:
     }
     for parameter, expected in touched.items():
         assert {s for s, v in found.items() if v.depends_on(parameter)} == expected, parameter
-    assert {s for s, v in found.items() if v.observes} == {("v_x",), ("v_z",)}
+    assert {s for s, v in found.items() if v.corrected} == {("v_x",), ("v_z",)}
 
 
 def test_a_record_of_the_nominal_plant_leaves_nothing(

@@ -1,0 +1,207 @@
+"""Levenberg-Marquardt over many views at once.
+
+The views hang together by few coordinates. A view that a step makes worse gets its own coordinates
+back and a shorter step next time, so that one rough view does not stop the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pneugantry.engine import noise
+from pneugantry.engine.noise import Noise
+from pneugantry.engine.plant import Array
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simulation
+
+__all__ = [
+    "Problem",
+    "Solution",
+    "Weighing",
+    "descend",
+    "flat_noise",
+    "inside",
+    "of_view",
+    "penalty",
+]
+
+TRIES = 5  # damped steps from one point
+FAILED = 1e12  # stands for a simulation that failed
+LEAST = 1e-4  # damping
+
+
+class Weighing:
+    """Residuals as costs and normal equations, under given noise."""
+
+    def __init__(self, of_views: Noise, freedom: float) -> None:
+        self.noise, self.freedom = of_views, freedom
+
+    def innovations(self, cell: Cell, values: Array) -> Array:
+        """Whitened residual or column of a cell, flattened."""
+        return np.concatenate([w(values[:, c]) for c, w in enumerate(self.noise[cell[0]])])
+
+    def costs(self, residuals: Residuals) -> dict[str, float]:
+        """-2 log likelihood by view."""
+        found: dict[str, float] = {}
+        for cell, r in residuals.items():
+            cost = FAILED
+            if np.isfinite(r).all():
+                cost = float(noise.loss(self.innovations(cell, r), self.freedom).sum())
+            found[cell[0]] = found.get(cell[0], 0.0) + cost
+        return found
+
+    def normal(self, point: Point, residuals: Residuals, columns: Columns) -> tuple[Array, Array]:
+        """J'WJ and J'Wr over all cells."""
+        names = [c.name for c in point.coordinates]
+        normal, gradient = np.zeros((len(names), len(names))), np.zeros(len(names))
+        for cell, r in residuals.items():
+            index = [i for i, name in enumerate(names) if (cell, name) in columns]
+            if index:
+                w = self.innovations(cell, r)
+                root = np.sqrt(noise.weights(w, self.freedom))
+                j = np.column_stack(
+                    [self.innovations(cell, columns[cell, names[i]]) for i in index]
+                )
+                j = np.nan_to_num(j) * root[:, None]
+                normal[np.ix_(index, index)] += j.T @ j
+                gradient[index] += j.T @ (w * root)
+        return normal, gradient
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is fitted, to which cells.
+
+    outside: residuals of cells that stay as they are. fixed: coordinates that stay. fresh: those
+    whose columns are taken at every step; the others' stay as in `columns`.
+    """
+
+    simulation: Simulation
+    rules: Rules
+    cells: tuple[Cell, ...]
+    outside: Residuals = field(default_factory=dict)
+    fixed: frozenset[str] = frozenset()
+    fresh: frozenset[str] = frozenset()
+    columns: Columns = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where a descent ended."""
+
+    point: Point
+    residuals: Residuals
+    columns: Columns
+
+
+def descend(problem: Problem, start: Point, of_views: Noise | None, settled: float) -> Solution:
+    """Least cost from a start on.
+
+    of_views: the noise; None: white, as large as the residuals are at each step (the widest basin).
+    settled: fall of the cost that ends it.
+    """
+    sim, rules = problem.simulation, problem.rules
+    residuals, made = sim.linearised(start, problem.cells, set(problem.fresh))
+    state = Solution(start, {**problem.outside, **residuals}, {**problem.columns, **made})
+    damping = np.full(len(start.theta), rules.damping)
+    for _ in range(rules.iterations):
+        weighing = Weighing(of_views or flat_noise(sim, state.residuals), rules.tails)
+        stepped = _step(problem, state, weighing, damping)
+        if stepped is None:
+            break
+        point, residuals, fall = stepped
+        state = Solution(point, residuals, state.columns)
+        if fall < settled:
+            break
+        _, made = sim.linearised(point, problem.cells, set(problem.fresh))
+        state = Solution(point, residuals, {**state.columns, **made})
+    return state
+
+
+def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:
+    """White noise of the residuals' own size."""
+    return {
+        name: tuple(
+            noise.flat([r[:, c] for r in of_view(residuals, name)], sigma)
+            for c, sigma in enumerate(view.sigmas)
+        )
+        for name, view in simulation.views.items()
+    }
+
+
+def of_view(residuals: Residuals, view: str) -> list[Array]:
+    """A view's residuals, record after record."""
+    return [r for (v, _), r in residuals.items() if v == view]
+
+
+def penalty(point: Point) -> float:
+    """-2 log prior, up to a constant."""
+    spread = np.array([c.spread for c in point.coordinates])
+    return float(((point.theta / spread) ** 2).sum())
+
+
+def inside(point: Point) -> Point:
+    """A point with what lies beyond its bounds brought back to them."""
+    theta = point.theta.copy()
+    for i, c in enumerate(point.coordinates):
+        if not c.logarithmic or c.low > 0:
+            value = c.value(theta[i])
+            if value in (c.low, c.high):
+                theta[i] = c.theta(value)
+    return point.moved(theta)
+
+
+def _step(
+    problem: Problem, state: Solution, weighing: Weighing, damping: Array
+) -> tuple[Point, Residuals, float] | None:
+    """A step that lowers the cost; None where none is found. Renews `damping` in place."""
+    point = state.point
+    spread = np.array([c.spread for c in point.coordinates])
+    free = np.array([c.name not in problem.fixed for c in point.coordinates])
+    costs = weighing.costs(state.residuals)
+    cost = sum(costs.values()) + penalty(point)
+    normal, gradient = weighing.normal(point, state.residuals, state.columns)
+    normal += np.diag(1 / spread**2)
+    gradient += point.theta / spread**2
+    for _ in range(TRIES):
+        step = np.zeros(len(free))
+        damped = normal + np.diag(damping * np.diag(normal))
+        step[free] = -np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
+        trial, tried, moved, value = _tried(problem, state, weighing, step)
+        damping[:] = np.where(moved, np.maximum(0.1 * damping, LEAST), 10 * damping)
+        if value < cost and moved.any():
+            return trial, tried, cost - value
+        damping[:] = 3 * np.maximum(damping, problem.rules.damping)
+    return None
+
+
+def _tried(
+    problem: Problem, state: Solution, weighing: Weighing, step: Array
+) -> tuple[Point, Residuals, Array, float]:
+    """A step, less what makes views worse: first in what only they read, then in what several do.
+    Point, residuals, which coordinates moved, cost.
+    """
+    sim, point = problem.simulation, state.point
+    readers = [sim.readers(c) for c in point.coordinates]
+    costs = weighing.costs(state.residuals)
+    cost = sum(costs.values()) + penalty(point)
+    moved, todo = np.ones(len(step), dtype=bool), list(problem.cells)
+    trial, tried, value = point, dict(state.residuals), cost
+    for _ in range(3):
+        trial = inside(point.moved(np.where(moved, point.theta + step, point.theta)))
+        tried = {**tried, **sim.residuals(trial, todo)}
+        after = weighing.costs(tried)
+        value = sum(after.values()) + penalty(trial)
+        worse = {v for v in after if after[v] > costs[v]}
+        held = np.array([bool(r) and r <= worse for r in readers]) & moved
+        if value < cost and not held.any():
+            break
+        if held.any():
+            moved &= ~held
+            todo = [c for c in problem.cells if c[0] in worse]
+        else:
+            moved &= np.array([len(r) < 2 for r in readers])
+            todo = list(problem.cells)
+    return trial, tried, moved, value

@@ -1,0 +1,127 @@
+"""Views over records: residuals of many parameter sets, and their derivatives.
+
+A residual depends on few parameters, so it is kept by view and record (a cell).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from pneugantry.engine.hypothesis import Coordinate
+from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.views import View
+
+__all__ = ["Cell", "Columns", "Point", "Residuals", "Simulation"]
+
+Cell = tuple[str, str]  # view, record
+Residuals = dict[Cell, Array]  # (rows, signals), in the signals' units
+Columns = dict[tuple[Cell, str], Array]  # d residual / d theta, by the coordinate's name
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Values of coordinates, and settings that are not fitted."""
+
+    coordinates: tuple[Coordinate, ...]
+    theta: Array
+    settings: Mapping[str, float]
+
+    def values(self, record: str | None) -> dict[str, float]:
+        """Parameters of a record; None: those of no record in particular."""
+        found = dict(self.settings)
+        for c, theta in zip(self.coordinates, self.theta, strict=True):
+            if c.record is None or c.record == record:
+                found[c.parameter] = c.value(theta)
+        return found
+
+    def moved(self, theta: Array) -> Point:
+        """The same with other values."""
+        return Point(self.coordinates, theta, self.settings)
+
+
+class Simulation:
+    """Runs views on two threads; the simulations themselves are native and hold no lock."""
+
+    def __init__(self, views: Sequence[View], records: Sequence[Record], difference: float) -> None:
+        self.views = {v.name: v for v in views}
+        self.records = {r.name: r for r in records}
+        self.cells = [(v.name, r.name) for v in views for r in records if v.shows(r)]
+        self.difference = difference  # step of a difference quotient, in theta
+        self.seconds = 0.0  # of records, simulated so far
+        self._idle: set[tuple[Cell, str]] = set()
+        self._pool = ThreadPoolExecutor(2)
+
+    def close(self) -> None:
+        self._pool.shutdown()
+
+    def readers(self, c: Coordinate) -> set[str]:
+        """Views that read a coordinate."""
+        return {
+            v
+            for v, r in self.cells
+            if c.record in (None, r) and self.views[v].depends_on(c.parameter)
+        }
+
+    def reads(self, parameter: str, record: str | None = None) -> bool:
+        """Whether any view reads a parameter, in a record or at all."""
+        return any(
+            self.views[v].depends_on(parameter) for v, r in self.cells if record in (None, r)
+        )
+
+    def run(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> Residuals:
+        """Residuals (values, rows, signals) of each cell."""
+
+        def one(cell: Cell) -> Array:
+            return self.views[cell[0]].residuals(self.records[cell[1]], jobs[cell])
+
+        cells = sorted(jobs, key=lambda c: -len(jobs[c]) * self.records[c[1]].rows)
+        for cell in cells:
+            record = self.records[cell[1]]
+            self.seconds += len(jobs[cell]) * record.rows * record.period
+        return dict(zip(cells, self._pool.map(one, cells), strict=True))
+
+    def residuals(self, point: Point, cells: Sequence[Cell]) -> Residuals:
+        """At a point."""
+        return self.linearised(point, cells, set())[0]
+
+    def linearised(
+        self, point: Point, cells: Sequence[Cell], wanted: set[str]
+    ) -> tuple[Residuals, Columns]:
+        """Residuals, and columns of the coordinates named; a nuisance that once changed no bit of a
+        cell (it acts through an effect that is not there) is left out there until `forget`.
+        """
+        jobs: dict[Cell, list[dict[str, float]]] = {}
+        moved: dict[Cell, list[tuple[Coordinate, float]]] = {}
+        for cell in cells:
+            base = point.values(cell[1])
+            jobs[cell], moved[cell] = [base], []
+            for c, theta in zip(point.coordinates, point.theta, strict=True):
+                if c.name in wanted and self._in(c, cell) and (cell, c.name) not in self._idle:
+                    step = self.step(c, theta)
+                    jobs[cell].append({**base, c.parameter: c.value(theta + step)})
+                    moved[cell].append((c, step))
+        found = self.run(jobs)
+        columns = {
+            (cell, c.name): (found[cell][i + 1] - found[cell][0]) / step
+            for cell, steps in moved.items()
+            for i, (c, step) in enumerate(steps)
+        }
+        nuisances = {c.name for c in point.coordinates if not c.effect}
+        idle = {key for key, c in columns.items() if key[1] in nuisances and not c.any()}
+        self._idle |= idle
+        kept = {key: c for key, c in columns.items() if key not in idle}
+        return {cell: r[0] for cell, r in found.items()}, kept
+
+    def forget(self) -> None:
+        """Nuisances that changed no bit of a view are simulated again from now on."""
+        self._idle.clear()
+
+    def step(self, c: Coordinate, theta: float) -> float:
+        """Step of a difference quotient, away from a bound."""
+        up = c.value(theta + self.difference) != c.value(theta)
+        return self.difference if up else -self.difference
+
+    def _in(self, c: Coordinate, cell: Cell) -> bool:
+        return c.record in (None, cell[1]) and self.views[cell[0]].depends_on(c.parameter)

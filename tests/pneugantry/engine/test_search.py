@@ -1,0 +1,168 @@
+"""Fits and search on a small plant whose records come from an integrator of scipy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
+from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.search import search
+from pneugantry.engine.views import build_views
+
+MODEL = """
+model Drive "A motor's current, and the speed and position that it drives"
+  parameter Real K = 2 "Gain";
+  parameter Real tau = 0.05 "Lag of the current";
+  parameter Real m = 1.5;
+  parameter Real C = 3;
+  parameter Real F_c = 0.8 "Coulomb friction";
+  parameter Real drag = 0 "Quadratic drag; neutral 0";
+  parameter Real leak = 0 "Neutral 0";
+  input Real u;
+  output Real i(start = 0, fixed = true);
+  output Real v(start = 0, fixed = true);
+  output Real s(start = 0, fixed = true);
+equation
+  tau*der(i) = K*u - i - leak*i^3;
+  m*der(v) = i - C*v - F_c*tanh(v/0.02) - drag*v*abs(v);
+  der(s) = v;
+end Drive;
+"""
+TRUTH = {"K": 2.02, "tau": 0.0495, "m": 1.53, "C": 2.95, "F_c": 0.81, "drag": 0.0, "leak": 0.0}
+SIGMA = {"i": 0.02, "v": 0.005, "s": 0.001}
+PERIOD, ROWS = 2e-3, 6000
+
+
+def effect(name: str, parameter: str, block: str, scale: float, relative: bool = False) -> Effect:
+    low, high = (0.1, 10.0) if relative else (-10.0, 10.0)
+    neutral = 1.0 if relative else 0.0
+    form = Form("plain", (Parameter(parameter, neutral, scale, low, high, relative=relative),))
+    return Effect(name, "", block, "", (form,))
+
+
+CATALOGUE = {
+    e.key: e
+    for e in (
+        effect("slow_current", "tau", "current", 0.3, relative=True),
+        effect("drag", "drag", "mechanics", 2.0),
+        effect("leak", "leak", "current", 0.1),
+        effect("mass", "m", "mechanics", 0.3, relative=True),
+        effect("friction", "F_c", "mechanics", 0.3, relative=True),
+        effect("current_scale", "sensors.i.scale", "sensors", 0.1, relative=True),
+        effect("current_bias", "sensors.i.bias", "sensors", 0.5),
+    )
+}
+
+
+def record(name: str, seed: int, **truth: float) -> Record:
+    """Held random commands, simulated to 1e-8, with noise 1.2 times the quoted."""
+    p = {**TRUTH, **truth}
+    generator = np.random.default_rng(seed)
+    u = np.repeat(generator.uniform(-2, 2, ROWS // 200), 200)
+
+    def rates(_: float, y: Array, held: float) -> list[float]:
+        i, v, _s = y
+        force = i - p["C"] * v - p["F_c"] * np.tanh(v / 0.02) - p["drag"] * v * abs(v)
+        return [(p["K"] * held - i - p["leak"] * i**3) / p["tau"], force / p["m"], v]
+
+    y, states = np.zeros(3), []
+    for start in range(0, ROWS, 200):
+        times = PERIOD * np.arange(201)
+        found = solve_ivp(
+            rates, (0, times[-1]), y, "LSODA", times, args=(u[start],), rtol=1e-8, atol=1e-9
+        )
+        states.append(found.y[:, :-1])
+        y = found.y[:, -1]
+    true = np.concatenate(states, axis=1)
+    noise = generator.standard_normal(true.shape) * 1.2
+    signals = {n: true[k] + SIGMA[n] * noise[k] for k, n in enumerate("ivs")}
+    return Record(name, PERIOD, {"u": u}, signals, {})
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Plant:
+    path = tmp_path_factory.mktemp("drive") / "Drive.mo"
+    path.write_text(MODEL, encoding="utf-8")
+    return Plant(
+        name="drive",
+        model=path,
+        class_name="Drive",
+        inputs=("u",),
+        signals=tuple(Signal(n, n, s) for n, s in SIGMA.items()),
+        parameters={},
+        nuisances=tuple(
+            Nuisance(p, 0.02, relative=True, scales=True) for p in ("K", "tau", "m", "C", "F_c")
+        ),
+        blocks={"i": "current", "v": "mechanics", "s": "sensors"},
+        settings={"solver.tolerance": 1e-3},
+    )
+
+
+def fitter_of(plant: Plant, tmp: Path, **truth: float) -> Fitter:
+    rules = Rules()
+    views = build_views(plant, list(SIGMA), tmp, PERIOD, rules.observer, rules.band)
+    return Fitter(plant, views, [record(f"log {k}", k, **truth) for k in (1, 2)], rules)
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("parts")
+
+
+def test_each_signal_gets_the_smallest_part_that_computes_it(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    views = fitter.simulation.views
+    assert {n: v.block for n, v in views.items()} == {
+        "i": "current",
+        "v": "mechanics",
+        "s": "sensors",
+    }
+    assert not views["i"].depends_on("m")
+    assert not views["v"].depends_on("tau")
+    assert views["v"].depends_on("sensors.i.scale")
+    fitter.close()
+
+
+def test_nuisances_are_found_with_the_noise_that_there_is(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    null = fitter.null()
+    for name in ("K", "tau", "m", "C", "F_c"):
+        at = next(i for i, c in enumerate(null.point.coordinates) if c.name == name)
+        c = null.point.coordinates[at]
+        error = abs(c.value(null.point.theta[at]) - TRUTH[name])
+        assert error < 4 * null.sigma(name) * c.unit + 0.002 * TRUTH[name], name
+    for name, view in fitter.simulation.views.items():
+        assert null.noise[name][0].sigma / view.sigmas[0] == pytest.approx(1.2, abs=0.12), name
+    fitter.close()
+
+
+def test_a_sound_rig_needs_no_effect(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    assert search(fitter, fitter.null(), CATALOGUE).best.keys == ()
+    fitter.close()
+
+
+@pytest.mark.parametrize(
+    ("truth", "keys"),
+    [
+        ({"drag": 2.0}, {"drag"}),
+        ({"tau": 0.075}, {"slow_current"}),
+        ({"leak": 0.05, "F_c": 1.3}, {"leak", "friction"}),
+    ],
+)
+def test_effects_are_named(
+    plant: Plant, parts: Path, truth: dict[str, float], keys: set[str]
+) -> None:
+    fitter = fitter_of(plant, parts, **truth)
+    found = search(fitter, fitter.null(), CATALOGUE)
+    assert set(found.best.keys) == keys
+    values = found.best.values(None)
+    for name, value in truth.items():
+        assert values[name] == pytest.approx(value, rel=0.05)
+    fitter.close()
