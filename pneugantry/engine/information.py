@@ -325,8 +325,10 @@ def _whiteners(
     for name, view in fitter.simulation.views.items():
         own: list[Array] = []
         for cell in fitter.simulation.cells:
+            if cell[0] != name or len(own) == DRAWN:
+                continue
             other = noisy(fitter.simulation.records[cell[1]])
-            if cell[0] != name or not view.shows(other) or len(own) == DRAWN:
+            if not view.shows(other):
                 continue
             values = {**base.get(None, {}), **base.get(cell[1], {})}
             clean = view.residuals(fitter.simulation.records[cell[1]], [values])[0]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from modelica_fmu.errors import RunError
+from modelica_fmu.errors import InputError, RunError
 from pneugantry.diagnosis.catalogue import Effect
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.information import Information, Sight, Size, gather, score, sights, sizes
@@ -20,7 +20,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.synthetic import Nominal, noisy
 from pneugantry.engine.views import SubsystemView, View, build_views, view_beside
 
-__all__ = ["Addition", "Case", "Experiment", "Plan", "make_plan"]
+__all__ = ["Addition", "Case", "Experiment", "Plan", "make_plan", "without"]
 
 Say = Callable[[str], None]
 
@@ -75,6 +75,22 @@ class Plan:
     experiments: tuple[Addition, ...]
     sensors: tuple[Addition, ...]
     notes: tuple[str, ...] = field(default=())
+
+
+def without(case: Case, names: Sequence[str]) -> Case:
+    """The case as if some signals were not measured; they are then among the sensors that could be
+    added. Raises InputError for a name that is no signal.
+    """
+    known = {s.name for s in case.plant.signals}
+    for name in names:
+        if name not in known:
+            hint = f"use some of {', '.join(sorted(known))}"
+            raise InputError("is no measured signal", field=name, hint=hint)
+    left = tuple(s for s in case.plant.signals if s.name not in names)
+    if not left:
+        raise InputError("no signal is left", field=", ".join(names), hint="leave one at least")
+    gone = tuple(s for s in case.plant.signals if s.name in names)
+    return replace(case, plant=replace(case.plant, signals=left), sensors=(*gone, *case.sensors))
 
 
 LEAST = 1e-3  # standard deviations below which nothing is told at all

@@ -58,6 +58,11 @@ def test_a_folder_that_is_no_campaign_is_one_line(capsys: Capture, tmp_path: Pat
     assert "campaign.toml" in capsys.readouterr().err
 
 
+def test_a_signal_that_is_not_measured_cannot_be_left_out(capsys: Capture) -> None:
+    assert main(["plan", str(MOTOR / "plant.toml"), "--without", "speed"]) == 2
+    assert "speed: is no measured signal; use some of w" in capsys.readouterr().err
+
+
 def test_a_page_does_not_replace_the_description(capsys: Capture, tmp_path: Path) -> None:
     shutil.copytree(MOTOR, tmp_path / "motor")
     plant = str(tmp_path / "motor" / "plant.toml")
