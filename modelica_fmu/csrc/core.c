@@ -452,7 +452,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     for (int i = 0; i < N_DELAYS; i++) /* a moving signal is not known further ahead than its delay; a held one is */
         if (s->c.delay_used[i] && history_moves(&s->history[i]) && h > s->delay[i]) h = s->delay[i] > 1e-5 ? s->delay[i] : 1e-5;
     double left = end - time;
-    int pieces = (int)ceil(left / h * (1 - 1e-9));
+    double pieces = ceil(left / h * (1 - 1e-9));
     int last = pieces <= 1;
     h = last ? left : left / pieces;
     Trial trial;
@@ -509,8 +509,10 @@ static CoreStatus settle_now(Instance *s) {
 }
 
 CoreStatus core_step(Instance *s, double time, double step) {
-    const double end = time + step;
+    const double end = time + step, longest = s->c.q.p[P_MAX_STEP];
     int events = 0;
+    if (!(end - (end - longest) > 0.5 * longest)) /* a sampled clock would tick for ever without getting there */
+        return say(s, CORE_ERROR, "logStatusError", "a step to t = %g s: its end is no number that internal steps of %g s can reach", end, longest);
     prepare(s);
     s->c.q.time = time;
     CoreStatus status = settle_now(s);

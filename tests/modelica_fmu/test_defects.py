@@ -89,3 +89,15 @@ def test_the_solver_is_told_where_its_settings_are(tmp_path: Path) -> None:
 )
 def test_the_unit_of_a_rate_follows_from_the_unit(unit: str | None, rate: str | None) -> None:
     assert rate_unit(unit) == rate
+
+
+def test_a_step_that_no_internal_step_can_end_is_refused(tmp_path: Path) -> None:
+    """With a sampled clock it would tick for ever."""
+    model = library_of(
+        "model M\n  discrete Real n(start = 0, fixed = true);\nequation\n"
+        "  when sample(0, 1e-3) then\n    n = pre(n) + 1;\n  end when;\nend M;\n",
+        tmp_path,
+    ).start()
+    assert model.step(1e300) == 3
+    assert any("its end is no number" in m for _, m in model.messages)
+    assert model.step(0.1) == 0
