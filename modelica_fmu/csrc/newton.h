@@ -7,7 +7,7 @@
 #define NEWTON_GOOD 1e-6       /* of a step that rounding keeps from shrinking any more */
 
 /* LU factors of a matrix by columns, rows exchanged; 0: singular. */
-static int lu_factor(double *a, int n, int *row) {
+static inline int lu_factor(double *a, int n, int *row) {
     for (int i = 0; i < n; i++) row[i] = i;
     for (int k = 0; k < n; k++) {
         int best = k;
@@ -35,7 +35,7 @@ static int lu_factor(double *a, int n, int *row) {
     return 1;
 }
 
-static void lu_solve(const double *a, int n, const int *row, const double *right, double *x) {
+static inline void lu_solve(const double *a, int n, const int *row, const double *right, double *x) {
     for (int i = 0; i < n; i++) x[i] = right[row[i]];
     for (int j = 0; j < n; j++)
         for (int i = j + 1; i < n; i++) x[i] -= a[i + j * n] * x[j];
@@ -48,7 +48,7 @@ static void lu_solve(const double *a, int n, const int *row, const double *right
 #if N_LARGEST > 0
 typedef void (*NewtonSystem)(Instance *s, int which, double *residual, double *jacobian);
 
-static double newton_size(const double *step, const double *at, int n) {
+static inline double newton_size(const double *step, const double *at, int n) {
     double size = 0;
     for (int i = 0; i < n; i++) {
         const double share = fabs(step[i]) / (fabs(at[i]) > 1 ? fabs(at[i]) : 1);
@@ -58,7 +58,7 @@ static double newton_size(const double *step, const double *at, int n) {
 }
 
 /* The step of Levenberg and Marquardt, away from where the matrix is singular. */
-static int regularised(Instance *s, NewtonSystem system, int which, int n, double *step) {
+static inline int regularised(Instance *s, NewtonSystem system, int which, int n, double *step) {
     double residual[N_LARGEST], right[N_LARGEST], largest = 0;
     int row[N_LARGEST];
     system(s, which, residual, s->matrix);
@@ -79,7 +79,7 @@ static int regularised(Instance *s, NewtonSystem system, int which, int n, doubl
 }
 
 /* `damped`: a step is halved until the next one, with the same matrix, is shorter. 1: found. */
-static int newton_tried(Instance *s, NewtonSystem system, int which, double *const *unknown, int n, int damped) {
+static inline int newton_tried(Instance *s, NewtonSystem system, int which, double *const *unknown, int n, int damped) {
     double residual[N_LARGEST], step[N_LARGEST], next[N_LARGEST], from[N_LARGEST];
     int row[N_LARGEST], singular = 0;
     for (int round = 0; round < NEWTON_ROUNDS; round++) {
@@ -118,7 +118,7 @@ static int newton_tried(Instance *s, NewtonSystem system, int which, double *con
     return 0;
 }
 
-static int newton(Instance *s, NewtonSystem system, int which, double *const *unknown, int n) {
+static inline int newton(Instance *s, NewtonSystem system, int which, double *const *unknown, int n) {
     double from[N_LARGEST];
     for (int i = 0; i < n; i++) from[i] = *unknown[i];
     if (newton_tried(s, system, which, unknown, n, 1)) return 1;
@@ -128,13 +128,13 @@ static int newton(Instance *s, NewtonSystem system, int which, double *const *un
 #endif
 
 #if N_LOOPS > 0
-static void loop_system(Instance *s, int which, double *residual, double *jacobian) {
+static inline void loop_system(Instance *s, int which, double *residual, double *jacobian) {
     model_loop(&s->c.q, which, residual, jacobian ? jacobian : s->unused);
 }
 #endif
 
 /* Unknowns of all algebraic loops at the present states, inputs and modes; NaN where there is no solution. */
-static void loops(Instance *s) {
+static inline void loops(Instance *s) {
 #if N_LOOPS > 0
     if (s->c.loops_valid) return;
     s->c.loop_failed = 0;
@@ -160,7 +160,7 @@ static void loops(Instance *s) {
 }
 
 /* Seeds of the loops' unknowns, from those of all else: the implicit function theorem. */
-static void loop_seeds(Instance *s, double *seeds) {
+static inline void loop_seeds(Instance *s, double *seeds) {
 #if N_LOOPS > 0
     loops(s);
     double *own = seeds + N_STATES + N_INPUTS + N_PARAMETERS, product[N_LARGEST], step[N_LARGEST], residual[N_LARGEST];
@@ -181,7 +181,7 @@ static void loop_seeds(Instance *s, double *seeds) {
 }
 
 #if N_INITIAL > 0
-static void initial_equations(Instance *s, int which, double *residual, double *jacobian) {
+static inline void initial_equations(Instance *s, int which, double *residual, double *jacobian) {
     (void)which;
     for (int i = 0; i < N_INITIAL; i++)
         if (model_initial_kind[i] == 'p') {
