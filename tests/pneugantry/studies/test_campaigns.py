@@ -42,6 +42,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     for name, value in {
         "read_campaign": read,
+        "long_enough": lambda found: found,
         "run_jobs": here,
         "diagnose": lambda found, *_: found,
         "report_json": report,
