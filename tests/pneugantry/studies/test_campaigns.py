@@ -85,7 +85,7 @@ def test_the_command_says_a_line_for_each(
     cause = {"effect": "presliding", "axis": "z"}
     found = {"verdict": "identified", "causes": [cause], "gap": {"shrink": 0.91}}
     monkeypatch.setattr(campaigns, "report_json", lambda _: found)
-    monkeypatch.setattr(campaigns, "write_report", lambda _, path: path.touch())
+    monkeypatch.setattr(campaigns, "write_report", lambda _, path, *rest: path.touch())
     assert main(["diagnose", str(folder), "--json", str(folder / "all.json")]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "a: identified presliding/z, shrink 0.910"
