@@ -41,7 +41,12 @@ def pictures(notebook: Any) -> list[Any]:
     return [imread(io.BytesIO(base64.b64decode(text))) for text in shown]
 
 
-@pytest.mark.parametrize("name", PICTURES)
+LONG = ("diagnosis",)  # a whole diagnosis: 80 s; the command's own tests run one each time
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] if n in LONG else []) for n in PICTURES]
+)
 def test_a_notebook_runs_and_shows_its_pictures(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

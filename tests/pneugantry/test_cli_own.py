@@ -119,7 +119,7 @@ def test_the_controllers_that_are_listed_as_fmus_can_be_exported(capsys: Capture
 
     entries = {e["name"]: e["export"] for e in result(capsys, "list", "controllers")["entries"]}
     assert list(entries) == controller_names()
-    assert sum(kind == "FMU" for kind in entries.values()) == 10
+    assert sum(kind == "FMU" for kind in entries.values()) == 11
     assert build_controller_fmu("observer_fv").path.is_file()
     assert entries["observer_fv"] == "FMU"
     assert entries["pi_fv_mbpm"] == "-"
