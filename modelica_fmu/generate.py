@@ -71,7 +71,6 @@ class Expressions:
     loop_starts: list[ca.SX] = field(default_factory=list)
     roundings: list[ca.SX] = field(default_factory=list)
     constraints: list[ca.SX] = field(default_factory=list)
-    implicit: bool = False  # the internal solver
 
 
 def column(items: list[ca.SX]) -> ca.SX:
@@ -118,7 +117,6 @@ def header(system: HybridSystem, layout: Layout, e: Expressions, hoisted: int) -
         "N_LARGEST": max([*loops, len(e.initial_unknowns) + sum(loops)]),
         "N_ROUNDINGS": len(system.roundings),
         "N_CONSTRAINTS": len(e.constraints),
-        "SOLVER_IMPLICIT": int(e.implicit),
         "N_SEEDS": len(layout.states)
         + len(layout.inputs)
         + len(layout.parameters)

@@ -48,11 +48,6 @@ struct Instance {
 #if N_CONSTRAINTS > 0
     double constraint[N_CONSTRAINTS * N_STATES], normal[N_CONSTRAINTS * N_CONSTRAINTS];
 #endif
-#if SOLVER_IMPLICIT && N_STATES > 0
-    double jacobian[N_STATES * N_STATES], factors[N_STATES * N_STATES], rate_of_time[N_STATES];
-    double jacobian_time, jacobian_at[N_STATES]; /* where the Jacobian was taken */
-    int jacobian_valid;
-#endif
     double matrix[AT_LEAST_1(N_LARGEST * N_LARGEST)], unused[AT_LEAST_1(N_LARGEST * N_LARGEST)]; /* scratch of Newton's method, by columns */
 };
 
@@ -189,9 +184,6 @@ static void rates(Instance *s) {
 
 static void invalidate(Instance *s) {
     s->c.rates_valid = s->outputs_valid = s->locals_valid = s->c.loops_valid = 0;
-#if SOLVER_IMPLICIT && N_STATES > 0
-    s->jacobian_valid = 0;
-#endif
 }
 
 static int holds(int relation, double indicator) { return model_inclusive[relation] ? indicator >= 0 : indicator > 0; }
@@ -345,7 +337,6 @@ static void evaluate(Instance *s, double time, const double *x, double *dx, doub
     model_rates(&s->c.q, dx, z);
 }
 
-#if !(SOLVER_IMPLICIT && N_STATES > 0)
 /* One Runge-Kutta step of length h from (time, x0, k1) with frozen modes. */
 static void attempt(Instance *s, double time, const double *x0, const double *k1, double h, Trial *trial) {
     double k2[AT_LEAST_1(N_STATES)], k3[AT_LEAST_1(N_STATES)], k4[AT_LEAST_1(N_STATES)], x[AT_LEAST_1(N_STATES)];
@@ -366,10 +357,6 @@ static void attempt(Instance *s, double time, const double *x0, const double *k1
         if (!(error <= trial->error)) trial->error = error; /* keeps a NaN */
     }
 }
-
-#else
-#include "rosenbrock.h"
-#endif
 
 /* Shortens the step that ends in a contradiction to the earliest one found: on return `trial` ends just behind it. */
 static double locate(Instance *s, double time, const double *x0, const double *k1, const double *z0, double h, Trial *trial) {

@@ -19,8 +19,7 @@ class Rules:
     tails: float = 4.0  # degrees of freedom of the noise's distribution (field: robust regression)
     quietest: float = 0.6  # smallest noise, in units of the quoted one, that a sensor may have
     effect_prior: float = 2.0  # spread of an effect's size, in usual sizes
-    tolerance: float = 1.5  # a rig's tolerance scale before it is estimated
-    tolerance_prior: float = 0.5  # spread of the logarithm of the rig's tolerance scale
+    tolerance: float = 1.5  # a rig's deviations, in units of the spread that its description gives
     iterations: int = 14  # Gauss-Newton steps of a fit, at most
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
     difference: float = 0.1  # step of a difference quotient, in prior standard deviations
