@@ -125,8 +125,10 @@ def _commanded(what: str, run: LoggedRun, setup: LogSetup, factor: float, rules:
 
 
 def catalogue_of() -> dict[str, Effect]:
-    """Effects as the engine reads them: those of the diagnosis that name the model's parameters, and
-    the gantry's own in place of the others.
+    """Effects as the engine reads them.
+
+    They are those of the diagnosis that name the model's parameters, with the gantry's own in
+    place of the others.
     """
     shared = {
         key: effect
