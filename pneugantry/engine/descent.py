@@ -6,7 +6,7 @@ back and a shorter step next time, so that one rough view does not stop the othe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,6 +30,7 @@ __all__ = [
 TRIES = 5  # damped steps from one point
 FAILED = 1e12  # stands for a simulation that failed
 LEAST = 1e-4  # damping
+KEPT = (0.6, 2.5)  # share of a step's promise within which its columns serve for the next one
 
 
 class Weighing:
@@ -74,49 +75,51 @@ class Weighing:
 class Problem:
     """What is fitted, to which cells.
 
-    outside: residuals of cells that stay as they are. fixed: coordinates that stay. fresh: those
-    whose columns are taken at every step; the others' stay as in `columns`.
+    fixed: coordinates that stay. fresh: those whose columns are taken anew where slopes change.
     """
 
     simulation: Simulation
     rules: Rules
     cells: tuple[Cell, ...]
-    outside: Residuals = field(default_factory=dict)
     fixed: frozenset[str] = frozenset()
     fresh: frozenset[str] = frozenset()
-    columns: Columns = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Where a descent ended."""
+    """Where a descent stands; residuals and columns of all cells, those that it leaves included."""
 
     point: Point
     residuals: Residuals
     columns: Columns
 
 
-def descend(problem: Problem, start: Point, of_views: Noise | None, settled: float) -> Solution:
+def descend(
+    problem: Problem, start: Solution, of_views: Noise | None, settled: float
+) -> Solution:
     """Least cost from a start on.
 
     of_views: the noise; None: white, as large as the residuals are at each step (the widest basin).
     settled: fall of the cost that ends it.
     """
-    sim, rules = problem.simulation, problem.rules
-    residuals, made = sim.linearised(start, problem.cells, set(problem.fresh))
-    state = Solution(start, {**problem.outside, **residuals}, {**problem.columns, **made})
-    damping = np.full(len(start.theta), rules.damping)
+    sim, rules, state, theta = problem.simulation, problem.rules, start, start.point.theta
+    damping = np.full(len(theta), rules.damping)
+    new = False  # the columns are those of this point
     for _ in range(rules.iterations):
         weighing = Weighing(of_views or flat_noise(sim, state.residuals), rules.tails)
         stepped = _step(problem, state, weighing, damping)
-        if stepped is None:
+        if stepped is None and new:
             break
-        point, residuals, fall = stepped
-        state = Solution(point, residuals, state.columns)
-        if fall < settled:
-            break
-        _, made = sim.linearised(point, problem.cells, set(problem.fresh))
-        state = Solution(point, residuals, {**state.columns, **made})
+        kept = False
+        if stepped is not None:
+            point, residuals, fall, promised = stepped
+            state, new = Solution(point, residuals, state.columns), False
+            if fall < settled:
+                break
+            kept = KEPT[0] * promised < fall < KEPT[1] * promised
+        if not kept:
+            made = sim.columns(state.point, state.residuals, problem.cells, set(problem.fresh))
+            state, new = Solution(state.point, state.residuals, {**state.columns, **made}), True
     return state
 
 
@@ -155,8 +158,10 @@ def inside(point: Point) -> Point:
 
 def _step(
     problem: Problem, state: Solution, weighing: Weighing, damping: Array
-) -> tuple[Point, Residuals, float] | None:
-    """A step that lowers the cost; None where none is found. Renews `damping` in place."""
+) -> tuple[Point, Residuals, float, float] | None:
+    """A step that lowers the cost, how far it does and how far its columns promised; None where
+    none is found. Renews `damping` in place.
+    """
     point = state.point
     spread = np.array([c.spread for c in point.coordinates])
     free = np.array([c.name not in problem.fixed for c in point.coordinates])
@@ -172,7 +177,9 @@ def _step(
         trial, tried, moved, value = _tried(problem, state, weighing, step)
         damping[:] = np.where(moved, np.maximum(0.1 * damping, LEAST), 10 * damping)
         if value < cost and moved.any():
-            return trial, tried, cost - value
+            made = np.where(moved, trial.theta - point.theta, 0.0)
+            promised = -float(made @ (2 * gradient + normal @ made))
+            return trial, tried, cost - value, promised
         damping[:] = 3 * np.maximum(damping, problem.rules.damping)
     return None
 

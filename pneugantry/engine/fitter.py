@@ -16,6 +16,7 @@ from pneugantry.engine.descent import (
     Weighing,
     descend,
     flat_noise,
+    inside,
     of_view,
     penalty,
 )
@@ -149,51 +150,64 @@ class Fitter:
             self.simulation,
             self.rules,
             cells,
-            outside={c: r for c, r in base.residuals.items() if c not in touched},
             fixed=self._fixed(start.coordinates, touched),
             fresh=frozenset(c.name for c in start.coordinates if c.effect),
-            columns=base.columns,
         )
-        solution = descend(problem, start, None, ROUGH)
-        problem = replace(problem, columns=solution.columns)
-        colour = self._colour(solution.residuals)
-        solution = descend(problem, solution.point, colour, ROUGH)
+        residuals, made = self.simulation.linearised(start, cells, set(problem.fresh))
+        solution = Solution(start, {**base.residuals, **residuals}, {**base.columns, **made})
+        solution = descend(problem, solution, None, ROUGH)
+        solution = descend(problem, solution, self._colour(solution.residuals), ROUGH)
         return self._finished(hypothesis, solution, base.scale)
 
     def _whole(self, hypothesis: Hypothesis, start: Point, scale: float, views: set[str]) -> Fit:
         """`views`: those that are first fitted by themselves."""
         self.simulation.forget()
-        point = self._by_view(start, views)
-        everything = frozenset(c.name for c in start.coordinates)
+        merged, columns = self._by_view(start, views)
         problem = Problem(
-            self.simulation, self.rules, tuple(self.simulation.cells), fresh=everything
+            self.simulation,
+            self.rules,
+            tuple(self.simulation.cells),
+            fresh=frozenset(c.name for c in start.coordinates),
         )
-        solution = descend(problem, point, None, ROUGH)
-        colour = self._colour(solution.residuals)
-        problem = replace(problem, fresh=frozenset(), columns=solution.columns)
-        solution = descend(problem, solution.point, colour, self.rules.settled)
+        residuals = self.simulation.residuals(merged, problem.cells)
+        solution = Solution(merged, residuals, columns)
+        solution = descend(problem, solution, self._colour(residuals), ROUGH)
+        solution = descend(problem, solution, self._colour(solution.residuals), self.rules.settled)
         return self._finished(hypothesis, solution, scale)
 
-    def _by_view(self, start: Point, views: set[str]) -> Point:
-        """A start for a joint fit: each view by itself, a coordinate of several views from the view
-        that knows most of it.
+    def _by_view(self, start: Point, views: set[str]) -> tuple[Point, Columns]:
+        """A start for a joint fit: each view by itself, then the least of the sum of their
+        parabolas. Columns: those of the views.
         """
-        known, theta = np.zeros(len(start.theta)), start.theta.copy()
-        for name, view in self.simulation.views.items():
+        prior = np.array([c.spread for c in start.coordinates]) ** -2.0
+        square, pull = np.diag(prior), np.zeros(len(prior))
+        columns: Columns = {}
+        for name in self.simulation.views:
             cells = tuple(c for c in self.simulation.cells if c[0] == name)
-            index = [i for i, c in enumerate(start.coordinates) if view.depends_on(c.parameter)]
-            if not index or not cells or name not in views:
+            index = [
+                i
+                for i, c in enumerate(start.coordinates)
+                if any(self.simulation.in_cell(c, cell) for cell in cells)
+            ]
+            if not index:
                 continue
-            own = tuple(start.coordinates[i] for i in index)
-            problem = Problem(
-                self.simulation, self.rules, cells, fresh=frozenset(c.name for c in own)
+            own = Point(
+                tuple(start.coordinates[i] for i in index), start.theta[index], start.settings
             )
-            found = descend(problem, Point(own, theta[index], start.settings), None, ROUGH)
-            for at, i in enumerate(index):
-                size = _size(found.columns, start.coordinates[i].name, view)
-                if size > known[i]:
-                    known[i], theta[i] = size, found.point.theta[at]
-        return start.moved(theta)
+            fresh = frozenset(c.name for c in own.coordinates)
+            problem = Problem(self.simulation, self.rules, cells, fresh=fresh)
+            found = self.simulation.linearised(own, cells, set(fresh))
+            solution = Solution(own, *found)
+            if name in views:
+                solution = descend(problem, solution, None, ROUGH)
+            weighing = Weighing(self._colour(solution.residuals), self.rules.tails)
+            normal, gradient = weighing.normal(
+                solution.point, solution.residuals, solution.columns
+            )
+            square[np.ix_(index, index)] += normal
+            pull[index] += normal @ solution.point.theta - gradient
+            columns |= solution.columns
+        return inside(start.moved(np.linalg.solve(square, pull))), columns
 
     def _first(self, hypothesis: Hypothesis, base: Fit, starts: Mapping[str, float]) -> Point:
         coordinates = self.coordinates(hypothesis, base.scale)
@@ -274,12 +288,6 @@ class Fitter:
                 found += [float(p.sum()) for p in parts]
                 rows += len(terms)
         return np.array(found), rows
-
-
-def _size(columns: Columns, name: str, view: View) -> float:
-    """How much a view knows of a coordinate: sum of squares of its columns."""
-    own = [c / np.array(view.sigmas) for (_, n), c in columns.items() if n == name]
-    return sum(float(np.nansum(c**2)) for c in own)
 
 
 def _nominal(plant: Plant, views: Sequence[View]) -> dict[str, float]:

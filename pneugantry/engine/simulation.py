@@ -84,35 +84,43 @@ class Simulation:
 
     def residuals(self, point: Point, cells: Sequence[Cell]) -> Residuals:
         """At a point."""
-        return self.linearised(point, cells, set())[0]
+        return {c: r[0] for c, r in self.run({c: [point.values(c[1])] for c in cells}).items()}
 
     def linearised(
         self, point: Point, cells: Sequence[Cell], wanted: set[str]
     ) -> tuple[Residuals, Columns]:
-        """Residuals, and columns of the coordinates named; a nuisance that once changed no bit of a
-        cell (it acts through an effect that is not there) is left out there until `forget`.
+        """Residuals and columns at a point."""
+        found = self.run({cell: [point.values(cell[1])] for cell in cells})
+        residuals = {cell: r[0] for cell, r in found.items()}
+        return residuals, self.columns(point, residuals, cells, wanted)
+
+    def columns(
+        self, point: Point, residuals: Residuals, cells: Sequence[Cell], wanted: set[str]
+    ) -> Columns:
+        """Columns of the coordinates named, about the residuals at a point; a nuisance that once
+        changed no bit of a cell (it acts through an effect that is not there) is left out there
+        until `forget`.
         """
         jobs: dict[Cell, list[dict[str, float]]] = {}
         moved: dict[Cell, list[tuple[Coordinate, float]]] = {}
         for cell in cells:
             base = point.values(cell[1])
-            jobs[cell], moved[cell] = [base], []
+            jobs[cell], moved[cell] = [], []
             for c, theta in zip(point.coordinates, point.theta, strict=True):
-                if c.name in wanted and self._in(c, cell) and (cell, c.name) not in self._idle:
+                if c.name in wanted and self.in_cell(c, cell) and (cell, c.name) not in self._idle:
                     step = self.step(c, theta)
                     jobs[cell].append({**base, c.parameter: c.value(theta + step)})
                     moved[cell].append((c, step))
-        found = self.run(jobs)
+        found = self.run({cell: job for cell, job in jobs.items() if job})
         columns = {
-            (cell, c.name): (found[cell][i + 1] - found[cell][0]) / step
+            (cell, c.name): (found[cell][i] - residuals[cell]) / step
             for cell, steps in moved.items()
             for i, (c, step) in enumerate(steps)
         }
         nuisances = {c.name for c in point.coordinates if not c.effect}
         idle = {key for key, c in columns.items() if key[1] in nuisances and not c.any()}
         self._idle |= idle
-        kept = {key: c for key, c in columns.items() if key not in idle}
-        return {cell: r[0] for cell, r in found.items()}, kept
+        return {key: c for key, c in columns.items() if key not in idle}
 
     def forget(self) -> None:
         """Nuisances that changed no bit of a view are simulated again from now on."""
@@ -123,5 +131,6 @@ class Simulation:
         up = c.value(theta + self.difference) != c.value(theta)
         return self.difference if up else -self.difference
 
-    def _in(self, c: Coordinate, cell: Cell) -> bool:
+    def in_cell(self, c: Coordinate, cell: Cell) -> bool:
+        """Whether a cell reads a coordinate."""
         return c.record in (None, cell[1]) and self.views[cell[0]].depends_on(c.parameter)
