@@ -6,17 +6,20 @@ back and a shorter step next time, so that one rough view does not stop the othe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pneugantry.engine import noise
+from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import Noise
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simulation
 
 __all__ = [
+    "Parabola",
     "Problem",
     "Solution",
     "Weighing",
@@ -24,7 +27,7 @@ __all__ = [
     "flat_noise",
     "inside",
     "of_view",
-    "penalty",
+    "prior",
 ]
 
 TRIES = 5  # damped steps from one point
@@ -36,8 +39,8 @@ KEPT = (0.6, 2.5)  # share of a step's promise within which its columns serve fo
 class Weighing:
     """Residuals as costs and normal equations, under given noise."""
 
-    def __init__(self, of_views: Noise, freedom: float) -> None:
-        self.noise, self.freedom = of_views, freedom
+    def __init__(self, of_views: Noise, rules: Rules) -> None:
+        self.noise, self.freedom = of_views, rules.tails
 
     def innovations(self, cell: Cell, values: Array) -> Array:
         """Whitened residual or column of a cell, flattened."""
@@ -72,16 +75,46 @@ class Weighing:
 
 
 @dataclass(frozen=True, eq=False)
+class Parabola:
+    """A cost near its least, theta' square theta - 2 pull' theta + a constant, of the coordinates
+    named.
+    """
+
+    names: tuple[str, ...]
+    square: Array
+    pull: Array
+
+    def among(self, names: Sequence[str]) -> Parabola:
+        """The same over other coordinates, these among them."""
+        square, pull = np.zeros((len(names), len(names))), np.zeros(len(names))
+        index = [names.index(n) for n in self.names]
+        square[np.ix_(index, index)] = self.square
+        pull[index] = self.pull
+        return Parabola(tuple(names), square, pull)
+
+    def plus(self, other: Parabola) -> Parabola:
+        added = other.among(self.names)
+        return Parabola(self.names, self.square + added.square, self.pull + added.pull)
+
+    def cost(self, theta: Array) -> float:
+        return float(theta @ self.square @ theta - 2 * self.pull @ theta)
+
+    def least(self) -> Array:
+        return np.asarray(np.linalg.solve(self.square, self.pull))
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
     """What is fitted, to which cells.
 
-    fixed: coordinates that stay. fresh: those whose columns are taken anew where slopes change.
+    prior: what else is known of the coordinates. fresh: those whose columns are taken anew where
+    slopes change.
     """
 
     simulation: Simulation
     rules: Rules
     cells: tuple[Cell, ...]
-    fixed: frozenset[str] = frozenset()
+    prior: Parabola
     fresh: frozenset[str] = frozenset()
 
 
@@ -94,9 +127,7 @@ class Solution:
     columns: Columns
 
 
-def descend(
-    problem: Problem, start: Solution, of_views: Noise | None, settled: float
-) -> Solution:
+def descend(problem: Problem, start: Solution, of_views: Noise | None, settled: float) -> Solution:
     """Least cost from a start on.
 
     of_views: the noise; None: white, as large as the residuals are at each step (the widest basin).
@@ -106,7 +137,7 @@ def descend(
     damping = np.full(len(theta), rules.damping)
     new = False  # the columns are those of this point
     for _ in range(rules.iterations):
-        weighing = Weighing(of_views or flat_noise(sim, state.residuals), rules.tails)
+        weighing = Weighing(of_views or flat_noise(sim, state.residuals), rules)
         stepped = _step(problem, state, weighing, damping)
         if stepped is None and new:
             break
@@ -139,10 +170,11 @@ def of_view(residuals: Residuals, view: str) -> list[Array]:
     return [r for (v, _), r in residuals.items() if v == view]
 
 
-def penalty(point: Point) -> float:
-    """-2 log prior, up to a constant."""
-    spread = np.array([c.spread for c in point.coordinates])
-    return float(((point.theta / spread) ** 2).sum())
+def prior(coordinates: Sequence[Coordinate]) -> Parabola:
+    """-2 log prior."""
+    precision = np.array([c.spread for c in coordinates]) ** -2.0
+    names = tuple(c.name for c in coordinates)
+    return Parabola(names, np.diag(precision), np.zeros(len(names)))
 
 
 def inside(point: Point) -> Point:
@@ -163,13 +195,11 @@ def _step(
     none is found. Renews `damping` in place.
     """
     point = state.point
-    spread = np.array([c.spread for c in point.coordinates])
-    free = np.array([c.name not in problem.fixed for c in point.coordinates])
-    costs = weighing.costs(state.residuals)
-    cost = sum(costs.values()) + penalty(point)
+    cost = sum(weighing.costs(state.residuals).values()) + problem.prior.cost(point.theta)
     normal, gradient = weighing.normal(point, state.residuals, state.columns)
-    normal += np.diag(1 / spread**2)
-    gradient += point.theta / spread**2
+    free = np.diag(normal) > 0
+    normal += problem.prior.square
+    gradient += problem.prior.square @ point.theta - problem.prior.pull
     for _ in range(TRIES):
         step = np.zeros(len(free))
         damped = normal + np.diag(damping * np.diag(normal))
@@ -191,16 +221,17 @@ def _tried(
     Point, residuals, which coordinates moved, cost.
     """
     sim, point = problem.simulation, state.point
-    readers = [sim.readers(c) for c in point.coordinates]
+    views = {c[0] for c in problem.cells}
+    readers = [sim.readers(c) & views for c in point.coordinates]
     costs = weighing.costs(state.residuals)
-    cost = sum(costs.values()) + penalty(point)
+    cost = sum(costs.values()) + problem.prior.cost(point.theta)
     moved, todo = np.ones(len(step), dtype=bool), list(problem.cells)
     trial, tried, value = point, dict(state.residuals), cost
     for _ in range(3):
         trial = inside(point.moved(np.where(moved, point.theta + step, point.theta)))
         tried = {**tried, **sim.residuals(trial, todo)}
         after = weighing.costs(tried)
-        value = sum(after.values()) + penalty(trial)
+        value = sum(after.values()) + problem.prior.cost(trial.theta)
         worse = {v for v in after if after[v] > costs[v]}
         held = np.array([bool(r) and r <= worse for r in readers]) & moved
         if value < cost and not held.any():

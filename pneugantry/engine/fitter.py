@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from pneugantry.diagnosis.catalogue import Form
 from pneugantry.engine import noise
 from pneugantry.engine.descent import (
+    Parabola,
     Problem,
     Solution,
     Weighing,
@@ -18,7 +19,7 @@ from pneugantry.engine.descent import (
     flat_noise,
     inside,
     of_view,
-    penalty,
+    prior,
 )
 from pneugantry.engine.hypothesis import (
     Coordinate,
@@ -47,9 +48,10 @@ class Fit:
     residuals: Residuals
     columns: Columns
     noise: Noise
+    parabolas: Mapping[str, Parabola]  # -2 log likelihood by view
     covariance: Array  # of theta
     scale: float  # of the rig's tolerance
-    stretches: Array  # -2 log likelihood, by stretch of a record
+    stretches: Mapping[Cell, Array]  # -2 log likelihood by stretch of a record
     cost: float  # priors, Occam factor and order of the noise
 
     @property
@@ -59,7 +61,14 @@ class Fit:
     @property
     def evidence(self) -> float:
         """-2 log evidence; smaller is better."""
-        return float(self.stretches.sum()) + self.cost
+        return sum(float(s.sum()) for s in self.stretches.values()) + self.cost
+
+    def gain(self, base: Fit, doubt: float) -> float:
+        """Fall of -2 log evidence from `base` to here, less `doubt` standard errors of it: what a
+        few stretches of the records carry alone is no gain.
+        """
+        fall = np.concatenate([s - self.stretches[c] for c, s in base.stretches.items()])
+        return float(base.cost - self.cost + fall.sum() - doubt * np.sqrt(fall @ fall))
 
     def values(self, record: str | None) -> dict[str, float]:
         """Parameters of a record; None: those of no record in particular."""
@@ -127,87 +136,76 @@ class Fitter:
 
     def null(self) -> Fit:
         """Nuisances alone."""
-        hypothesis = Hypothesis()
-        coordinates = self.coordinates(hypothesis, self.rules.tolerance)
+        coordinates = self.coordinates(Hypothesis(), self.rules.tolerance)
         start = Point(coordinates, np.zeros(len(coordinates)), {})
-        return self._whole(hypothesis, start, self.rules.tolerance, set(self.simulation.views))
-
-    def again(self, fit: Fit) -> Fit:
-        """The same hypothesis from where a fit ended, all coordinates free."""
-        views = {view for view, _ in self.touched(fit.hypothesis)}
-        return self._whole(fit.hypothesis, fit.point, fit.scale, views)
+        whole, cells = prior(coordinates), tuple(self.simulation.cells)
+        self.simulation.forget()
+        residuals, columns = self.simulation.linearised(start, cells, set(whole.names))
+        solution = self._by_view(Solution(start, residuals, columns), whole, cells)
+        solution = self._jointly(solution, whole, cells)
+        return self._finished(Hypothesis(), solution, whole, self.rules.tolerance)
 
     def explore(
         self, hypothesis: Hypothesis, base: Fit, starts: Mapping[str, float] | None = None
     ) -> Fit:
-        """A hypothesis near `base`: only what its effects touch is fitted. `starts`: values of
-        effect parameters to start from.
+        """A hypothesis near `base`: views that its effects do not touch are their parabolas there.
+        `starts`: values of effect parameters to start from.
         """
         start = self._first(hypothesis, base, starts or {})
-        touched = set(self.touched(hypothesis)) | set(self.touched(base.hypothesis))
+        touched = {*self.touched(hypothesis), *self.touched(base.hypothesis)}
         cells = tuple(c for c in self.simulation.cells if c in touched)
-        problem = Problem(
-            self.simulation,
-            self.rules,
-            cells,
-            fixed=self._fixed(start.coordinates, touched),
-            fresh=frozenset(c.name for c in start.coordinates if c.effect),
-        )
-        residuals, made = self.simulation.linearised(start, cells, set(problem.fresh))
-        solution = Solution(start, {**base.residuals, **residuals}, {**base.columns, **made})
-        solution = descend(problem, solution, None, ROUGH)
-        solution = descend(problem, solution, self._colour(solution.residuals), ROUGH)
-        return self._finished(hypothesis, solution, base.scale)
+        known = prior(start.coordinates)
+        for view, parabola in base.parabolas.items():
+            if not any(c[0] == view for c in cells):
+                known = known.plus(parabola)
+        columns = {k: c for k, c in base.columns.items() if k[0] in touched}
+        wanted = {c.name for c in start.coordinates if c.effect}
+        if hypothesis.settings != base.hypothesis.settings:  # other equations, other columns
+            columns, wanted = {}, set(known.names)
+            self.simulation.forget()
+        residuals, made = self.simulation.linearised(start, cells, wanted)
+        solution = Solution(start, residuals, {**columns, **made})
+        solution = self._by_view(solution, known, cells)
+        solution = self._jointly(solution, known, cells)
+        return self._finished(hypothesis, solution, known, base.scale, base)
 
-    def _whole(self, hypothesis: Hypothesis, start: Point, scale: float, views: set[str]) -> Fit:
-        """`views`: those that are first fitted by themselves."""
+    def again(self, fit: Fit) -> Fit:
+        """The same hypothesis from where a fit ended, all views together."""
         self.simulation.forget()
-        merged, columns = self._by_view(start, views)
-        problem = Problem(
-            self.simulation,
-            self.rules,
-            tuple(self.simulation.cells),
-            fresh=frozenset(c.name for c in start.coordinates),
-        )
-        residuals = self.simulation.residuals(merged, problem.cells)
-        solution = Solution(merged, residuals, columns)
-        solution = descend(problem, solution, self._colour(residuals), ROUGH)
-        solution = descend(problem, solution, self._colour(solution.residuals), self.rules.settled)
-        return self._finished(hypothesis, solution, scale)
+        cells = tuple(self.simulation.cells)
+        whole = prior(fit.point.coordinates)
+        residuals = self.simulation.residuals(fit.point, cells)
+        solution = self._jointly(Solution(fit.point, residuals, fit.columns), whole, cells)
+        return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
-    def _by_view(self, start: Point, views: set[str]) -> tuple[Point, Columns]:
-        """A start for a joint fit: each view by itself, then the least of the sum of their
-        parabolas. Columns: those of the views.
-        """
-        prior = np.array([c.spread for c in start.coordinates]) ** -2.0
-        square, pull = np.diag(prior), np.zeros(len(prior))
-        columns: Columns = {}
-        for name in self.simulation.views:
-            cells = tuple(c for c in self.simulation.cells if c[0] == name)
-            index = [
-                i
-                for i, c in enumerate(start.coordinates)
-                if any(self.simulation.in_cell(c, cell) for cell in cells)
-            ]
-            if not index:
+    def _by_view(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        """Each view by itself, then the least of the sum of their parabolas."""
+        columns, total = dict(start.columns), known
+        for view in dict.fromkeys(c[0] for c in cells):
+            own = {c for c in cells if c[0] == view}
+            if not any(k[0] in own for k in columns):
                 continue
-            own = Point(
-                tuple(start.coordinates[i] for i in index), start.theta[index], start.settings
+            solution = Solution(
+                start.point,
+                {c: r for c, r in start.residuals.items() if c in own},
+                {k: c for k, c in columns.items() if k[0] in own},
             )
-            fresh = frozenset(c.name for c in own.coordinates)
-            problem = Problem(self.simulation, self.rules, cells, fresh=fresh)
-            found = self.simulation.linearised(own, cells, set(fresh))
-            solution = Solution(own, *found)
-            if name in views:
-                solution = descend(problem, solution, None, ROUGH)
-            weighing = Weighing(self._colour(solution.residuals), self.rules.tails)
-            normal, gradient = weighing.normal(
-                solution.point, solution.residuals, solution.columns
-            )
-            square[np.ix_(index, index)] += normal
-            pull[index] += normal @ solution.point.theta - gradient
+            solution = descend(self._problem(own, known), solution, None, ROUGH)
+            noises = {view: self._noise_of(view, solution.residuals)}
+            total = total.plus(self._parabola(solution, noises))
             columns |= solution.columns
-        return inside(start.moved(np.linalg.solve(square, pull))), columns
+        point = inside(start.point.moved(total.least()))
+        return Solution(point, self.simulation.residuals(point, cells), columns)
+
+    def _jointly(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        """All views together, under the colour that their residuals have."""
+        problem, solution = self._problem(cells, known), start
+        for settled in (ROUGH, self.rules.settled):
+            solution = descend(problem, solution, self._colour(solution.residuals), settled)
+        return solution
+
+    def _problem(self, cells: Collection[Cell], known: Parabola) -> Problem:
+        return Problem(self.simulation, self.rules, tuple(cells), known, frozenset(known.names))
 
     def _first(self, hypothesis: Hypothesis, base: Fit, starts: Mapping[str, float]) -> Point:
         coordinates = self.coordinates(hypothesis, base.scale)
@@ -223,13 +221,6 @@ class Fitter:
                 theta[i] = at if old == c else c.theta(old.value(at))
         return Point(coordinates, theta, hypothesis.settings)
 
-    def _fixed(self, coordinates: Sequence[Coordinate], touched: set[Cell]) -> frozenset[str]:
-        """Nuisances that views outside the hypothesis read: they stay as they are."""
-        outside = {c[0] for c in self.simulation.cells if c not in touched}
-        return frozenset(
-            c.name for c in coordinates if not c.effect and self.simulation.readers(c) & outside
-        )
-
     # -- noise and evidence
 
     def quoted(self) -> Noise:
@@ -244,50 +235,90 @@ class Fitter:
         return flat_noise(self.simulation, residuals)
 
     def _colour(self, residuals: Residuals) -> Noise:
-        return {
-            name: tuple(
-                noise.coloured(
-                    [r[:, c] for r in of_view(residuals, name)], self.rules.quietest * sigma
-                )
-                for c, sigma in enumerate(view.sigmas)
-            )
-            for name, view in self.simulation.views.items()
-        }
+        return {view: self._noise_of(view, residuals) for view in {c[0] for c in residuals}}
 
-    def _finished(self, hypothesis: Hypothesis, solution: Solution, scale: float) -> Fit:
+    def _noise_of(self, view: str, residuals: Residuals) -> tuple[Whitener, ...]:
+        rows = of_view(residuals, view)
+        return tuple(
+            noise.coloured([r[:, c] for r in rows], self.rules.quietest * sigma)
+            for c, sigma in enumerate(self.simulation.views[view].sigmas)
+        )
+
+    def _parabola(self, solution: Solution, of_views: Noise) -> Parabola:
+        """-2 log likelihood of some cells about where a descent ended."""
+        normal, gradient = Weighing(of_views, self.rules).normal(
+            solution.point, solution.residuals, solution.columns
+        )
+        moved = [c.name for c in solution.point.coordinates]
+        index = [i for i, n in enumerate(moved) if normal[i, i] > 0]
+        square = normal[np.ix_(index, index)]
+        pull = square @ solution.point.theta[index] - gradient[index]
+        return Parabola(tuple(moved[i] for i in index), square, pull)
+
+    def _finished(
+        self,
+        hypothesis: Hypothesis,
+        solution: Solution,
+        known: Parabola,
+        scale: float,
+        base: Fit | None = None,
+    ) -> Fit:
+        """`base`: where the cells come from that were left as they are."""
         point, colour = solution.point, self._colour(solution.residuals)
-        weighing = Weighing(colour, self.rules.tails)
-        spreads = np.array([c.spread for c in point.coordinates])
-        normal, _ = weighing.normal(point, solution.residuals, solution.columns)
-        normal += np.diag(1 / spreads**2)
-        occam = float(np.linalg.slogdet(normal * np.outer(spreads, spreads))[1])
-        stretches, rows = self._stretches(solution.residuals, colour)
+        parabolas = {
+            view: self._parabola(_only(solution, view), {view: colour[view]}) for view in colour
+        }
+        stretches = {c: self._stretches(c, r, colour[c[0]]) for c, r in solution.residuals.items()}
+        own = prior(point.coordinates)
+        cost = known.cost(point.theta)
+        if base is not None:
+            left = {v: p for v, p in base.parabolas.items() if v not in colour}
+            at = dict(zip((c.name for c in base.point.coordinates), base.point.theta, strict=True))
+            cost -= sum(p.cost(np.array([at[n] for n in p.names])) for p in left.values())
+            solution = Solution(
+                point,
+                {**base.residuals, **solution.residuals},
+                {**base.columns, **solution.columns},
+            )
+            colour, parabolas = {**base.noise, **colour}, {**left, **parabolas}
+            stretches = {**base.stretches, **stretches}
+        normal = sum((p.among(own.names).square for p in parabolas.values()), own.square)
+        spread = np.array([c.spread for c in point.coordinates])
+        occam = float(np.linalg.slogdet(normal * np.outer(spread, spread))[1])
         order = sum(len(w.coefficients) for ws in colour.values() for w in ws)
+        rows = sum(r.size for r in solution.residuals.values())
         return Fit(
             hypothesis,
             point,
             solution.residuals,
             solution.columns,
             colour,
+            parabolas,
             np.asarray(np.linalg.inv(normal), dtype=np.float64),
             scale,
             stretches,
-            penalty(point) + occam + order * math.log(max(rows, 2)),
+            cost + occam + order * math.log(max(rows, 2)),
         )
 
-    def _stretches(self, residuals: Residuals, colour: Noise) -> tuple[Array, int]:
-        """-2 log likelihood by stretch, and the number of rows."""
+    def _stretches(self, cell: Cell, residual: Array, of_view: Sequence[Whitener]) -> Array:
+        """-2 log likelihood of a cell, by stretch of its record."""
+        view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
+        length = max(4, round(self.rules.block / (record.period * view.decimation)))
         found: list[float] = []
-        rows = 0
-        for cell, r in residuals.items():
-            view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
-            length = max(4, round(self.rules.block / (record.period * view.decimation)))
-            for c, w in enumerate(colour[cell[0]]):
-                terms = noise.loss(w(r[:, c]), self.rules.tails) + 2 * math.log(w.sigma)
-                parts = np.array_split(terms, max(1, len(terms) // length))
-                found += [float(p.sum()) for p in parts]
-                rows += len(terms)
-        return np.array(found), rows
+        for c, w in enumerate(of_view):
+            terms = noise.loss(w(residual[:, c]), self.rules.tails) + 2 * math.log(w.sigma)
+            parts = np.array_split(terms, max(1, len(terms) // length))
+            found += [float(p.sum()) for p in parts]
+        return np.array(found)
+
+
+def _only(solution: Solution, view: str) -> Solution:
+    """The part of one view."""
+    return Solution(
+        solution.point,
+        {c: r for c, r in solution.residuals.items() if c[0] == view},
+        {k: c for k, c in solution.columns.items() if k[0][0] == view},
+    )
 
 
 def _nominal(plant: Plant, views: Sequence[View]) -> dict[str, float]:

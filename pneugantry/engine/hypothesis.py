@@ -77,12 +77,21 @@ def nuisance_coordinate(n: Nuisance, nominal: float, record: str | None) -> Coor
 
 
 def effect_coordinate(p: Parameter, nominal: float, spread: float) -> Coordinate:
-    """An effect's parameter; theta is 1 at its usual size."""
+    """An effect's parameter; theta is 1 at its usual size, at e times its centre if fitted as its
+    logarithm.
+    """
     factor = abs(nominal) if p.relative else 1.0
     centre = nominal if p.relative else p.neutral
     low, high = p.low * factor, p.high * factor
     if p.positive:
         return Coordinate(
-            p.name, centre, p.scale, low, high, logarithmic=True, effect=True, spread=spread
+            p.name,
+            centre,
+            p.scale if p.relative else 1.0,
+            low,
+            high,
+            logarithmic=True,
+            effect=True,
+            spread=spread,
         )
     return Coordinate(p.name, centre, p.scale * factor, low, high, effect=True, spread=spread)

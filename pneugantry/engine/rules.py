@@ -27,6 +27,6 @@ class Rules:
     screened: int = 4  # effects refitted in full at each step, in each of two orders of promise
     reformed: int = 2  # effects that are then tried in their other forms
     entry: float = 10.0  # fall of -2 log evidence that an effect must bring (field: very strong)
-    material: float = 0.05  # fall of -2 log evidence that an effect must bring per row it touches
-    most: int = 4  # effects
+    doubt: float = 2.0  # standard errors over stretches by which a gain is lowered (field)
+    rounds: int = 6  # steps of the search, at most
     block: float = 0.5  # s of a record that are drawn together in a bootstrap

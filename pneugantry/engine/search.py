@@ -17,7 +17,7 @@ from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
 from pneugantry.engine.descent import Weighing
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.hypothesis import effect_coordinate
-from pneugantry.engine.noise import Noise, weights
+from pneugantry.engine.noise import Noise, loss, weights
 from pneugantry.engine.plant import Array
 from pneugantry.engine.simulation import Cell
 
@@ -60,47 +60,45 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     """Effects are added while one brings evidence, and dropped where a later one replaces them."""
     best, steps, tried = null, [], [null]
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
-    price = 2 * math.log(max(len(offered), 1))
+    bar = fitter.rules.entry + 2 * math.log(max(len(offered), 1))
     promised: list[Candidate] = []
-    bar = fitter.rules.entry + price
-    while len(best.keys) < fitter.rules.most:
+    for _ in range(fitter.rules.rounds):
         rest = {k: e for k, e in offered.items() if k not in best.keys}
         promised = screen(fitter, best, rest)
-        fits = [_added(fitter, best, c) for c in _chosen(fitter, promised, bar)]
+        fits = _fits(fitter, best, promised, bar)
         tried += fits
         if not fits:
             break
-        fits += _other_forms(fitter, best, fits)
-        tried += fits
-        top = min(fits, key=lambda f: f.evidence)
-        if best.evidence - top.evidence < max(bar, _material(fitter, top)):
+        without = fitter.explore(best.hypothesis, min(fits, key=lambda f: f.evidence))
+        improved = best.evidence - without.evidence > bar
+        if improved:  # the base had not reached its best
+            best = fitter.again(without)
+            tried.append(best)
+        top = max(fits, key=lambda f: f.gain(best, fitter.rules.doubt))
+        if top.gain(best, fitter.rules.doubt) > bar:
+            top = fitter.again(top)
+            steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
+            best = _pruned(fitter, top, bar, steps, tried)
+            tried.append(best)
+        elif not improved:
             break
-        top = fitter.again(top)
-        steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-        best = _pruned(fitter, top, price, steps, tried)
-        tried.append(best)
+    null = min((f for f in tried if not f.keys), key=lambda f: f.evidence)
     return Search(null, best, tuple(steps), tuple(tried), tuple(promised))
 
 
-def _material(fitter: Fitter, fit: Fit) -> float:
-    """Fall of -2 log evidence that is worth a name: a share of the rows that the effect touches."""
-    _, form = fit.hypothesis.effects[-1]
-    names = {p.name for p in form.parameters} | set(form.settings)
-    rows = sum(
-        r.size
-        for (view, _), r in fit.residuals.items()
-        if any(fitter.simulation.views[view].depends_on(n) for n in names)
-    )
-    return fitter.rules.material * rows
+def _fits(fitter: Fitter, base: Fit, promised: Sequence[Candidate], bar: float) -> list[Fit]:
+    """What promises most, with the best in their other forms."""
+    rough = [_added(fitter, base, c) for c in _chosen(fitter, promised, bar)]
+    return rough + _other_forms(fitter, base, rough)
 
 
-def _pruned(fitter: Fitter, fit: Fit, price: float, steps: list[Step], tried: list[Fit]) -> Fit:
+def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list[Fit]) -> Fit:
     """Without effects whose removal costs less evidence than an effect must bring."""
     while len(fit.keys) > 1:
         drops = [fitter.explore(fit.hypothesis.without(k), fit) for k in fit.keys[:-1]]
         tried += drops
         least = min(drops, key=lambda f: f.evidence)
-        if least.evidence - fit.evidence > fitter.rules.entry + price:
+        if least.evidence - fit.evidence > bar:
             return fit
         gone = next(k for k in fit.keys if k not in least.keys)
         steps.append(Step(gone, fit.evidence - least.evidence, least, dropped=True))
@@ -115,7 +113,8 @@ def _added(fitter: Fitter, base: Fit, c: Candidate) -> Fit:
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     """The best effects in their other forms."""
     made = []
-    for fit in sorted(fits, key=lambda f: f.evidence)[: fitter.rules.reformed]:
+    near = [f for f in sorted(fits, key=lambda f: f.evidence) if f.evidence < base.evidence]
+    for fit in near[: fitter.rules.reformed]:
         effect, main = fit.hypothesis.effects[-1]
         for form in effect.forms:
             if form.name == main.name or not fitter.readable(form):
@@ -137,7 +136,7 @@ def _chosen(fitter: Fitter, promised: Sequence[Candidate], bar: float) -> list[C
         ranked = sorted(promised, key=lambda c: -getattr(c, measure))
         effects: list[str] = []
         for c in ranked:
-            if c.effect.key in effects or max(c.gain, c.plain) < bar:
+            if c.effect.key in effects or getattr(c, measure) < bar:
                 continue
             if len(effects) == fitter.rules.screened:
                 break
@@ -222,44 +221,79 @@ def _starts(fitter: Fitter, form: Form) -> list[dict[str, float]]:
     return [dict(chosen) for chosen in itertools.product(*listed)]
 
 
+SHARES = (1.0, 0.5, 0.25)  # of a promised step that are tried on paper
+CHUNK = 50  # rows of a residual that are drawn together where a promise is weighed
+
+
+@dataclass(frozen=True, eq=False)
+class _Cell:
+    """A cell at the base: innovations (rows,), roots of their weights, nuisances' columns."""
+
+    innovations: Array
+    roots: Array
+    index: list[int]
+    columns: Array  # (rows, nuisances)
+
+
 class _Test:
     """Score tests about a fit, under given noise."""
 
     def __init__(self, fitter: Fitter, base: Fit, of_views: Noise) -> None:
-        self.weighing = Weighing(of_views, fitter.rules.tails)
-        self.prior, self.freedom = fitter.rules.effect_prior, fitter.rules.tails
-        point = base.point
-        prior = np.array([1 / c.spread**2 for c in point.coordinates])
+        self.weighing = Weighing(of_views, fitter.rules)
+        self.rules, point = fitter.rules, base.point
+        self.theta = point.theta
+        self.precision = np.array([1 / c.spread**2 for c in point.coordinates])
         normal, gradient = self.weighing.normal(point, base.residuals, base.columns)
-        self.inverse = np.linalg.inv(normal + np.diag(prior))
-        self.gradient = gradient + prior * point.theta
+        self.inverse = np.linalg.inv(normal + np.diag(self.precision))
+        self.gradient = gradient + self.precision * point.theta
         names = [c.name for c in point.coordinates]
-        self.cells: dict[Cell, tuple[Array, Array, list[int], Array]] = {}
+        self.cells: dict[Cell, _Cell] = {}
         for cell in fitter.simulation.cells:
             w = self.weighing.innovations(cell, base.residuals[cell])
-            root = np.sqrt(weights(w, self.freedom))
             index = [i for i, name in enumerate(names) if (cell, name) in base.columns]
-            columns = [
-                self.weighing.innovations(cell, base.columns[cell, names[i]]) * root for i in index
-            ]
+            columns = [self.weighing.innovations(cell, base.columns[cell, names[i]]) for i in index]
             j = np.nan_to_num(np.column_stack(columns or [np.zeros(len(w))]))
-            self.cells[cell] = w * root, root, index, j
+            roots = np.sqrt(weights(w, self.rules.tails))
+            self.cells[cell] = _Cell(w, roots, index, j)
 
     def gain(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
-        """Fall of -2 log posterior that a step along these columns promises."""
+        """Fall of -2 log posterior that a step along these columns promises, less its doubt."""
         k = max((len(c) for c in columns.values()), default=0)
         if k == 0 or not all(np.isfinite(c).all() for cs in columns.values() for c in cs):
             return 0.0
-        square, pull = np.eye(k) / self.prior**2, np.zeros(k)
+        square, pull = np.eye(k) / self.rules.effect_prior**2, np.zeros(k)
         cross = np.zeros((len(self.gradient), k))
+        white = {}
         for cell, raw in columns.items():
-            residual, root, index, j = self.cells[cell]
+            at = self.cells[cell]
             d = np.column_stack([self.weighing.innovations(cell, c) for c in raw])
-            d *= root[:, None]
-            square += d.T @ d
-            pull += d.T @ residual
-            if index:
-                cross[index] += j.T @ d
-        square -= cross.T @ self.inverse @ cross
-        pull -= cross.T @ self.inverse @ self.gradient
-        return float(pull @ np.linalg.lstsq(square, pull, rcond=1e-10)[0])
+            white[cell] = d
+            weighed = d * at.roots[:, None]
+            square += weighed.T @ weighed
+            pull += weighed.T @ (at.innovations * at.roots)
+            if at.index:
+                cross[at.index] += (at.columns * at.roots[:, None]).T @ weighed
+        step = -np.linalg.lstsq(
+            square - cross.T @ self.inverse @ cross,
+            pull - cross.T @ self.inverse @ self.gradient,
+            rcond=1e-10,
+        )[0]
+        nuisances = -self.inverse @ (self.gradient + cross @ step)
+        return max(self._fall(white, share * step, share * nuisances) for share in SHARES)
+
+    def _fall(self, white: Mapping[Cell, Array], step: Array, nuisances: Array) -> float:
+        """Of the cost, were all as straight as the columns."""
+        falls = []
+        for cell, at in self.cells.items():
+            if cell not in white and not at.index:
+                continue
+            moved = at.innovations + (at.columns @ nuisances[at.index] if at.index else 0.0)
+            if cell in white:
+                moved = moved + white[cell] @ step
+            fall = loss(at.innovations, self.rules.tails) - loss(moved, self.rules.tails)
+            falls += [float(p.sum()) for p in np.array_split(fall, max(1, len(fall) // CHUNK))]
+        after = self.theta + nuisances
+        prior = float(self.precision @ (self.theta**2 - after**2))
+        prior -= float(step @ step) / self.rules.effect_prior**2
+        found = np.array(falls)
+        return prior + float(found.sum() - self.rules.doubt * np.sqrt(found @ found))
