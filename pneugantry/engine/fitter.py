@@ -74,6 +74,17 @@ class Fit:
         """Parameters of a record; None: those of no record in particular."""
         return self.point.values(record)
 
+    def dropped(self, kept: Collection[str]) -> Array:
+        """Values of theta (coordinates,) where effects that are not kept are neutral: the others
+        move as the covariance tells.
+        """
+        theta = self.point.theta
+        gone = [i for i, c in enumerate(self.point.coordinates) if c.name not in kept and c.effect]
+        if not gone:
+            return theta
+        among = self.covariance[np.ix_(gone, gone)]
+        return np.asarray(theta - self.covariance[:, gone] @ np.linalg.solve(among, theta[gone]))
+
     def sigma(self, name: str) -> float:
         """Standard deviation of a coordinate's theta."""
         index = [c.name for c in self.point.coordinates].index(name)
@@ -87,7 +98,7 @@ class Fitter:
         self, plant: Plant, views: Sequence[View], records: Sequence[Record], rules: Rules
     ) -> None:
         self.plant, self.rules = plant, rules
-        self.simulation = Simulation(views, records, rules.difference)
+        self.simulation = Simulation(views, records, rules)
         self.nominal = _nominal(plant, views)
 
     def close(self) -> None:
@@ -209,9 +220,8 @@ class Fitter:
 
     def _first(self, hypothesis: Hypothesis, base: Fit, starts: Mapping[str, float]) -> Point:
         coordinates = self.coordinates(hypothesis, base.scale)
-        known = {
-            c.name: (c, t) for c, t in zip(base.point.coordinates, base.point.theta, strict=True)
-        }
+        at = base.dropped({c.name for c in coordinates})
+        known = {c.name: (c, t) for c, t in zip(base.point.coordinates, at, strict=True)}
         theta = np.zeros(len(coordinates))
         for i, c in enumerate(coordinates):
             if c.parameter in starts:

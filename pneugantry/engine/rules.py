@@ -22,9 +22,11 @@ class Rules:
     tolerance: float = 1.5  # a rig's deviations, in units of the spread that its description gives
     iterations: int = 14  # Gauss-Newton steps of a fit, at most
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
-    difference: float = 0.1  # step of a difference quotient, in prior standard deviations
+    difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
+    stride: float = 0.3  # step of an effect's, in usual sizes
     settled: float = 0.5  # fall of -2 log posterior below which a fit has converged
-    screened: int = 4  # effects refitted in full at each step, in each of two orders of promise
+    screened: int = 3  # effects that are fitted at each step, in each of two orders of promise
+    hopeful: float = 0.3  # share of the best promise from which on an effect is fitted
     reformed: int = 2  # effects that are then tried in their other forms
     entry: float = 10.0  # fall of -2 log evidence that an effect must bring (field: very strong)
     doubt: float = 2.0  # standard errors over stretches by which a gain is lowered (field)

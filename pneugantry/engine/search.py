@@ -134,13 +134,9 @@ def _chosen(fitter: Fitter, promised: Sequence[Candidate], bar: float) -> list[C
     chosen: dict[tuple[str, str], Candidate] = {}
     for measure in ("gain", "plain"):
         ranked = sorted(promised, key=lambda c: -getattr(c, measure))
-        effects: list[str] = []
-        for c in ranked:
-            if c.effect.key in effects or getattr(c, measure) < bar:
-                continue
-            if len(effects) == fitter.rules.screened:
-                break
-            effects.append(c.effect.key)
+        least = max(bar, fitter.rules.hopeful * getattr(ranked[0], measure)) if ranked else bar
+        best = {c.effect.key: c for c in reversed(ranked) if getattr(c, measure) > least}
+        for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[: fitter.rules.screened]:
             chosen.setdefault((c.effect.key, c.form.name), c)
     return list(chosen.values())
 
@@ -240,12 +236,13 @@ class _Test:
 
     def __init__(self, fitter: Fitter, base: Fit, of_views: Noise) -> None:
         self.weighing = Weighing(of_views, fitter.rules)
-        self.rules, point = fitter.rules, base.point
+        self.rules, self.tails, point = fitter.rules, fitter.rules.tails, base.point
         self.theta = point.theta
         self.precision = np.array([1 / c.spread**2 for c in point.coordinates])
         normal, gradient = self.weighing.normal(point, base.residuals, base.columns)
         self.inverse = np.linalg.inv(normal + np.diag(self.precision))
         self.gradient = gradient + self.precision * point.theta
+        self.plain = np.asarray(-self.inverse @ self.gradient)  # the nuisances' own step
         names = [c.name for c in point.coordinates]
         self.cells: dict[Cell, _Cell] = {}
         for cell in fitter.simulation.cells:
@@ -253,7 +250,7 @@ class _Test:
             index = [i for i, name in enumerate(names) if (cell, name) in base.columns]
             columns = [self.weighing.innovations(cell, base.columns[cell, names[i]]) for i in index]
             j = np.nan_to_num(np.column_stack(columns or [np.zeros(len(w))]))
-            roots = np.sqrt(weights(w, self.rules.tails))
+            roots = np.sqrt(weights(w, self.tails))
             self.cells[cell] = _Cell(w, roots, index, j)
 
     def gain(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
@@ -273,27 +270,28 @@ class _Test:
             pull += weighed.T @ (at.innovations * at.roots)
             if at.index:
                 cross[at.index] += (at.columns * at.roots[:, None]).T @ weighed
-        step = -np.linalg.lstsq(
-            square - cross.T @ self.inverse @ cross,
-            pull - cross.T @ self.inverse @ self.gradient,
-            rcond=1e-10,
-        )[0]
-        nuisances = -self.inverse @ (self.gradient + cross @ step)
+        square = square - cross.T @ self.inverse @ cross
+        pull = pull - cross.T @ self.inverse @ self.gradient
+        step = np.asarray(-np.linalg.lstsq(square, pull, rcond=1e-10)[0])
+        nuisances = np.asarray(-self.inverse @ (self.gradient + cross @ step))
         return max(self._fall(white, share * step, share * nuisances) for share in SHARES)
 
     def _fall(self, white: Mapping[Cell, Array], step: Array, nuisances: Array) -> float:
-        """Of the cost, were all as straight as the columns."""
+        """Of the cost, were all as straight as the columns, against a step of the nuisances."""
         falls = []
         for cell, at in self.cells.items():
             if cell not in white and not at.index:
                 continue
-            moved = at.innovations + (at.columns @ nuisances[at.index] if at.index else 0.0)
+            moved = self._moved(at, nuisances)
             if cell in white:
                 moved = moved + white[cell] @ step
-            fall = loss(at.innovations, self.rules.tails) - loss(moved, self.rules.tails)
+            fall = loss(self._moved(at, self.plain), self.tails) - loss(moved, self.tails)
             falls += [float(p.sum()) for p in np.array_split(fall, max(1, len(fall) // CHUNK))]
-        after = self.theta + nuisances
-        prior = float(self.precision @ (self.theta**2 - after**2))
+        before, after = self.theta + self.plain, self.theta + nuisances
+        prior = float(self.precision @ (before**2 - after**2))
         prior -= float(step @ step) / self.rules.effect_prior**2
         found = np.array(falls)
         return prior + float(found.sum() - self.rules.doubt * np.sqrt(found @ found))
+
+    def _moved(self, at: _Cell, nuisances: Array) -> Array:
+        return at.innovations + (at.columns @ nuisances[at.index] if at.index else 0.0)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.rules import Rules
 from pneugantry.engine.views import View
 
 __all__ = ["Cell", "Columns", "Point", "Residuals", "Simulation"]
@@ -44,11 +45,11 @@ class Point:
 class Simulation:
     """Runs views on two threads; the simulations themselves are native and hold no lock."""
 
-    def __init__(self, views: Sequence[View], records: Sequence[Record], difference: float) -> None:
+    def __init__(self, views: Sequence[View], records: Sequence[Record], rules: Rules) -> None:
         self.views = {v.name: v for v in views}
         self.records = {r.name: r for r in records}
         self.cells = [(v.name, r.name) for v in views for r in records if v.shows(r)]
-        self.difference = difference  # step of a difference quotient, in theta
+        self.difference, self.stride = rules.difference, rules.stride
         self.seconds = 0.0  # of records, simulated so far
         self._idle: set[tuple[Cell, str]] = set()
         self._pool = ThreadPoolExecutor(2)
@@ -128,8 +129,8 @@ class Simulation:
 
     def step(self, c: Coordinate, theta: float) -> float:
         """Step of a difference quotient, away from a bound."""
-        up = c.value(theta + self.difference) != c.value(theta)
-        return self.difference if up else -self.difference
+        size = self.stride if c.effect else self.difference
+        return size if c.value(theta + size) != c.value(theta) else -size
 
     def in_cell(self, c: Coordinate, cell: Cell) -> bool:
         """Whether a cell reads a coordinate."""
