@@ -152,8 +152,7 @@ class Fitter:
         whole, cells = prior(coordinates), tuple(self.simulation.cells)
         self.simulation.forget()
         residuals, columns = self.simulation.linearised(start, cells, set(whole.names))
-        solution = self._by_view(Solution(start, residuals, columns), whole, cells)
-        solution = self._jointly(solution, whole, cells)
+        solution = self._settled(Solution(start, residuals, columns), whole, cells)
         return self._finished(Hypothesis(), solution, whole, self.rules.tolerance)
 
     def explore(
@@ -188,6 +187,23 @@ class Fitter:
         residuals = self.simulation.residuals(fit.point, cells)
         solution = self._jointly(Solution(fit.point, residuals, fit.columns), whole, cells)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
+
+    def _settled(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        """By view and jointly in turn, until another turn brings nothing."""
+        solution = self._jointly(self._by_view(start, known, cells), known, cells)
+        for _ in range(self.rules.turns):
+            colour = self._colour(solution.residuals)
+            turned = self._jointly(self._by_view(solution, known, cells), known, cells)
+            before, after = (self._cost(s, known, colour) for s in (solution, turned))
+            if after < before:
+                solution = turned
+            if before - after < self.rules.entry:
+                break
+        return solution
+
+    def _cost(self, solution: Solution, known: Parabola, colour: Noise) -> float:
+        costs = Weighing(colour, self.rules).costs(solution.residuals)
+        return sum(costs.values()) + known.cost(solution.point.theta)
 
     def _by_view(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """Each view by itself, then the least of the sum of their parabolas."""

@@ -21,6 +21,7 @@ class Rules:
     effect_prior: float = 2.0  # spread of an effect's size, in usual sizes
     tolerance: float = 1.5  # a rig's deviations, in units of the spread that its description gives
     iterations: int = 14  # Gauss-Newton steps of a fit, at most
+    turns: int = 1  # of fits by view and jointly, after the first, at most
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
     difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
     stride: float = 0.3  # step of an effect's, in usual sizes

@@ -35,6 +35,10 @@ class Candidate:
     plain: float  # the same under white noise as quoted
 
 
+# what an effect's start, counted, changes in a cell
+Traces = dict[tuple[str, int, Cell], list[Array]]
+
+
 @dataclass(frozen=True)
 class Step:
     """One step of the search."""
@@ -62,26 +66,29 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
     bar = fitter.rules.entry + 2 * math.log(max(len(offered), 1))
     promised: list[Candidate] = []
+    traces: Traces = {}
     for _ in range(fitter.rules.rounds):
         rest = {k: e for k, e in offered.items() if k not in best.keys}
-        promised = screen(fitter, best, rest)
+        promised = screen(fitter, best, rest, traces)
         fits = _fits(fitter, best, promised, bar)
         tried += fits
         if not fits:
             break
-        without = fitter.explore(best.hypothesis, min(fits, key=lambda f: f.evidence))
-        improved = best.evidence - without.evidence > bar
-        if improved:  # the base had not reached its best
+        top = max(fits, key=lambda f: f.gain(best, fitter.rules.doubt))
+        if top.gain(best, fitter.rules.doubt) < bar:
+            break
+        without = fitter.explore(best.hypothesis, top)
+        if best.evidence - without.evidence > bar:  # the base had not reached its best
             best = fitter.again(without)
             tried.append(best)
-        top = max(fits, key=lambda f: f.gain(best, fitter.rules.doubt))
-        if top.gain(best, fitter.rules.doubt) > bar:
-            top = fitter.again(top)
-            steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-            best = _pruned(fitter, top, bar, steps, tried)
-            tried.append(best)
-        elif not improved:
-            break
+            if top.gain(best, fitter.rules.doubt) < bar:
+                continue
+        top = fitter.again(top)
+        steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
+        best = _pruned(fitter, top, bar, steps, tried)
+        tried.append(best)
+        changed = set(fitter.touched(best.hypothesis))
+        traces = {k: c for k, c in traces.items() if k[2] not in changed}
     null = min((f for f in tried if not f.keys), key=lambda f: f.evidence)
     return Search(null, best, tuple(steps), tuple(tried), tuple(promised))
 
@@ -141,48 +148,64 @@ def _chosen(fitter: Fitter, promised: Sequence[Candidate], bar: float) -> list[C
     return list(chosen.values())
 
 
-def screen(fitter: Fitter, base: Fit, effects: Mapping[str, Effect]) -> list[Candidate]:
-    """Score test of every start of every form."""
+def screen(
+    fitter: Fitter, base: Fit, effects: Mapping[str, Effect], known: Traces
+) -> list[Candidate]:
+    """Score test of every start of every effect's main form. `known`: traces simulated before, of
+    cells where the base is much as it was then; new ones are added to it.
+    """
     trials = [
-        (effect, form, starts)
+        (effect, form, i, starts)
         for effect in effects.values()
         for form in [next(f for f in effect.forms if fitter.readable(f))]
-        for starts in _starts(fitter, form)
+        for i, starts in enumerate(_starts(fitter, form))
     ]
-    points: list[list[tuple[dict[str, float], float]]] = []
+    _trace(fitter, base, trials, known)
+    tests = (
+        _Test(fitter, base, base.noise),
+        _Test(fitter, base, fitter.flat(base.residuals)),
+    )
+    result = []
+    for effect, form, i, starts in trials:
+        columns = {
+            cell: known[effect.key, i, cell]
+            for cell in fitter.simulation.cells
+            if (effect.key, i, cell) in known
+        }
+        gain, plain = (test.gain(columns) for test in tests)
+        result.append(Candidate(effect, form, starts, gain, plain))
+    return result
+
+
+def _trace(
+    fitter: Fitter,
+    base: Fit,
+    trials: Sequence[tuple[Effect, Form, int, Mapping[str, float]]],
+    known: Traces,
+) -> None:
+    """What each trial changes in the cells that read it: the difference that its start makes, if it
+    has one, and its parameters' columns there.
+    """
     jobs: dict[Cell, list[dict[str, float]]] = {}
-    places: dict[tuple[int, int, Cell], int] = {}
-    for t, (_, form, starts) in enumerate(trials):
-        own = _points(fitter, base, form, starts)
-        points.append(own)
+    owners: list[tuple[tuple[str, int, Cell], int, list[tuple[dict[str, float], float]]]] = []
+    for effect, form, i, starts in trials:
+        points = _points(fitter, base, form, starts)
         names = {p.name for p in form.parameters} | set(form.settings)
         for cell in fitter.simulation.cells:
-            if not any(fitter.simulation.views[cell[0]].depends_on(n) for n in names):
+            view = fitter.simulation.views[cell[0]]
+            if (effect.key, i, cell) in known or not any(view.depends_on(n) for n in names):
                 continue
-            values = base.values(cell[1])
-            for j, (moved, _) in enumerate(own):
-                places[t, j, cell] = len(jobs.setdefault(cell, []))
-                jobs[cell].append({**values, **moved})
+            own = jobs.setdefault(cell, [])
+            owners.append(((effect.key, i, cell), len(own), points))
+            own += [{**base.values(cell[1]), **moved} for moved, _ in points]
     found = fitter.simulation.run(jobs)
-    tests = {
-        "gain": _Test(fitter, base, base.noise),
-        "plain": _Test(fitter, base, fitter.flat(base.residuals)),
-    }
-    result = []
-    for t, (effect, form, starts) in enumerate(trials):
-        cells = [c for c in fitter.simulation.cells if (t, 0, c) in places]
-        columns = {}
-        for cell in cells:
-            runs = [found[cell][places[t, j, cell]] for j in range(len(points[t]))]
-            first = [runs[0] - base.residuals[cell]] if points[t][0][1] else []
-            rest = [
-                (run - runs[0]) / step
-                for run, (_, step) in zip(runs[1:], points[t][1:], strict=True)
-            ]
-            columns[cell] = [*first, *rest]
-        gains = {name: test.gain(columns) for name, test in tests.items()}
-        result.append(Candidate(effect, form, starts, gains["gain"], gains["plain"]))
-    return result
+    for key, at, points in owners:
+        runs = found[key[2]][at : at + len(points)]
+        first = [runs[0] - base.residuals[key[2]]] if points[0][1] else []
+        slopes = [
+            (run - runs[0]) / step for run, (_, step) in zip(runs[1:], points[1:], strict=True)
+        ]
+        known[key] = [*first, *slopes]
 
 
 def _points(
@@ -252,6 +275,9 @@ class _Test:
             j = np.nan_to_num(np.column_stack(columns or [np.zeros(len(w))]))
             roots = np.sqrt(weights(w, self.tails))
             self.cells[cell] = _Cell(w, roots, index, j)
+        self.least = {
+            c: loss(self._moved(at, self.plain), self.tails) for c, at in self.cells.items()
+        }
 
     def gain(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
         """Fall of -2 log posterior that a step along these columns promises, less its doubt."""
@@ -285,12 +311,12 @@ class _Test:
             moved = self._moved(at, nuisances)
             if cell in white:
                 moved = moved + white[cell] @ step
-            fall = loss(self._moved(at, self.plain), self.tails) - loss(moved, self.tails)
-            falls += [float(p.sum()) for p in np.array_split(fall, max(1, len(fall) // CHUNK))]
+            fall = self.least[cell] - loss(moved, self.tails)
+            falls.append(np.add.reduceat(fall, np.arange(0, len(fall), CHUNK)))
         before, after = self.theta + self.plain, self.theta + nuisances
         prior = float(self.precision @ (before**2 - after**2))
         prior -= float(step @ step) / self.rules.effect_prior**2
-        found = np.array(falls)
+        found = np.concatenate(falls)
         return prior + float(found.sum() - self.rules.doubt * np.sqrt(found @ found))
 
     def _moved(self, at: _Cell, nuisances: Array) -> Array:
