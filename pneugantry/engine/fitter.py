@@ -27,7 +27,7 @@ from pneugantry.engine.hypothesis import (
     effect_coordinate,
     nuisance_coordinate,
 )
-from pneugantry.engine.noise import Noise, Whitener
+from pneugantry.engine.noise import Noise, Whitener, doubted
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, neutral
@@ -64,11 +64,9 @@ class Fit:
         return sum(float(s.sum()) for s in self.stretches.values()) + self.cost
 
     def gain(self, base: Fit, doubt: float) -> float:
-        """Fall of -2 log evidence from `base` to here, less `doubt` standard errors of it: what a
-        few stretches of the records carry alone is no gain.
-        """
+        """Fall of -2 log evidence from `base` to here, that of the likelihood `doubted`."""
         fall = np.concatenate([s - self.stretches[c] for c, s in base.stretches.items()])
-        return float(base.cost - self.cost + fall.sum() - doubt * np.sqrt(fall @ fall))
+        return base.cost - self.cost + doubted(fall, doubt)
 
     def values(self, record: str | None) -> dict[str, float]:
         """Parameters of a record; None: those of no record in particular."""
@@ -146,14 +144,31 @@ class Fitter:
     # -- fits
 
     def null(self) -> Fit:
-        """Nuisances alone."""
+        """Nuisances alone, under the tolerance that they show."""
         coordinates = self.coordinates(Hypothesis(), self.rules.tolerance)
         start = Point(coordinates, np.zeros(len(coordinates)), {})
-        whole, cells = prior(coordinates), tuple(self.simulation.cells)
+        known, cells = prior(coordinates), tuple(self.simulation.cells)
         self.simulation.forget()
-        residuals, columns = self.simulation.linearised(start, cells, set(whole.names))
-        solution = self._settled(Solution(start, residuals, columns), whole, cells)
-        return self._finished(Hypothesis(), solution, whole, self.rules.tolerance)
+        residuals, columns = self.simulation.linearised(start, cells, set(known.names))
+        solution = self._settled(Solution(start, residuals, columns), known, cells)
+        scale = self._tolerance(solution.point)
+        coordinates = self.coordinates(Hypothesis(), scale)
+        known = prior(coordinates)
+        point = Point(coordinates, solution.point.theta, {})
+        solution = Solution(point, solution.residuals, solution.columns)
+        solution = self._renewed(solution, known, cells)
+        return self._finished(Hypothesis(), solution, known, scale)
+
+    def _tolerance(self, point: Point) -> float:
+        """Spread of a rig's deviations, in units of what its description gives: that is worth
+        `tolerance_weight` parameters, and one that stands out counts as three times it.
+        """
+        theta = np.array(
+            [t for c, t in zip(point.coordinates, point.theta, strict=True) if c.scales]
+        )
+        weight = self.rules.tolerance_weight
+        squares = float(np.minimum(theta**2, 9.0).sum())
+        return math.sqrt((weight + squares) / (weight + len(theta)))
 
     def explore(
         self, hypothesis: Hypothesis, base: Fit, starts: Mapping[str, float] | None = None
@@ -186,6 +201,7 @@ class Fitter:
         whole = prior(fit.point.coordinates)
         residuals = self.simulation.residuals(fit.point, cells)
         solution = self._jointly(Solution(fit.point, residuals, fit.columns), whole, cells)
+        solution = self._renewed(solution, whole, cells)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
     def _settled(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
@@ -230,6 +246,13 @@ class Fitter:
         for settled in (ROUGH, self.rules.settled):
             solution = descend(problem, solution, self._colour(solution.residuals), settled)
         return solution
+
+    def _renewed(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        """Converged with columns of where it is: score tests and the covariance rest on them."""
+        columns = self.simulation.columns(start.point, start.residuals, cells, set(known.names))
+        solution = Solution(start.point, start.residuals, {**start.columns, **columns})
+        colour = self._colour(solution.residuals)
+        return descend(self._problem(cells, known), solution, colour, self.rules.settled)
 
     def _problem(self, cells: Collection[Cell], known: Parabola) -> Problem:
         return Problem(self.simulation, self.rules, tuple(cells), known, frozenset(known.names))

@@ -18,6 +18,7 @@ __all__ = [
     "Noise",
     "Whitener",
     "coloured",
+    "doubted",
     "flat",
     "loss",
     "spread",
@@ -38,6 +39,14 @@ def loss(innovations: Array, freedom: float) -> Array:
 def weights(innovations: Array, freedom: float) -> Array:
     """Weights of the squares that have the same gradient."""
     return np.asarray((freedom + 1) / (freedom + innovations**2))
+
+
+def doubted(falls: Array, doubt: float) -> float:
+    """Fall of a cost over stretches, less `doubt` standard errors but not beyond none at all: what
+    a few stretches carry alone is no gain.
+    """
+    fall = float(falls.sum())
+    return fall if fall < 0 else max(fall - doubt * float(np.sqrt(falls @ falls)), 0.0)
 
 
 def spread(residuals: Sequence[Array]) -> float:

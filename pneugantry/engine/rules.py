@@ -19,7 +19,8 @@ class Rules:
     tails: float = 4.0  # degrees of freedom of the noise's distribution (field: robust regression)
     quietest: float = 0.6  # smallest noise, in units of the quoted one, that a sensor may have
     effect_prior: float = 2.0  # spread of an effect's size, in usual sizes
-    tolerance: float = 1.5  # a rig's deviations, in units of the spread that its description gives
+    tolerance: float = 1.5  # a rig's deviations at first, in units of what its description gives
+    tolerance_weight: float = 8.0  # parameters that the description's own spread is worth
     iterations: int = 14  # Gauss-Newton steps of a fit, at most
     turns: int = 1  # of fits by view and jointly, after the first, at most
     damping: float = 1.0  # Levenberg-Marquardt's, at the start

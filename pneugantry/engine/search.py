@@ -17,7 +17,7 @@ from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
 from pneugantry.engine.descent import Weighing
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.hypothesis import effect_coordinate
-from pneugantry.engine.noise import Noise, loss, weights
+from pneugantry.engine.noise import Noise, doubted, loss, weights
 from pneugantry.engine.plant import Array
 from pneugantry.engine.simulation import Cell
 
@@ -316,8 +316,7 @@ class _Test:
         before, after = self.theta + self.plain, self.theta + nuisances
         prior = float(self.precision @ (before**2 - after**2))
         prior -= float(step @ step) / self.rules.effect_prior**2
-        found = np.concatenate(falls)
-        return prior + float(found.sum() - self.rules.doubt * np.sqrt(found @ found))
+        return prior + doubted(np.concatenate(falls), self.rules.doubt)
 
     def _moved(self, at: _Cell, nuisances: Array) -> Array:
         return at.innovations + (at.columns @ nuisances[at.index] if at.index else 0.0)
