@@ -44,7 +44,7 @@ class Weighing:
 
     def innovations(self, cell: Cell, values: Array) -> Array:
         """Whitened residual or column of a cell, flattened."""
-        return np.concatenate([w(values[:, c]) for c, w in enumerate(self.noise[cell[0]])])
+        return np.concatenate([w(values[:, c]) for c, w in enumerate(self.noise[cell])])
 
     def costs(self, residuals: Residuals) -> dict[str, float]:
         """-2 log likelihood by view."""
@@ -155,14 +155,15 @@ def descend(problem: Problem, start: Solution, of_views: Noise | None, settled: 
 
 
 def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:
-    """White noise of the residuals' own size."""
-    return {
+    """White noise, in each view of its residuals' own size."""
+    of_views = {
         name: tuple(
             noise.flat([r[:, c] for r in of_view(residuals, name)], sigma)
-            for c, sigma in enumerate(view.sigmas)
+            for c, sigma in enumerate(simulation.views[name].sigmas)
         )
-        for name, view in simulation.views.items()
+        for name in {c[0] for c in residuals}
     }
+    return {cell: of_views[cell[0]] for cell in residuals}
 
 
 def of_view(residuals: Residuals, view: str) -> list[Array]:

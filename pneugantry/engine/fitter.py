@@ -18,7 +18,6 @@ from pneugantry.engine.descent import (
     descend,
     flat_noise,
     inside,
-    of_view,
     prior,
 )
 from pneugantry.engine.hypothesis import (
@@ -234,8 +233,7 @@ class Fitter:
                 {k: c for k, c in columns.items() if k[0] in own},
             )
             solution = descend(self._problem(own, known), solution, None, ROUGH)
-            noises = {view: self._noise_of(view, solution.residuals)}
-            total = total.plus(self._parabola(solution, noises))
+            total = total.plus(self._parabola(solution, self._colour(solution.residuals)))
             columns |= solution.columns
         point = inside(start.point.moved(total.least()))
         return Solution(point, self.simulation.residuals(point, cells), columns)
@@ -272,7 +270,7 @@ class Fitter:
 
     # -- noise and evidence
 
-    def quoted(self) -> Noise:
+    def quoted(self) -> dict[str, tuple[Whitener, ...]]:
         """White noise as the sensors are said to have."""
         return {
             name: tuple(Whitener(np.zeros(0), s) for s in view.sigmas)
@@ -284,14 +282,13 @@ class Fitter:
         return flat_noise(self.simulation, residuals)
 
     def _colour(self, residuals: Residuals) -> Noise:
-        return {view: self._noise_of(view, residuals) for view in {c[0] for c in residuals}}
-
-    def _noise_of(self, view: str, residuals: Residuals) -> tuple[Whitener, ...]:
-        rows = of_view(residuals, view)
-        return tuple(
-            noise.coloured([r[:, c] for r in rows], self.rules.quietest * sigma)
-            for c, sigma in enumerate(self.simulation.views[view].sigmas)
-        )
+        return {
+            cell: tuple(
+                noise.coloured([r[:, c]], self.rules.quietest * sigma)
+                for c, sigma in enumerate(self.simulation.views[cell[0]].sigmas)
+            )
+            for cell, r in residuals.items()
+        }
 
     def _parabola(self, solution: Solution, of_views: Noise) -> Parabola:
         """-2 log likelihood of some cells about where a descent ended."""
@@ -315,13 +312,13 @@ class Fitter:
         """`base`: where the cells come from that were left as they are."""
         point, colour = solution.point, self._colour(solution.residuals)
         parabolas = {
-            view: self._parabola(_only(solution, view), {view: colour[view]}) for view in colour
+            view: self._parabola(_only(solution, view), colour) for view in {c[0] for c in colour}
         }
-        stretches = {c: self._stretches(c, r, colour[c[0]]) for c, r in solution.residuals.items()}
+        stretches = {c: self._stretches(c, r, colour[c]) for c, r in solution.residuals.items()}
         own = prior(point.coordinates)
         cost = known.cost(point.theta)
         if base is not None:
-            left = {v: p for v, p in base.parabolas.items() if v not in colour}
+            left = {v: p for v, p in base.parabolas.items() if v not in parabolas}
             at = dict(zip((c.name for c in base.point.coordinates), base.point.theta, strict=True))
             cost -= sum(p.cost(np.array([at[n] for n in p.names])) for p in left.values())
             solution = Solution(

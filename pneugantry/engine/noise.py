@@ -26,7 +26,9 @@ __all__ = [
     "whitener_of",
 ]
 
-Noise = Mapping[str, tuple[Whitener, ...]]  # by view, one for each of its signals
+# By view and record, one for each signal of the view. A colour of a view's own would be that of the
+# records that it fits worst, and blind to a constant error in the others.
+Noise = Mapping[tuple[str, str], tuple[Whitener, ...]]
 CLIPPED = 5.0  # spreads beyond which a residual says nothing of the noise's colour
 NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute value
 

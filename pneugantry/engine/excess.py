@@ -1,0 +1,89 @@
+"""What a fit leaves beyond the sensors' noise.
+
+The quoted noise of every sensor that a view reads, brought through the view, has a size and a
+colour of its own. Whitened by that colour, the residuals of a sound rig all have about one size:
+how much noisier its sensors are than quoted. A view that stands out from the others holds something
+that the model lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.noise import LONGEST, Whitener, spread, whitener_of
+from pneugantry.engine.plant import Array
+from pneugantry.engine.synthetic import noisy
+
+__all__ = ["Channel", "Excess", "Floors", "excess_of", "floors_of"]
+
+Channel = tuple[str, str]  # view, signal
+Floors = dict[tuple[Channel, str], Whitener]  # by channel and record
+CLIPPED = 6.0  # noise levels beyond which a residual counts no further
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Sizes of residuals in units of the quoted noise, brought through each view."""
+
+    level: float  # of the rig: how much noisier its sensors are than quoted
+    bulk: Mapping[Channel, float]  # of most rows
+    whole: Mapping[Channel, float]  # RMS, rows that stand out clipped
+    by_record: Mapping[tuple[Channel, str], float]  # RMS, clipped
+
+    def ratio(self, channel: Channel) -> float:
+        """How far a channel stands out: 1 where it holds nothing but noise."""
+        return self.whole[channel] / self.level
+
+
+def floors_of(fitter: Fitter, fit: Fit) -> Floors:
+    """Colour and size of the quoted noise in each view and record."""
+    found: Floors = {}
+    more = {n: noisy(fitter.plant, record) for n, record in fitter.simulation.records.items()}
+    for name, record in fitter.simulation.cells:
+        view, values = fitter.simulation.views[name], [fit.values(record)]
+        if not view.shows(more[record]):
+            continue
+        quiet = view.residuals(fitter.simulation.records[record], values)[0]
+        change = view.residuals(more[record], values)[0] - quiet
+        if len(change) <= 4 * LONGEST or not np.isfinite(change).all():
+            continue
+        for c, (signal, sigma) in enumerate(zip(view.signals, view.sigmas, strict=True)):
+            # an event that one more draw of noise moves is no noise
+            bound = CLIPPED * max(spread([change[:, c]]), sigma)
+            clipped = np.clip(change[:, c], -bound, bound)
+            found[(name, signal), record] = whitener_of([clipped], sigma)
+    return found
+
+
+def excess_of(fitter: Fitter, fit: Fit, floors: Floors) -> Excess:
+    """Sizes of what a fit leaves; cells without a floor are left out."""
+    white = {
+        ((view, signal), record): floors[(view, signal), record](residual[:, c])
+        for (view, record), residual in fit.residuals.items()
+        for c, signal in enumerate(fitter.simulation.views[view].signals)
+        if ((view, signal), record) in floors
+    }
+    own = {ch: [w for (other, _), w in white.items() if other == ch] for ch, _ in white}
+    bulk = {ch: spread(rows) for ch, rows in own.items()}
+    level = float(np.median(list(bulk.values()))) if bulk else 1.0
+    return Excess(
+        level,
+        bulk,
+        {ch: _size(np.concatenate(rows), level) for ch, rows in own.items()},
+        {key: _size(rows, level) for key, rows in white.items()},
+    )
+
+
+def _size(rows: Array, level: float) -> float:
+    bound = CLIPPED * level
+    return float(np.sqrt(np.mean(np.clip(rows, -bound, bound) ** 2)))
+
+
+def _bounds(rows: Array) -> tuple[float, float]:
+    """An event that one more draw of noise moves is no noise."""
+    bound = CLIPPED * spread([rows])
+    return -bound, bound
