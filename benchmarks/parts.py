@@ -38,7 +38,7 @@ def measure() -> dict[str, Any]:
         cost = {"FMU, 1 ms": _fastest(lambda: fmu.drive(setup, hold, instants)) / ROWS}
     plant = plant_of(thinning=rules.thinning)
     record = thinned(record_of("random", LoggedRun(setup, log)), rules.thinning)
-    views = build_views(plant, MEASURED, cache, record.period, rules.observer, rules.band)
+    views = build_views(plant, MEASURED, cache, record.period, rules)
     for view in views:
         values: list[dict[str, float]] = [{} for _ in range(RUNS)]
         seconds = _fastest(partial(view.simulate, record, values))

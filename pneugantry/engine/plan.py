@@ -134,7 +134,7 @@ def make_plan(case: Case, say: Say = lambda _: None) -> Plan:
 
 def _views(case: Case, period: float) -> list[SubsystemView]:
     rules, measured = case.rules, [s.name for s in case.plant.signals]
-    return build_views(case.plant, measured, case.cache, period, rules.observer, rules.band)
+    return build_views(case.plant, measured, case.cache, period, rules)
 
 
 def _completed(case: Case, notes: list[str]) -> tuple[list[Record], list[Experiment]]:

@@ -15,6 +15,9 @@ class Rules:
 
     band: float = 100.0  # Hz, residuals are averages over 1/band (field: ten times the bandwidth)
     thinning: int = 2  # rows of a record that are averaged into one before anything is simulated
+    coarse: float = (
+        3.0  # noise from known signals that a view may have, in its sensors' own (design)
+    )
     observer: float = 0.016  # s, time constant of the observer in parts that switch
     tails: float = 4.0  # degrees of freedom of the noise's distribution (field: robust regression)
     quietest: float = 0.6  # smallest noise, in units of the quoted one, that a sensor may have

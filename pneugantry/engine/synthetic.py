@@ -49,12 +49,12 @@ class Nominal:
         return replace(record, signals={**signals, **(keep or {})}, judged=None)
 
 
-def noisy(plant: Plant, record: Record) -> Record:
-    """The record with one more draw of every sensor's quoted noise, under a name of its own."""
+def noisy(plant: Plant, record: Record, only: str | None = None) -> Record:
+    """The record with one more draw of every sensor's quoted noise, or of one sensor's."""
     draw = np.random.default_rng(zlib.crc32(record.name.encode()))
-    sigma = {s.name: s.sigma for s in plant.signals}
+    sigma = {s.name: s.sigma for s in plant.signals if only in (None, s.name)}
     signals = {
         n: v + sigma.get(n, 0.0) * draw.standard_normal(len(v))
         for n, v in sorted(record.signals.items())
     }
-    return replace(record, name=f"{record.name}, noisier", signals=signals)
+    return replace(record, name=f"{record.name}, {only or 'all'} noisier", signals=signals)

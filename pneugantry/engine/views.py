@@ -21,6 +21,7 @@ from modelica_fmu.batch import Correction, Part, Subsystem, build_part, part_key
 from modelica_fmu.cut import Structure, cut, structure
 from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Array, Plant, Record, Signal
+from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, sensed, signal_of, slope, true_signal
 from pyfmi_runner.smoothing import smooth_axis
 
@@ -80,6 +81,11 @@ class SubsystemView:
             if s.removeprefix(RATE) not in self.plant.inputs
         }
         self._all = {*self._read, *self.signals}
+
+    @property
+    def known(self) -> frozenset[str]:
+        """Measured signals that it takes as known."""
+        return frozenset(self._read)
 
     @property
     def defaults(self) -> Mapping[str, float]:
@@ -202,6 +208,7 @@ class _Sight:
     shape: Structure
     signals: Mapping[str, Signal]  # measured, by name
     cache: Path
+    coarse: Mapping[str, frozenset[str]] = field(default_factory=dict)  # see `build_views`
 
     def root(self, signal: str) -> str:
         return self.shape.roots[self.signals[signal].variable]
@@ -219,12 +226,18 @@ class _Sight:
 
 
 def build_views(
-    plant: Plant, measured: Sequence[str], cache: Path, period: float, observer: float, band: float
+    plant: Plant,
+    measured: Sequence[str],
+    cache: Path,
+    period: float,
+    rules: Rules,
+    coarse: Mapping[str, frozenset[str]] | None = None,
 ) -> list[SubsystemView]:
     """One view for each measured signal; signals that the same part computes share one.
 
-    period: s, between a record's rows; observer: s, time constant of the correction; band: Hz, up
-    to which residuals are judged. Raises InputError for a signal whose variable the model lacks.
+    period: s, between a record's rows; coarse: signals that a signal's view does not take as known,
+    for they are measured too coarsely. Raises InputError for a signal whose variable the model
+    lacks.
     """
     shape = _structure(plant, cache)
     signals = {s.name: s for s in plant.signals if s.name in measured}
@@ -236,14 +249,14 @@ def build_views(
                 field=signal.variable,
                 hint=f"correct the variable of the signal {signal.name}",
             )
-    sight = _Sight(plant, shape, signals, cache)
-    decimation = max(1, round(1 / (band * period)))
+    sight = _Sight(plant, shape, signals, cache, coarse or {})
+    decimation = max(1, round(1 / (rules.band * period)))
     grouped: dict[tuple[object, ...], list[str]] = {}
     for name in signals:
         part, _, _ = _cut(sight, [name])
         key = (part.library,) if part.of("state") else tuple(sorted(part.of("parameter")))
         grouped.setdefault(key, []).append(name)
-    return [_view(sight, names, decimation, observer) for names in grouped.values()]
+    return [_view(sight, names, decimation, rules.observer) for names in grouped.values()]
 
 
 def view_beside(plant: Plant, signal: str, cache: Path, like: SubsystemView) -> SubsystemView:
@@ -276,10 +289,11 @@ def _known(sight: _Sight, own: Sequence[str]) -> dict[str, str]:
     states; but no state whose rate is one of `own`: it follows from it.
     """
     rates, roots = sight.shape.rates, {sight.root(o) for o in own}
+    coarse = frozenset().union(*(sight.coarse.get(o, frozenset()) for o in own))
     known = {
         sight.root(other): other
         for other in sight.signals
-        if other not in own and rates.get(sight.root(other)) not in roots
+        if other not in own and other not in coarse and rates.get(sight.root(other)) not in roots
     }
     for other in list(known.values()):
         rate = rates.get(sight.root(other))
@@ -296,7 +310,8 @@ def _cut(sight: _Sight, own: Sequence[str]) -> tuple[Part, dict[str, str], dict[
     outputs = [sight.signals[n].variable for n in own]
     part = part_of(sight.plant, outputs, sorted(known), sight.cache)
     sources = {n: known.get(n, n) for n in part.of("input")}
-    signal = {sight.root(n): n for n in sight.signals}
+    coarse = frozenset().union(*(sight.coarse.get(o, frozenset()) for o in own))
+    signal = {sight.root(n): n for n in sight.signals if n not in coarse}
     corrected = {s: signal[s] for s in part.of("state") if s in signal}
     return part, sources, corrected if part.switching & set(corrected) else {}
 

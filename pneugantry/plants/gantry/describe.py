@@ -111,7 +111,5 @@ def record_of(name: str, run: LoggedRun) -> Record:
 def views_of(plant: Plant, campaign: Campaign, cache: Path, rules: Rules) -> list[View]:
     """Views cut from the model, and that of the controller where it is known."""
     measured = [s.name for s in plant.signals]
-    views: list[View] = list(
-        build_views(plant, measured, cache, PERIOD * rules.thinning, rules.observer, rules.band)
-    )
+    views: list[View] = list(build_views(plant, measured, cache, PERIOD * rules.thinning, rules))
     return [*views, ControllerView(campaign.logs)]

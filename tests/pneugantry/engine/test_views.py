@@ -12,6 +12,7 @@ import pytest
 import pneugantry.engine
 from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Plant, Record, Signal, thinned
+from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import sensed, true_signal
 from pneugantry.engine.synthetic import Nominal
 from pneugantry.engine.views import SubsystemView, build_views
@@ -26,7 +27,7 @@ NAMES = (
 
 def views(plant: Plant, cache: Path, names: list[str] | None = None) -> list[SubsystemView]:
     measured = names or [s.name for s in plant.signals]
-    return build_views(plant, measured, cache, 2e-3, 0.008, 100.0)
+    return build_views(plant, measured, cache, 2e-3, Rules(observer=0.008))
 
 
 def test_the_gantry_s_views_come_out_of_its_structure() -> None:
