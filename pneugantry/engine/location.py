@@ -1,7 +1,10 @@
 """Where a gap lies: which block, in which records, in which regime of the motion.
 
 Everything is counted as -2 log likelihood. What an effect explains counts for the effect's block;
-what the answer leaves above the noise counts for the block of the view that shows it.
+what the answer leaves above the noise counts for the block of the view that shows it. A view may
+have its own nuisances first: in a joint fit one view that is wrong bends those that it shares, and
+sound views misfit with it. Where each view by itself is at the noise, and all together are not,
+the joint misfit counts.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneugantry.engine import noise
+from pneugantry.engine.descent import Weighing
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.noise import Whitener
 from pneugantry.engine.plant import Array
@@ -23,8 +27,10 @@ from pneugantry.engine.synthetic import noisy
 
 __all__ = ["Floor", "Place", "floor_below", "where"]
 
+DOUBT = 1.0  # standard errors over stretches by which a view's misfit is lowered
+ROUNDS = 4  # reweighted least squares of a view by itself
 QUIETER = 0.25  # share of the stretches that are no worse than the quieter ones
-LEVEL = 0.1  # share by which the size of the noise may be other than said
+LEVEL = 0.05  # share by which the size of the noise may be other than said
 LARGE = 0.15  # share of a block's misfit from which on a record is named
 
 
@@ -182,38 +188,72 @@ def _explained(fitter: Fitter, found: Search, answer: Fit) -> list[_Share]:
 
 
 def _left(fitter: Fitter, answer: Fit, floor: Floor) -> list[_Share]:
-    """What views have left above the noise; what a few stretches carry alone is nothing."""
-    shares = []
-    for name, view in fitter.simulation.views.items():
-        excess = _excess(answer, name, floor)
-        if not excess:
-            continue
-        every = np.concatenate(list(excess.values()))
-        sure = float(every.sum() - fitter.rules.doubt * np.sqrt(every @ every))
-        rising = {c: max(float(e.sum()), 0.0) for c, e in excess.items()}
-        total = sum(rising.values())
-        if sure > 0 and total > 0:
-            shares += [_Share(view.block, c, left=sure * r / total) for c, r in rising.items()]
-    return shares
-
-
-def _excess(answer: Fit, view: str, floor: Floor) -> dict[Cell, Array]:
-    """-2 log likelihood of each stretch of a view's cells above the noise's.
-
-    The size of the noise is known to `LEVEL` only: the quieter stretches are at it.
+    """What views have left above the noise, each with nuisances of its own; all together, where
+    no view by itself has anything left.
     """
-    per_row = floor.per_row[view]
+    joint = answer.residuals
+    own = {c: r for name in fitter.simulation.views for c, r in alone(fitter, answer, name).items()}
+    for residuals in (own, joint):
+        shares = [
+            share
+            for name in fitter.simulation.views
+            for share in _left_in(
+                fitter, {c: r for c, r in residuals.items() if c[0] == name}, floor
+            )
+        ]
+        if shares:
+            return shares
+    return []
+
+
+def _left_in(fitter: Fitter, residuals: Mapping[Cell, Array], floor: Floor) -> list[_Share]:
+    """Of one view; what a few stretches carry alone is nothing."""
+    if not residuals:
+        return []
+    name = next(iter(residuals))[0]
+    block, per_row = fitter.simulation.views[name].block, floor.per_row[name]
     means, lengths = {}, {}
-    for cell in (c for c in answer.stretches if c[0] == view):
-        stretches = answer.stretches[cell].reshape(len(per_row), -1).T
-        lengths[cell] = (len(answer.residuals[cell]) - noise.LONGEST) / len(stretches)
-        means[cell] = stretches / lengths[cell]
-    if not means:
-        return {}
+    for cell, r in residuals.items():
+        terms = _terms(r, floor.whiteners[name], fitter.rules.tails)
+        means[cell] = _means(terms, _stretches(fitter, cell, len(terms)))
+        lengths[cell] = len(terms) / len(means[cell])
     quiet = np.quantile(np.concatenate(list(means.values())), QUIETER, axis=0)
-    most = 2 * math.log(1 + LEVEL)
-    shift = np.clip(quiet - floor.quiet[view], -most, most)
-    return {c: (m - per_row - shift).sum(axis=1) * lengths[c] for c, m in means.items()}
+    shift = np.clip(quiet - floor.quiet[name], 0.0, 2 * math.log(1 + LEVEL))
+    excess = {c: (m - per_row - shift).sum(axis=1) * lengths[c] for c, m in means.items()}
+    every = np.concatenate(list(excess.values()))
+    sure = float(every.sum() - DOUBT * np.sqrt(every @ every))
+    rising = {c: max(float(e.sum()), 0.0) for c, e in excess.items()}
+    total = sum(rising.values())
+    if sure <= 0 or total <= 0:
+        return []
+    return [_Share(block, c, left=sure * r / total) for c, r in rising.items()]
+
+
+def alone(fitter: Fitter, fit: Fit, name: str) -> dict[Cell, Array]:
+    """Residuals of one view with nuisances of its own, by the columns of a fit."""
+    residuals = {c: r for c, r in fit.residuals.items() if c[0] == name}
+    columns = {k: c for k, c in fit.columns.items() if k[0][0] == name}
+    precision = np.array([1 / c.spread**2 for c in fit.point.coordinates])
+    names = [c.name for c in fit.point.coordinates]
+    weighing = Weighing({name: fit.noise[name]} if residuals else {}, fitter.rules)
+    moved, theta = dict(residuals), fit.point.theta
+    for _ in range(ROUNDS):
+        point = fit.point.moved(theta)
+        normal, gradient = weighing.normal(point, moved, columns)
+        step = -np.linalg.solve(normal + np.diag(precision), gradient + precision * theta)
+        step = np.where(np.diag(normal) > 0, step, 0.0)
+        tried = {
+            c: r
+            + sum(
+                (columns[c, n] * s for n, s in zip(names, step, strict=True) if (c, n) in columns),
+                0.0,
+            )
+            for c, r in moved.items()
+        }
+        if sum(weighing.costs(tried).values()) > sum(weighing.costs(moved).values()):
+            break
+        moved, theta = tried, theta + step
+    return moved
 
 
 def _records(cells: Mapping[Cell, float]) -> tuple[str, ...]:
@@ -233,8 +273,8 @@ def _regime(fitter: Fitter, null: Fit, floor: Floor, cells: Mapping[Cell, float]
     name = max(by_view, key=lambda v: by_view[v])
     view, own = fitter.simulation.views[name], floor.whiteners[name]
     chosen = [c for c in cells if c[0] == name and c[1] in _records(cells) and cells[c] > 0]
-    rows = []
+    rows, residuals = [], alone(fitter, null, name)
     for cell in chosen:
-        terms = _terms(null.residuals[cell], own, fitter.rules.tails) - floor.per_row[name]
+        terms = _terms(residuals[cell], own, fitter.rules.tails) - floor.per_row[name]
         rows.append((fitter.simulation.records[cell[1]], np.maximum(terms.sum(axis=1), 0.0)))
     return regime_of(fitter.plant, view, rows)
