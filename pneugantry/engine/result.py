@@ -198,8 +198,7 @@ def _replay_notes(g: Gap | None) -> list[str]:
     said = []
     if g.parted is not None:
         said.append(
-            f"{g.record}: from {g.parted:.3g} s on the augmented replay has left the record; "
-            "up to there it stays with it"
+            f"{g.record}: from {g.parted:.3g} s on the augmented replay has left the record"
         )
     if g.spread is not None and g.bifurcates:
         low, high = g.spread
