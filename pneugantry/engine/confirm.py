@@ -39,7 +39,7 @@ NOTHING = 0.05  # mean square beyond the floor's, below which there is no gap to
 NOISIEST = 2.0  # largest noise, in units of the quoted one, that counts as a sensor's noise
 PARTED = 10.0  # times the misfit so far by which a stretch and all later ones have parted
 DRAWS = 15  # replays with parameters drawn from what a fit leaves open
-LEAKS = 3  # rounds in which readings that leak into each other settle
+LEAKS = 6  # rounds in which readings that leak into each other settle
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,17 +224,18 @@ def _parted(squares: Array, length: int, floor: float) -> int | None:
 
 
 def noise_levels(plant: Plant, record: Record, rules: Rules) -> dict[str, float]:
-    """Size of each sensor's white noise in units of the quoted one, from fourth differences of its
-    readings, which no motion shows in; not less than a sensor may have, nor more than noise can be.
+    """Size of each sensor's white noise in units of the quoted one: of fourth differences, which
+    hardly show the motion, in the middle one of all stretches. Not less than a sensor may have, nor
+    more than noise can be.
     """
     length = max(16, round(rules.block / record.period))
     found = {}
     for s in plant.signals:
         if s.name not in record.signals or s.sigma <= 0:
             continue
-        fourth = np.abs(np.diff(record.signals[s.name], 4)) / np.sqrt(70.0)
+        fourth = np.diff(record.signals[s.name], 4) / np.sqrt(70.0)
         parts = np.array_split(fourth, max(1, len(fourth) // length))
-        sizes = [1.4826 * float(np.median(p)) / s.sigma for p in parts]
+        sizes = [np.sqrt(np.mean(p**2)) / s.sigma for p in parts]
         level = float(np.median(sizes))
         found[s.name] = min(max(level, rules.quietest), NOISIEST)
     return found

