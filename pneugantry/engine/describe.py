@@ -1,84 +1,459 @@
-"""A user's plant as the engine reads it, from the TOML file that `own_plant` documents."""
+"""A user's plant as the engine reads it, from a TOML file.
+
+[plant]      name; model = "Axis.mo" and class = "Axis", or fmu = "axis.fmu"; catalogue = "effects"
+             (folder or file); time = "t" or { column = "t", recorded = "ms" }, or period = 1e-3 (s,
+             between rows, and the rate that all logs are brought to); decimate = 25 (rows that are
+             judged as one); skip = 0.5 (s, not judged); step = 1e-3 (s, longest step of an FMU)
+[[fmu]]      instead of fmu =, one table each: file; block (its name in the answer); prefix (before
+             the names of its parameters); step; inputs = { "its input" = "input or output below" };
+             outputs = { "its output" = "output below" }. Inputs and outputs of the same name are
+             found without being written.
+[inputs]     "name in the model" = "column", a number, or { column, unit, recorded, scale, offset }
+[outputs.u]  column = "vir", sigma = 0.005 (RMS of the sensor's noise in `unit`; estimated if it is
+             not given), unit = "V" (of the model), recorded = "mV" (of the column), scale, offset,
+             variable = "motor.u" (of the model; else the part's name)
+[blocks]     "motor" = "drive": component path of the model = name in the answer
+[tolerance]  "M" = 0.05: share (RMS) by which a rig's parameter may be off; that is no cause
+[parameters] "gtau" = 35.15: what is known and differs from the model's own value
+[per_log]    "q_start" = 1e-3: RMS by which a parameter of each log is off; no cause either
+[log.train]  file = "train.csv" (.parquet, .mat), use = "fit" or "held out"; [log.train.inputs],
+             [log.train.parameters]: of this log only
+
+Paths are relative to the file. Row k holds the readings at k * period and the inputs that act from
+then on. A signal that no log has is left out; the others' views then reach further.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from modelica_fmu.errors import InputError
 from pneugantry.diagnosis.catalogue import Effect, Form, Parameter, read_catalogue
-from pneugantry.diagnosis.own_plant import OwnPlant, read_own_plant
+from pneugantry.engine.foreign import ForeignFmu, ForeignPlant, foreign_views
 from pneugantry.engine.plan import Case
-from pneugantry.engine.plant import Nuisance, Plant, Record, Signal
+from pneugantry.engine.plant import Array, Data, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX
-from pneugantry.engine.views import known_variables
-from pyfmi_runner.scenario import parse_toml
+from pneugantry.engine.tables import COARSEST, FINEST, Column, factor, noise_of, read_columns
+from pneugantry.engine.views import View, build_views, known_variables
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.scenario import Fields, parse_toml
 
-__all__ = ["case_of", "sensor_effects"]
+__all__ = ["Described", "case_of", "described", "sensor_effects", "views_of"]
 
 SCALE = 0.003  # RMS error of any sensor's scale that is no cause (field: a calibrated sensor)
 MOST_SENSORS = 6  # sensors that are tried: each is a cut of its own
+TABLES = (
+    "plant",
+    "fmu",
+    "inputs",
+    "outputs",
+    "blocks",
+    "tolerance",
+    "parameters",
+    "per_log",
+    "log",
+)
+PLANT_KEYS = (
+    *("name", "model", "class", "fmu", "catalogue"),
+    *("time", "period", "decimate", "skip", "step"),
+)
+COLUMN_KEYS = ("column", "unit", "recorded", "scale", "offset")
+Source = Column | float
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """All that a description and its logs say."""
+
+    plant: Plant
+    data: Data
+    catalogue: Mapping[str, Effect]
+    rules: Rules
+    cache: Path  # of the parts
+    notes: tuple[str, ...]
+    outputs: tuple[str, ...]  # of the model, measured or not
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        held = self.data.held_out
+        return self.data.fitted if held is None else (*self.data.fitted, held)
+
+
+def described(
+    path: Path, cache: Path, catalogue: Path | None = None, rules: Rules | None = None
+) -> Described:
+    """Reads a description and its logs. cache: folder of the parts; catalogue: read instead of the
+    description's. `band` and `thinning` of the rules follow from the description. Raises InputError
+    naming file, field and hint.
+    """
+    top = Fields(parse_toml(path), TABLES, path)
+    for name in ("plant", "inputs", "outputs", "log"):
+        if not top.table.get(name):
+            top.refuse(name, "is missing or empty", f"add a table [{name}]")
+    own = top.sub("plant", PLANT_KEYS)
+    source = _source_of(top, own)
+    logs = _Logs(top, own)
+    records, held, notes = logs.read()
+    signals, said = _signals(logs, (*records, *held))
+    for name, variable in _named(top, signals):
+        if variable not in source.variables and not variable.startswith(PREFIX):
+            hint = f"see modelDescription.xml of {source.what}"
+            raise InputError("no such variable in the model", file=path, field=name, hint=hint)
+    given = own.of_type("catalogue", str, "")
+    effects = _catalogue(catalogue or (path.parent / given if given else None))
+    plant = _plant(top, own, source, signals)
+    if len(held) > 1:
+        notes.append(f"held out and not used: {', '.join(r.name for r in held[1:])}")
+    period = records[0].period
+    decimate = own.of_type("decimate", int, 1)
+    if decimate < 1:
+        own.refuse("decimate", f"is {decimate}, expected >= 1", "write 1 to judge every row")
+    return Described(
+        plant,
+        Data(tuple(records), held[0] if held else None),
+        sensor_effects(plant.signals, period) | effects,
+        replace(rules or Rules(), band=1 / (period * decimate), thinning=1),
+        cache,
+        (*notes, *said),
+        source.outputs,
+    )
+
+
+def views_of(found: Described) -> tuple[list[View], list[str]]:
+    """Views of what is measured: cut from the model, or of the FMUs; and what could not be made."""
+    measured = [s.name for s in found.plant.signals]
+    period = found.data.fitted[0].period
+    rules = found.rules
+    if isinstance(found.plant, ForeignPlant):
+        views, notes = foreign_views(found.plant, measured, period, rules.band)
+        return list(views), notes
+    cut = build_views(found.plant, measured, found.cache, period, rules.observer, rules.band)
+    return list(cut), []
 
 
 def case_of(path: Path, cache: Path, catalogue: Path | None = None) -> Case:
-    """Plant, records and catalogue of a description. cache: folder of the parts; catalogue: read
-    instead of the description's. Raises InputError naming file, field and hint.
+    """What a plan is made of. Arguments and errors as of `described`; InputError for an FMU, whose
+    missing signals nothing simulates.
     """
-    table = parse_toml(path).get("plant", {})
-    if "fmu" in table or "model" not in table or "class" not in table:
+    table = parse_toml(path)
+    plant = table.get("plant", {})
+    if "fmu" in table or "fmu" in plant or "model" not in plant or "class" not in plant:
         raise InputError(
-            "plan needs the Modelica source: views of an FMU do not exist yet",
+            "plan needs the Modelica source",
             file=path,
             field="plant",
             hint='write model = "Axis.mo" and class = "Axis"',
         )
-    own = read_own_plant(path)
-    model, class_name = path.parent / str(table["model"]), str(table["class"])
-    plant = _plant(own, model, class_name)
-    records = tuple(_record(own, index) for index in range(len(own.logs)))
-    effects = sensor_effects(plant.signals, own.period) | _catalogue(catalogue or own.catalogue)
+    found = described(path, cache, catalogue)
     return Case(
-        plant,
-        records,
-        effects,
-        replace(Rules(), band=1 / (own.period * own.decimate), thinning=1),
+        found.plant,
+        found.records,
+        found.catalogue,
+        found.rules,
         cache,
-        sensors=_missing(own, plant, cache),
+        sensors=_missing(found),
+        notes=found.notes,
     )
 
 
-def _plant(own: OwnPlant, model: Path, class_name: str) -> Plant:
-    nuisances = [Nuisance(p, s, relative=True, scales=True) for p, s in own.tolerance.items()]
-    for c in own.channels:
+# ---- the model
+
+
+@dataclass(frozen=True)
+class _Model:
+    """Modelica source, or FMUs."""
+
+    what: str
+    model: Path
+    class_name: str
+    variables: frozenset[str]  # with the FMUs' prefixes
+    outputs: tuple[str, ...]
+    fmus: tuple[ForeignFmu, ...] = ()  # inputs and outputs as written, before the rest is found
+
+
+def _source_of(top: Fields, own: Fields) -> _Model:
+    assert top.file is not None
+    folder = Path(top.file).parent
+    model, class_name, fmu = (own.of_type(k, str, "") for k in ("model", "class", "fmu"))
+    tables = top.of_type("fmu", list, [])
+    if (bool(model) + bool(fmu) + bool(tables)) != 1 or bool(model) != bool(class_name):
+        hint = 'write fmu = "axis.fmu", or model = "Axis.mo" and class = "Axis", or [[fmu]] tables'
+        own.refuse("model", "names no plant, or more than one", hint)
+    if model:
+        file = FmuFile.read(build_fmu(class_name, folder / model).path)
+        outputs = tuple(n for n, v in file.variables.items() if v.causality == "output")
+        known = frozenset(file.variables)
+        return _Model(f"the class {class_name}", folder / model, class_name, known, outputs)
+    if fmu:
+        tables = [{"file": fmu, **({"step": own.table["step"]} if "step" in own else {})}]
+    fmus = tuple(_fmu(table, top, folder) for table in tables)
+    known = frozenset(f.prefix + n for f in fmus for n in f.file.variables)
+    outputs = tuple(f.prefix + n for f in fmus for n in f.file.description.outputs)
+    first = fmus[0].file
+    what = ", ".join(f.file.path.name for f in fmus)
+    return _Model(what, first.path, first.description.model, known, outputs, fmus)
+
+
+def _fmu(table: object, top: Fields, folder: Path) -> ForeignFmu:
+    """One FMU, with the inputs and outputs that are written."""
+    fields = Fields(
+        table, ("file", "block", "prefix", "step", "inputs", "outputs"), top.file, "fmu."
+    )
+    name = fields.of_type("file", str, "")
+    if not name:
+        fields.refuse("file", "is missing", 'write file = "axis.fmu"')
+    step = fields.number("step", None, 0.0)
+    if step == 0.0:
+        fields.refuse("step", "must be > 0", "give the longest step in s, or leave it out")
+    file = FmuFile.read(folder / name)
+    return ForeignFmu(
+        file,
+        fields.of_type("block", str, file.path.stem),
+        _texts(fields, "inputs"),
+        _texts(fields, "outputs"),
+        fields.of_type("prefix", str, ""),
+        step,
+    )
+
+
+def _texts(fields: Fields, key: str) -> dict[str, str]:
+    given = _free(fields, key)
+    return {name: given.of_type(name, str, "") for name in given.table}
+
+
+def _wired(fmu: ForeignFmu, inputs: Sequence[str], signals: Mapping[str, str]) -> ForeignFmu:
+    """The FMU with the inputs and outputs of the same name that nobody wrote. signals: variable
+    by signal.
+    """
+    variables = fmu.file.variables
+    at = {n for n, v in variables.items() if v.causality == "input"}
+    sources = {n: n for n in sorted(at) if n in inputs or n in signals} | dict(fmu.inputs)
+    if fmu.outputs:
+        return replace(fmu, inputs=sources)
+    made = {}
+    for signal, variable in signals.items():
+        bare = variable.removeprefix(fmu.prefix)
+        if variable.startswith(fmu.prefix) and bare in variables and bare not in at:
+            made[bare] = signal
+    return replace(fmu, inputs=sources, outputs=made)
+
+
+def _named(top: Fields, signals: Sequence[Signal]) -> Iterator[tuple[str, str]]:
+    """Field and variable of everything that the model must have. An FMU's inputs may have other
+    names than the plant's.
+    """
+    fmus = "fmu" in top.table
+    for key in ("tolerance", "parameters", "per_log", *(() if fmus else ("inputs",))):
+        yield from ((f"{key}.{name}", name) for name in _free(top, key).table)
+    if not fmus:
+        yield from ((f"outputs.{s.name}", s.variable) for s in signals)
+
+
+def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) -> Plant:
+    assert top.file is not None
+    nuisances = [
+        Nuisance(p, s, relative=True, scales=True) for p, s in top.numbers("tolerance").items()
+    ]
+    nuisances += [Nuisance(p, s, per_record=True) for p, s in top.numbers("per_log").items()]
+    for s in signals:
         nuisances += [
-            Nuisance(f"{PREFIX}{c.name}.scale", SCALE),
-            Nuisance(f"{PREFIX}{c.name}.bias", c.sigma),
+            Nuisance(f"{PREFIX}{s.name}.scale", SCALE),
+            Nuisance(f"{PREFIX}{s.name}.bias", s.sigma),
         ]
-    return Plant(
-        name=own.name,
-        model=model,
-        class_name=class_name,
-        inputs=own.inputs,
-        signals=tuple(Signal(c.name, c.name, c.sigma, c.unit) for c in own.channels),
-        parameters=own.parameters,
+    plant = Plant(
+        name=own.of_type("name", str, "") or Path(top.file).resolve().parent.name,
+        model=source.model,
+        class_name=source.class_name,
+        inputs=tuple(_free(top, "inputs").table),
+        signals=tuple(signals),
+        parameters=top.numbers("parameters"),
         nuisances=tuple(nuisances),
-        blocks={},
+        blocks=_texts(top, "blocks"),
+    )
+    if not source.fmus:
+        return plant
+    return _of_fmus(top, source, plant)
+
+
+def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:
+    """The plant with its FMUs wired."""
+    variables = _variables(top)
+    fmus = tuple(_wired(f, plant.inputs, variables) for f in source.fmus)
+    made = {s: f.prefix + o for f in fmus for o, s in f.outputs.items()}
+    read = {source for f in fmus for source in f.inputs.values()}
+    for name in plant.inputs:
+        if name not in read:
+            hint = f"see modelDescription.xml of {source.what}, or name it in [[fmu]] inputs"
+            top.refuse(f"inputs.{name}", "is read by no FMU", hint)
+    for s in plant.signals:
+        if s.name not in made and s.name not in read:
+            hint = f"see modelDescription.xml of {source.what}, or name it in [[fmu]] outputs"
+            top.refuse(f"outputs.{s.name}", "is neither made nor read by any FMU", hint)
+    kept = tuple(replace(s, variable=made.get(s.name, s.variable)) for s in plant.signals)
+    return ForeignPlant(**{**vars(plant), "signals": kept}, fmus=fmus)
+
+
+def _variables(top: Fields) -> dict[str, str]:
+    """Variable of the model by signal."""
+    outputs = _free(top, "outputs")
+    return {
+        name: Fields(outputs.table[name], (*COLUMN_KEYS, "sigma", "variable")).of_type(
+            "variable", str, name
+        )
+        for name in outputs.table
+    }
+
+
+# ---- signals and logs
+
+
+class _Logs:
+    """The logs of a description."""
+
+    def __init__(self, top: Fields, own: Fields) -> None:
+        self.top, self.own = top, own
+        self.inputs = {n: _source(_free(top, "inputs"), n) for n in _free(top, "inputs").table}
+        outputs = _free(top, "outputs")
+        self.signals = {
+            n: _column(outputs.sub(n, (*COLUMN_KEYS, "sigma", "variable")), n)
+            for n in outputs.table
+        }
+        self.skip = own.number("skip", 0.0, 0.0)
+        self.period: float | None = own.number("period", None, FINEST, COARSEST)
+        self.time: Column | None = None
+        if "time" in own:
+            given = own.table["time"]
+            named = isinstance(given, str)
+            self.time = Column(given) if named else _column(own.sub("time", COLUMN_KEYS), "s")
+
+    def read(self) -> tuple[list[Record], list[Record], list[str]]:
+        """Records to fit, those held out, and what was changed or is missing."""
+        fitted: list[Record] = []
+        held: list[Record] = []
+        notes: list[str] = []
+        for name in _free(self.top, "log").table:
+            record, out, said = self._log(name)
+            self.period = record.period  # the first log's, where nothing else says it
+            (held if out else fitted).append(record)
+            notes += said
+        if not fitted:
+            self.top.refuse("log", "every log is held out", 'give at least one log use = "fit"')
+        everywhere = {s for r in (*fitted, *held) for s in r.signals}
+        for signal in self.signals:
+            lacking = [r.name for r in (*fitted, *held) if signal not in r.signals]
+            if signal in everywhere and lacking:
+                notes.append(f"{signal} is not measured in {', '.join(lacking)}")
+        return fitted, held, notes
+
+    def _log(self, name: str) -> tuple[Record, bool, tuple[str, ...]]:
+        logs = _free(self.top, "log")
+        entry = logs.sub(name, ("file", "use", "inputs", "parameters"))
+        use = entry.of_type("use", str, "fit")
+        if use not in ("fit", "held out") or not entry.of_type("file", str, ""):
+            logs.refuse(name, "needs file, and use as one of fit, held out", 'write use = "fit"')
+        given = _free(entry, "inputs")
+        for unknown in set(given.table) - set(self.inputs):
+            given.refuse(unknown, "no such input", "name it under [inputs] first")
+        sources = {**self.inputs, **{key: _source(given, key) for key in given.table}}
+        driving = {n: s for n, s in sources.items() if isinstance(s, Column)}
+        # an input and a signal may share a name: the input's column is kept under another one
+        wanted = {f"input {n}": s for n, s in driving.items()} | self.signals
+        assert self.top.file is not None
+        file = Path(self.top.file).parent / entry.table["file"]
+        held = {f"input {n}" for n in driving}
+        table = read_columns(file, wanted, set(self.signals), self.time, self.period, held)
+        rows = _rows(table.columns, file)
+        inputs = {
+            n: table.columns[f"input {n}"] if n in driving else np.full(rows, s)
+            for n, s in sources.items()
+        }
+        signals = {n: table.columns[n] for n in self.signals if n in table.columns}
+        own = {**self._starts(name, entry.numbers("parameters"))}
+        record = Record(name, table.period, inputs, signals, own, skip=self.skip)
+        return record, use == "held out", table.notes
+
+    def _starts(self, log: str, parameters: dict[str, float]) -> dict[str, float]:
+        """A log's own parameters: those that may be off in each need a value in each."""
+        known = self.top.numbers("parameters")
+        for name in self.top.numbers("per_log"):
+            if name not in parameters and name not in known:
+                hint = f"write it under [parameters] or [log.{log}.parameters]"
+                self.top.refuse(f"per_log.{name}", f"has no value for the log {log}", hint)
+            parameters.setdefault(name, known.get(name, 0.0))
+        return parameters
+
+
+def _rows(columns: Mapping[str, Array], file: Path) -> int:
+    if not columns:
+        hint = "name its columns under [outputs]"
+        raise InputError("has none of the columns", file=file, field="outputs", hint=hint)
+    return len(next(iter(columns.values())))
+
+
+def _signals(logs: _Logs, records: Sequence[Record]) -> tuple[list[Signal], list[str]]:
+    """Signals that some log has, their noise estimated where it is not given; and what to say."""
+    outputs, variables = _free(logs.top, "outputs"), _variables(logs.top)
+    found, notes = [], []
+    for name, column in logs.signals.items():
+        measured = [r.signals[name] for r in records if name in r.signals]
+        if not measured:
+            notes.append(f"no log has a column {column.name!r}: {name} is taken as not measured")
+            continue
+        entry = outputs.sub(name, (*COLUMN_KEYS, "sigma", "variable"))
+        unit = entry.of_type("unit", str, "1")
+        sigma = entry.number("sigma", None)
+        if sigma is None:
+            sigma = noise_of(measured)
+            notes.append(f"noise of {name} estimated from the logs: {sigma:.3g} {unit}")
+        if sigma <= 0:
+            hint = "give the RMS of the sensor's noise"
+            entry.refuse("sigma", f"must be > 0, got {sigma:g}", hint)
+        found.append(Signal(name, variables[name], sigma, unit))
+    if not found:
+        logs.top.refuse("outputs", "no log has any of the columns", "correct their names")
+    return found, notes
+
+
+def _free(fields: Fields, key: str) -> Fields:
+    """A table whose keys are the user's."""
+    given: Any = fields.table.get(key, {})
+    return fields.sub(key, given if isinstance(given, Mapping) else {})
+
+
+def _source(fields: Fields, name: str) -> Source:
+    """Where an input comes from: a column of the log, or a number."""
+    given = fields.table[name]
+    if isinstance(given, str):
+        return Column(given)
+    if isinstance(given, Mapping):
+        return _column(fields.sub(name, COLUMN_KEYS), name)
+    return float(fields.number(name))
+
+
+def _column(entry: Fields, name: str) -> Column:
+    """A column in the model's unit: `recorded` tells the recorder's. Stamps are in s."""
+    unit = entry.of_type("unit", str, "s" if name == "s" else "1")
+    recorded = entry.of_type("recorded", str, unit)
+    by = factor(recorded, unit)
+    if by is None:
+        hint = "name units of one quantity, such as mm and m, or give scale"
+        entry.refuse("recorded", f"{recorded!r} is not known in {unit!r}", hint)
+        raise AssertionError
+    return Column(
+        entry.of_type("column", str, name),
+        by * entry.number("scale", 1.0),
+        entry.number("offset", 0.0),
     )
 
 
-def _record(own: OwnPlant, index: int) -> Record:
-    log = own.logs[index]
-    return Record(
-        log.name,
-        own.period,
-        {n: np.ascontiguousarray(log.inputs[:, i]) for i, n in enumerate(own.inputs)},
-        {c.name: np.ascontiguousarray(log.measured[:, i]) for i, c in enumerate(own.channels)},
-        log.parameters,
-        skip=own.skip,
-    )
+# ---- effects, sensors
 
 
 def _catalogue(source: Path | None) -> dict[str, Effect]:
@@ -114,13 +489,12 @@ def sensor_effects(signals: tuple[Signal, ...], period: float) -> dict[str, Effe
     return found
 
 
-def _missing(own: OwnPlant, plant: Plant, cache: Path) -> tuple[Signal, ...]:
+def _missing(found: Described) -> tuple[Signal, ...]:
     """Outputs and states of the model that are not measured."""
-    roots, states = known_variables(plant, cache)
-    measured = {roots.get(s.variable) for s in plant.signals}
-    outputs = [n for n, v in own.fmu.variables.items() if v.causality == "output"]
-    found: dict[str, str] = {}
-    for name in (*outputs, *sorted(states)):
-        if name in roots and roots[name] not in measured and roots[name] not in found:
-            found[roots[name]] = name
-    return tuple(Signal(name, name, 0.0) for name in list(found.values())[:MOST_SENSORS])
+    roots, states = known_variables(found.plant, found.cache)
+    measured = {roots.get(s.variable) for s in found.plant.signals}
+    made: dict[str, str] = {}
+    for name in (*found.outputs, *sorted(states)):
+        if name in roots and roots[name] not in measured and roots[name] not in made:
+            made[roots[name]] = name
+    return tuple(Signal(name, name, 0.0) for name in list(made.values())[:MOST_SENSORS])
