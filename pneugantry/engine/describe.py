@@ -28,18 +28,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from modelica_fmu.errors import InputError
 from pneugantry.diagnosis.catalogue import Effect, Form, Parameter, read_catalogue
 from pneugantry.engine.foreign import ForeignFmu, ForeignPlant, foreign_views
 from pneugantry.engine.plan import Case
-from pneugantry.engine.plant import Array, Data, Nuisance, Plant, Record, Signal
+from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
+from pneugantry.engine.records import Logs, free, signals_of, variables_of
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX
-from pneugantry.engine.tables import COARSEST, FINEST, Column, factor, noise_of, read_columns
 from pneugantry.engine.views import View, build_views, known_variables
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
@@ -64,8 +61,6 @@ PLANT_KEYS = (
     *("name", "model", "class", "fmu", "catalogue"),
     *("time", "period", "decimate", "skip", "step"),
 )
-COLUMN_KEYS = ("column", "unit", "recorded", "scale", "offset")
-Source = Column | float
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +94,9 @@ def described(
             top.refuse(name, "is missing or empty", f"add a table [{name}]")
     own = top.sub("plant", PLANT_KEYS)
     source = _source_of(top, own)
-    logs = _Logs(top, own)
+    logs = Logs(top, own)
     records, held, notes = logs.read()
-    signals, said = _signals(logs, (*records, *held))
+    signals, said = signals_of(logs, (*records, *held))
     for name, variable in _named(top, signals):
         if variable not in source.variables and not variable.startswith(PREFIX):
             hint = f"see modelDescription.xml of {source.what}"
@@ -224,7 +219,7 @@ def _fmu(table: object, top: Fields, folder: Path) -> ForeignFmu:
 
 
 def _texts(fields: Fields, key: str) -> dict[str, str]:
-    given = _free(fields, key)
+    given = free(fields, key)
     return {name: given.of_type(name, str, "") for name in given.table}
 
 
@@ -251,7 +246,7 @@ def _named(top: Fields, signals: Sequence[Signal]) -> Iterator[tuple[str, str]]:
     """
     fmus = "fmu" in top.table
     for key in ("tolerance", "parameters", "per_log", *(() if fmus else ("inputs",))):
-        yield from ((f"{key}.{name}", name) for name in _free(top, key).table)
+        yield from ((f"{key}.{name}", name) for name in free(top, key).table)
     if not fmus:
         yield from ((f"outputs.{s.name}", s.variable) for s in signals)
 
@@ -271,7 +266,7 @@ def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) 
         name=own.of_type("name", str, "") or Path(top.file).resolve().parent.name,
         model=source.model,
         class_name=source.class_name,
-        inputs=tuple(_free(top, "inputs").table),
+        inputs=tuple(free(top, "inputs").table),
         signals=tuple(signals),
         parameters=top.numbers("parameters"),
         nuisances=tuple(nuisances),
@@ -284,7 +279,7 @@ def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) 
 
 def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:
     """The plant with its FMUs wired."""
-    variables = _variables(top)
+    variables = variables_of(top)
     fmus = tuple(_wired(f, plant.inputs, variables) for f in source.fmus)
     made = {s: f.prefix + o for f in fmus for o, s in f.outputs.items()}
     read = {source for f in fmus for source in f.inputs.values()}
@@ -298,159 +293,6 @@ def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:
             top.refuse(f"outputs.{s.name}", "is neither made nor read by any FMU", hint)
     kept = tuple(replace(s, variable=made.get(s.name, s.variable)) for s in plant.signals)
     return ForeignPlant(**{**vars(plant), "signals": kept}, fmus=fmus)
-
-
-def _variables(top: Fields) -> dict[str, str]:
-    """Variable of the model by signal."""
-    outputs = _free(top, "outputs")
-    return {
-        name: Fields(outputs.table[name], (*COLUMN_KEYS, "sigma", "variable")).of_type(
-            "variable", str, name
-        )
-        for name in outputs.table
-    }
-
-
-# ---- signals and logs
-
-
-class _Logs:
-    """The logs of a description."""
-
-    def __init__(self, top: Fields, own: Fields) -> None:
-        self.top, self.own = top, own
-        self.inputs = {n: _source(_free(top, "inputs"), n) for n in _free(top, "inputs").table}
-        outputs = _free(top, "outputs")
-        self.signals = {
-            n: _column(outputs.sub(n, (*COLUMN_KEYS, "sigma", "variable")), n)
-            for n in outputs.table
-        }
-        self.skip = own.number("skip", 0.0, 0.0)
-        self.period: float | None = own.number("period", None, FINEST, COARSEST)
-        self.time: Column | None = None
-        if "time" in own:
-            given = own.table["time"]
-            named = isinstance(given, str)
-            self.time = Column(given) if named else _column(own.sub("time", COLUMN_KEYS), "s")
-
-    def read(self) -> tuple[list[Record], list[Record], list[str]]:
-        """Records to fit, those held out, and what was changed or is missing."""
-        fitted: list[Record] = []
-        held: list[Record] = []
-        notes: list[str] = []
-        for name in _free(self.top, "log").table:
-            record, out, said = self._log(name)
-            self.period = record.period  # the first log's, where nothing else says it
-            (held if out else fitted).append(record)
-            notes += said
-        if not fitted:
-            self.top.refuse("log", "every log is held out", 'give at least one log use = "fit"')
-        everywhere = {s for r in (*fitted, *held) for s in r.signals}
-        for signal in self.signals:
-            lacking = [r.name for r in (*fitted, *held) if signal not in r.signals]
-            if signal in everywhere and lacking:
-                notes.append(f"{signal} is not measured in {', '.join(lacking)}")
-        return fitted, held, notes
-
-    def _log(self, name: str) -> tuple[Record, bool, tuple[str, ...]]:
-        logs = _free(self.top, "log")
-        entry = logs.sub(name, ("file", "use", "inputs", "parameters"))
-        use = entry.of_type("use", str, "fit")
-        if use not in ("fit", "held out") or not entry.of_type("file", str, ""):
-            logs.refuse(name, "needs file, and use as one of fit, held out", 'write use = "fit"')
-        given = _free(entry, "inputs")
-        for unknown in set(given.table) - set(self.inputs):
-            given.refuse(unknown, "no such input", "name it under [inputs] first")
-        sources = {**self.inputs, **{key: _source(given, key) for key in given.table}}
-        driving = {n: s for n, s in sources.items() if isinstance(s, Column)}
-        # an input and a signal may share a name: the input's column is kept under another one
-        wanted = {f"input {n}": s for n, s in driving.items()} | self.signals
-        assert self.top.file is not None
-        file = Path(self.top.file).parent / entry.table["file"]
-        held = {f"input {n}" for n in driving}
-        table = read_columns(file, wanted, set(self.signals), self.time, self.period, held)
-        rows = _rows(table.columns, file)
-        inputs = {
-            n: table.columns[f"input {n}"] if n in driving else np.full(rows, s)
-            for n, s in sources.items()
-        }
-        signals = {n: table.columns[n] for n in self.signals if n in table.columns}
-        own = {**self._starts(name, entry.numbers("parameters"))}
-        record = Record(name, table.period, inputs, signals, own, skip=self.skip)
-        return record, use == "held out", table.notes
-
-    def _starts(self, log: str, parameters: dict[str, float]) -> dict[str, float]:
-        """A log's own parameters: those that may be off in each need a value in each."""
-        known = self.top.numbers("parameters")
-        for name in self.top.numbers("per_log"):
-            if name not in parameters and name not in known:
-                hint = f"write it under [parameters] or [log.{log}.parameters]"
-                self.top.refuse(f"per_log.{name}", f"has no value for the log {log}", hint)
-            parameters.setdefault(name, known.get(name, 0.0))
-        return parameters
-
-
-def _rows(columns: Mapping[str, Array], file: Path) -> int:
-    if not columns:
-        hint = "name its columns under [outputs]"
-        raise InputError("has none of the columns", file=file, field="outputs", hint=hint)
-    return len(next(iter(columns.values())))
-
-
-def _signals(logs: _Logs, records: Sequence[Record]) -> tuple[list[Signal], list[str]]:
-    """Signals that some log has, their noise estimated where it is not given; and what to say."""
-    outputs, variables = _free(logs.top, "outputs"), _variables(logs.top)
-    found, notes = [], []
-    for name, column in logs.signals.items():
-        measured = [r.signals[name] for r in records if name in r.signals]
-        if not measured:
-            notes.append(f"no log has a column {column.name!r}: {name} is taken as not measured")
-            continue
-        entry = outputs.sub(name, (*COLUMN_KEYS, "sigma", "variable"))
-        unit = entry.of_type("unit", str, "1")
-        sigma = entry.number("sigma", None)
-        if sigma is None:
-            sigma = noise_of(measured)
-            notes.append(f"noise of {name} estimated from the logs: {sigma:.3g} {unit}")
-        if sigma <= 0:
-            hint = "give the RMS of the sensor's noise"
-            entry.refuse("sigma", f"must be > 0, got {sigma:g}", hint)
-        found.append(Signal(name, variables[name], sigma, unit))
-    if not found:
-        logs.top.refuse("outputs", "no log has any of the columns", "correct their names")
-    return found, notes
-
-
-def _free(fields: Fields, key: str) -> Fields:
-    """A table whose keys are the user's."""
-    given: Any = fields.table.get(key, {})
-    return fields.sub(key, given if isinstance(given, Mapping) else {})
-
-
-def _source(fields: Fields, name: str) -> Source:
-    """Where an input comes from: a column of the log, or a number."""
-    given = fields.table[name]
-    if isinstance(given, str):
-        return Column(given)
-    if isinstance(given, Mapping):
-        return _column(fields.sub(name, COLUMN_KEYS), name)
-    return float(fields.number(name))
-
-
-def _column(entry: Fields, name: str) -> Column:
-    """A column in the model's unit: `recorded` tells the recorder's. Stamps are in s."""
-    unit = entry.of_type("unit", str, "s" if name == "s" else "1")
-    recorded = entry.of_type("recorded", str, unit)
-    by = factor(recorded, unit)
-    if by is None:
-        hint = "name units of one quantity, such as mm and m, or give scale"
-        entry.refuse("recorded", f"{recorded!r} is not known in {unit!r}", hint)
-        raise AssertionError
-    return Column(
-        entry.of_type("column", str, name),
-        by * entry.number("scale", 1.0),
-        entry.number("offset", 0.0),
-    )
 
 
 # ---- effects, sensors

@@ -1,4 +1,4 @@
-"""Descriptions of plants, of Modelica source and of FMUs, and their logs as recorders write them."""
+"""Descriptions of plants, from source and of FMUs, and their logs as recorders write them."""
 
 from __future__ import annotations
 
