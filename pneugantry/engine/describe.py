@@ -25,7 +25,7 @@ then on. A signal that no log has is left out; the others' views then reach furt
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -97,10 +97,7 @@ def described(
     logs = Logs(top, own)
     records, held, notes = logs.read()
     signals, said = signals_of(logs, (*records, *held))
-    for name, variable in _named(top, signals):
-        if variable not in source.variables and not variable.startswith(PREFIX):
-            hint = f"see modelDescription.xml of {source.what}"
-            raise InputError("no such variable in the model", file=path, field=name, hint=hint)
+    _check_names(top, signals, source)
     given = own.of_type("catalogue", str, "")
     effects = _catalogue(catalogue or (path.parent / given if given else None))
     plant = _plant(top, own, source, signals)
@@ -168,7 +165,7 @@ class _Model:
     what: str
     model: Path
     class_name: str
-    variables: frozenset[str]  # with the FMUs' prefixes
+    variables: Mapping[str, bool]  # with the FMUs' prefixes: whether it may be set at the start
     outputs: tuple[str, ...]
     fmus: tuple[ForeignFmu, ...] = ()  # inputs and outputs as written, before the rest is found
 
@@ -184,12 +181,14 @@ def _source_of(top: Fields, own: Fields) -> _Model:
     if model:
         file = FmuFile.read(build_fmu(class_name, folder / model).path)
         outputs = tuple(n for n, v in file.variables.items() if v.causality == "output")
-        known = frozenset(file.variables)
+        known = {n: v.settable_before_start for n, v in file.variables.items()}
         return _Model(f"the class {class_name}", folder / model, class_name, known, outputs)
     if fmu:
         tables = [{"file": fmu, **({"step": own.table["step"]} if "step" in own else {})}]
     fmus = tuple(_fmu(table, top, folder) for table in tables)
-    known = frozenset(f.prefix + n for f in fmus for n in f.file.variables)
+    known = {
+        f.prefix + n: v.settable_before_start for f in fmus for n, v in f.file.variables.items()
+    }
     outputs = tuple(f.prefix + n for f in fmus for n in f.file.description.outputs)
     first = fmus[0].file
     what = ", ".join(f.file.path.name for f in fmus)
@@ -240,15 +239,23 @@ def _wired(fmu: ForeignFmu, inputs: Sequence[str], signals: Mapping[str, str]) -
     return replace(fmu, inputs=sources, outputs=made)
 
 
-def _named(top: Fields, signals: Sequence[Signal]) -> Iterator[tuple[str, str]]:
-    """Field and variable of everything that the model must have. An FMU's inputs may have other
-    names than the plant's.
+def _check_names(top: Fields, signals: Sequence[Signal], source: _Model) -> None:
+    """Refuses what the model lacks or does not let be set. Inputs and outputs of [[fmu]] tables may
+    have other names than the plant's.
     """
-    fmus = "fmu" in top.table
-    for key in ("tolerance", "parameters", "per_log", *(() if fmus else ("inputs",))):
-        yield from ((f"{key}.{name}", name) for name in free(top, key).table)
-    if not fmus:
-        yield from ((f"outputs.{s.name}", s.variable) for s in signals)
+    named = [
+        (f"{k}.{n}", n) for k in ("tolerance", "parameters", "per_log") for n in free(top, k).table
+    ]
+    for field, name in named:
+        if source.variables.get(name) is False:
+            top.refuse(field, "cannot be set before the start", "name a parameter")
+    if "fmu" not in top.table:
+        named += [(f"inputs.{n}", n) for n in free(top, "inputs").table]
+        named += [(f"outputs.{s.name}", s.variable) for s in signals]
+    for field, name in named:
+        if name not in source.variables and not name.startswith(PREFIX):
+            hint = f"see modelDescription.xml of {source.what}"
+            top.refuse(field, "no such variable in the model", hint)
 
 
 def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) -> Plant:

@@ -234,6 +234,7 @@ def test_what_differs_from_log_to_log_is_a_nuisance_of_each(folder: Path, cache:
         ('u = "voltage"', 'w = "voltage"', r"inputs\.w: no such variable in the model"),
         ('u = "voltage"', 'u = "volts"', r"volts: no such column; did you mean 'voltage'"),
         ("K = 0.02", "k_t = 0.02", r"tolerance\.k_t: no such variable in the model"),
+        ("K = 0.02", '"der(f)" = 0.02', r"tolerance\.der\(f\): cannot be set before the start"),
         ('unit = "N"', 'unit = "N"\nrecorded = "mm"', r"recorded: 'mm' is not known in 'N'"),
         ('variable = "f"', 'variable = "thrust"', r"outputs\.force: no such variable"),
         ("sweep.csv", "swep.csv", r"swep\.csv: no such file; did you mean"),
