@@ -8,7 +8,7 @@ import dataclasses
 import math
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from modelica_fmu.errors import InputError
 from pyfmi_runner.log import (
+    MEASURED,
     OPTIONAL,
     PERIOD,
     REQUIRED,
@@ -43,6 +44,7 @@ from pyfmi_runner.scenario import (
 from pyfmi_runner.workpiece import default_standoff
 
 __all__ = [
+    "DRIVEN",
     "Campaign",
     "LogSetup",
     "LoggedRun",
@@ -72,6 +74,7 @@ KEYS = (
     "controller",
     "gains",
 )
+DRIVEN = ("time", "u_x", "u_z")  # columns without which a log drives nothing
 TOP = ("log", "name", "import")  # keys of campaign.toml itself
 IMPORT = (
     "import"  # how a recorder's columns, units and rate become a log's: pyfmi_runner.log_import
@@ -151,23 +154,37 @@ class Campaign:
 
 
 def read_campaign(
-    path: str | os.PathLike[str], *, strict: bool = True, setup: Mapping[str, Any] | None = None
+    path: str | os.PathLike[str],
+    *,
+    strict: bool = True,
+    setup: Mapping[str, Any] | None = None,
+    needs: Sequence[str] = REQUIRED,
 ) -> Campaign:
     """Read a folder with campaign.toml, or a single log as a campaign of one.
 
     The setup of a single log is taken from the first of: a TOML file of the same name beside it,
     its table in a campaign.toml beside it, its own provenance; else: open loop, no workpiece,
     starting where its first rows are. Keys in `setup` (as in campaign.toml) go before all of these.
-    With strict=False logs that cannot be used are left out and named in `notes`. Raises InputError
-    naming file, key and hint.
+    With strict=False logs that cannot be used are left out and named in `notes`. needs: columns
+    that every log must have; with DRIVEN a rig may measure as little as one channel, and `notes`
+    name those that are missing. Raises InputError naming file, key and hint.
     """
     path = Path(path)
-    return (
-        _read_folder(path, strict) if os.path.isdir(path) else _read_single(path, dict(setup or {}))
-    )
+    if os.path.isdir(path):
+        return _read_folder(path, strict, needs)
+    return _read_single(path, dict(setup or {}), needs)
 
 
-def _read_folder(folder: Path, strict: bool) -> Campaign:
+def _read_needed(file: Path, convert: Import | None, needs: Sequence[str]) -> Log:
+    """A log with the columns that it needs, and one measured channel at least."""
+    log = read_log(file, convert, needs)
+    if not any(name in log for name in MEASURED):
+        hint = f"add one of {', '.join(MEASURED)}"
+        raise InputError("measures nothing", file=file, field="columns", hint=hint)
+    return log
+
+
+def _read_folder(folder: Path, strict: bool, needs: Sequence[str]) -> Campaign:
     index = folder / INDEX
     if not index.is_file():
         hint = "write one [log.NAME] table per log, or name a single log file"
@@ -181,7 +198,7 @@ def _read_folder(folder: Path, strict: bool) -> Campaign:
         try:
             given = setup_from(_setup_of(table), index, f"log.{key}.")
             convert = _import_of(content, table, index)
-            log = read_log(_log_file(folder, key, table, index), convert)
+            log = _read_needed(_log_file(folder, key, table, index), convert, needs)
         except InputError as error:
             if strict:
                 raise
@@ -259,8 +276,10 @@ def _misfits(name: str, run: LoggedRun) -> Iterator[str]:
     """What was changed on the way in, and where a log contradicts its setup."""
     for said in run.log.provenance.get("import", []):
         yield f"{name} {said}"
+    if missing := [c for c in MEASURED if c not in run.log]:
+        yield f"{name} does not measure {', '.join(missing)}"
     for axis, said, slack in (("x", run.setup.start_x, 0.01), ("z", run.setup.start_z, 0.003)):
-        first = float(np.mean(run.log[axis][:10]))
+        first = float(np.mean(run.log[axis][:10])) if axis in run.log else said
         if abs(first - said) > slack:
             yield f"{name} starts at {axis} = {first:.4g} m, its setup says {said:.4g} m"
     if run.setup.controller and not is_known_controller(run.setup.controller):
@@ -273,14 +292,14 @@ def _misfits(name: str, run: LoggedRun) -> Iterator[str]:
         yield f"{name} ends at {run.log.time[-1]:.3f} s, its phases at {end:g} s"
 
 
-def _read_single(path: Path, given: dict[str, Any]) -> Campaign:
+def _read_single(path: Path, given: dict[str, Any], needs: Sequence[str]) -> Campaign:
     if str(given.get("workpiece", "")).lower().endswith(".csv"):
         given["workpiece"] = str(
             Path(given["workpiece"]).resolve()
         )  # from the working folder, not from the log's
     table, convert, source = _said_beside(path)
     try:
-        log = read_log(path, convert)
+        log = _read_needed(path, convert, needs)
     except InputError as error:
         if convert is not None or error.field not in (*REQUIRED, *OPTIONAL):
             raise
@@ -324,8 +343,8 @@ def campaign_of_log(log: Log, setup: Mapping[str, Any] | None = None) -> Campaig
 
 def _setup_of_one(log: Log, table: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """The setup's table; where it does not say the start, that of the first rows."""
-    start = {axis: float(np.mean(log[axis][:10])) for axis in "xz"}
-    inside = {"x": min(max(start["x"], 0.0), STROKE_X), "z": min(max(start["z"], 0.0), STROKE_Z)}
+    strokes = {a: s for a, s in (("x", STROKE_X), ("z", STROKE_Z)) if a in log}
+    inside = {a: min(max(float(np.mean(log[a][:10])), 0.0), s) for a, s in strokes.items()}
     return {"start": inside, **table, **given}
 
 

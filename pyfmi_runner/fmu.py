@@ -31,6 +31,7 @@ __all__ = [
     "FmuFile",
     "FmuSession",
     "FmuVariable",
+    "Layout",
     "Message",
     "RawInstance",
     "SavedState",
@@ -61,6 +62,15 @@ class RawInstance(NamedTuple):
     set_boolean: int
     do_step: int
     get_real: int
+
+
+class Layout(NamedTuple):
+    """Variables of one type out of a list of names."""
+
+    word: str  # behind "Set" and "Get" in the functions' names
+    references: NDArray[np.uint32]
+    dtype: np.dtype[Any]
+    positions: tuple[int, ...]  # in the list
 
 
 class SavedState:
@@ -218,6 +228,26 @@ class FmuSession:
         return RawInstance(
             int(self._fmu.component or 0), *(self._fmu.address(word) for word in words)
         )
+
+    @property
+    def component(self) -> int:
+        """Address of the instance, for compiled loops of either FMI version."""
+        self._require("raw")
+        return int(self._fmu.component or 0)
+
+    def layout(self, names: Sequence[str]) -> list[Layout]:
+        """Variables by type, as compiled loops pass them. Raises InputError for an unknown name and
+        for a type that is no number.
+        """
+        return [
+            Layout(
+                group.word,
+                np.array(group.references, dtype=np.uint32),
+                np.dtype(group.values._type_),
+                tuple(group.positions),
+            )
+            for group in self._values.grouped(tuple(names))
+        ]
 
     def address(self, word: str) -> int:
         """Address of an FMI function by the word behind its prefix, "Reset" for fmi2Reset."""

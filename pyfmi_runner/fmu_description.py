@@ -16,6 +16,7 @@ from modelica_fmu.errors import InputError
 
 _FIELD = "modelDescription.xml"
 _HINT = "build the FMU again"
+_RUNNING = ("Output", "ContinuousStateDerivative")  # of FMI 3.0's model structure
 _REAL = frozenset({"Real", "Float64", "Float32"})
 
 
@@ -71,6 +72,9 @@ class Description:
     n_indicators: int
     default_step: float | None
     default_stop: float | None
+    # variables (unknown -> known) while it runs and as it is initialised; None: it does not say
+    depends: Mapping[str, tuple[str, ...] | None] = field(default_factory=dict)
+    depends_first: Mapping[str, tuple[str, ...] | None] = field(default_factory=dict)
 
 
 def parse_description(text: bytes, file: Path) -> Description:
@@ -163,7 +167,30 @@ class _Reader:
             n_indicators=self.indicators(fmi),
             default_step=None if experiment is None else self.number(experiment, "stepSize"),
             default_stop=None if experiment is None else self.number(experiment, "stopTime"),
+            depends=self.depends(fmi, ("Outputs", "Derivatives"), _RUNNING, listed),
+            depends_first=self.depends(fmi, ("InitialUnknowns",), ("InitialUnknown",), listed),
         )
+
+    def depends(
+        self,
+        fmi: str,
+        two: tuple[str, ...],
+        three: tuple[str, ...],
+        listed: Mapping[int, tuple[FmuVariable, Any]],
+    ) -> dict[str, tuple[str, ...] | None]:
+        """Variables that the unknowns of some parts of the model structure depend on."""
+        old = fmi == "2.0"
+        paths = [f"{p}/Unknown" for p in two] if old else list(three)
+        found: dict[str, tuple[str, ...] | None] = {}
+        for element in (e for p in paths for e in self.root.findall(f"ModelStructure/{p}")):
+            unknown = listed.get(self.integer(element, "index" if old else "valueReference"))
+            known = element.get("dependencies")
+            if unknown is None:
+                continue
+            numbers = [int(k) for k in (known or "").split() if k.isascii() and k.isdigit()]
+            told = known is not None and all(k in listed for k in numbers)
+            found[unknown[0].name] = tuple(listed[k][0].name for k in numbers) if told else None
+        return found
 
     def identifier(self, element: Any) -> str:
         """Used as a file name: no path may hide in it."""

@@ -42,13 +42,13 @@ class Values:
 
     def read_one(self, name: str) -> float:
         """float, or int or bool as the variable's type is."""
-        (group,) = self._group((name,))
+        (group,) = self.grouped((name,))
         self.fmu.get_values(group.word, group.references, 1, group.values)
         return bool(group.values[0]) if group.word == "Boolean" else group.values[0]
 
     def read(self, names: tuple[str, ...]) -> NDArray[np.float64]:
         result = np.empty(len(names))
-        for group in self._group(names):
+        for group in self.grouped(names):
             self.fmu.get_values(group.word, group.references, len(group.positions), group.values)
             result[group.positions] = group.values
         return result
@@ -56,7 +56,7 @@ class Values:
     def write(self, names: tuple[str, ...], values: Sequence[Value]) -> None:
         if len(values) != len(names):
             raise self._fault(f"{len(values)} values for {len(names)} variables", ", ".join(names))
-        for group in self._group(names):
+        for group in self.grouped(names):
             self._fill(group, names, values)
             try:
                 self.fmu.set_values(
@@ -112,7 +112,8 @@ class Values:
     def _fault(self, message: str, name: str, hint: str | None = None) -> InputError:
         return InputError(message, file=self.file.path, field=name, hint=hint)
 
-    def _group(self, names: tuple[str, ...]) -> list[_Group]:
+    def grouped(self, names: tuple[str, ...]) -> list[_Group]:
+        """Names by type."""
         groups = self._groups.get(names)
         if groups is not None:
             return groups

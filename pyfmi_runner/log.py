@@ -12,7 +12,7 @@ import math
 import os
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
@@ -150,17 +150,21 @@ class Log:
 Convert = Callable[[pd.DataFrame, Path], tuple[pd.DataFrame, list[str]]]
 
 
-def read_log(path: str | os.PathLike[str], convert: Convert | None = None) -> Log:
+def read_log(
+    path: str | os.PathLike[str],
+    convert: Convert | None = None,
+    needs: Sequence[str] = REQUIRED,
+) -> Log:
     """Read and check a Parquet, CSV or MATLAB log. convert: makes the file's own table one of
-    COLUMNS, SI units and 1 kHz, and says what it changed (`log_import.Import`). Raises InputError
-    naming file, column or row, and the hint.
+    COLUMNS, SI units and 1 kHz, and says what it changed (`log_import.Import`). needs: columns that
+    must be there, "time" among them. Raises InputError naming file, column or row, and the hint.
     """
     path = Path(path)
     table, provenance = read_table(path)
     if convert is not None:
         table, notes = convert(table, path)
         provenance = provenance | {"import": notes}
-    return Log(check_table(table, path), path.stem, provenance)
+    return Log(check_table(table, path, needs), path.stem, provenance)
 
 
 def read_table(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
@@ -363,11 +367,16 @@ def _comments(lines: list[str]) -> Iterator[tuple[str, Any]]:
 # ---------------------------------------------------------------- checks that refuse
 
 
-def check_table(table: pd.DataFrame, file: str | os.PathLike[str] | None = None) -> pd.DataFrame:
+def check_table(
+    table: pd.DataFrame,
+    file: str | os.PathLike[str] | None = None,
+    needs: Sequence[str] = REQUIRED,
+) -> pd.DataFrame:
     """The table with its known columns as float64, unknown ones kept as they are.
 
-    Raises InputError for the first of: a missing column, a value that is no finite number, time
-    that is not 1 kHz, values that are not in the column's unit.
+    needs: columns that must be there, "time" among them. Raises InputError for the first of: a
+    missing column, a value that is no finite number, time that is not 1 kHz, values that are not in
+    the column's unit.
     """
 
     def refuse(message: str, column: str | None, hint: str) -> NoReturn:
@@ -379,7 +388,7 @@ def check_table(table: pd.DataFrame, file: str | os.PathLike[str] | None = None)
             str(table.columns[table.columns.duplicated()][0]),
             "keep one of them",
         )
-    for name in REQUIRED:
+    for name in needs:
         if name not in table.columns:
             spare = {_bare(str(c)): str(c) for c in table.columns if c not in COLUMNS}
             near = difflib.get_close_matches(_bare(name), list(spare), n=1, cutoff=0.5)
@@ -506,7 +515,8 @@ def _check_units(
         column, values = COLUMNS[of or name], numbers[name]
         return bool(values.min() * scale >= column.low and values.max() * scale <= column.high)
 
-    if not within("z") and within("x", of="z") and within("z", of="x"):
+    both = "x" in numbers and "z" in numbers
+    if both and not within("z") and within("x", of="z") and within("z", of="x"):
         reach = numbers["z"].max()
         refuse(
             f"reaches {reach:.4g} m, beyond the z stroke, while x stays inside it",
@@ -525,7 +535,7 @@ def _check_units(
             f"divide column {name} by 1000" if small else "check the column's unit, zero and order"
         )
         refuse(f"row {row} is {numbers[name][row]:.6g}, expected {span} {unit}{looks}", name, hint)
-    for name in ("v_x", "v_z"):
+    for name in (n for n in ("v_x", "v_z") if n in numbers):
         noise = float(
             np.std(np.diff(numbers[name]))
         )  # a tachometer's noise in mm/s is 1000 times too large

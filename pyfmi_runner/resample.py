@@ -1,8 +1,8 @@
-"""Logs of another rate, or with uneven stamps, at 1 kHz."""
+"""Logs of another rate, or with uneven stamps, on an even grid: at 1 kHz, or at any other rate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from modelica_fmu.errors import InputError
 from pyfmi_runner.log import PERIOD
 
-__all__ = ["even_stamps", "is_regular", "resampled"]
+__all__ = ["even_stamps", "is_regular", "on_grid", "resampled"]
 
 Array = NDArray[np.float64]
 HELD = ("u_x", "u_z", "f_nd", "v_td", "phase")  # act until the next one
@@ -38,27 +38,37 @@ def resampled(columns: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     samples, or are averaged over a millisecond where there are more. Raises InputError for stamps
     that do not increase and for gaps.
     """
+    return on_grid(columns, PERIOD, HELD)
+
+
+def on_grid(
+    columns: Mapping[str, Array], period: float, held: Collection[str]
+) -> tuple[dict[str, Array], str]:
+    """As `resampled`, with rows `period` s apart and the columns `held` that act until the next."""
     time = columns["time"]
     steps = np.diff(time)
     _check(time, steps)
     typical = float(np.median(steps))
-    rows = int(np.floor((time[-1] - time[0]) / PERIOD + 1e-6)) + 1
-    grid = time[0] + np.arange(rows) * PERIOD
-    fine = typical < 0.75 * PERIOD
+    rows = int(np.floor((time[-1] - time[0]) / period + 1e-6)) + 1
+    grid = time[0] + np.arange(rows) * period
+    fine = typical < 0.75 * period
     result: dict[str, Array] = {"time": np.round(grid, 9)}
     latest = np.clip(np.searchsorted(time, grid + 1e-9, side="right") - 1, 0, len(time) - 1)
     for name, values in columns.items():
         if name == "time":
             continue
-        if name in HELD:
+        if name in held:
             result[name] = values[latest]
         else:
-            result[name] = _averaged(time, values, grid) if fine else np.interp(grid, time, values)
-    how = "averaged over each millisecond" if fine else "on straight lines between samples"
+            straight = np.interp(grid, time, values)
+            result[name] = _averaged(time, values, grid, period) if fine else straight
+    span = "millisecond" if period == PERIOD else f"{1e3 * period:.4g} ms"
+    rate = "1 kHz" if period == PERIOD else f"{1 / period:.4g} Hz"
+    how = f"averaged over each {span}" if fine else "on straight lines between samples"
     uneven = float(np.max(np.abs(steps / typical - 1.0)))
     stamps = f", stamps uneven by up to {100 * uneven:.0f} %" if uneven > 0.05 else ""
     return result, (
-        f"recorded at {1 / typical:.4g} Hz{stamps}: resampled to 1 kHz, commands held, sensors "
+        f"recorded at {1 / typical:.4g} Hz{stamps}: resampled to {rate}, commands held, sensors "
         f"{how}; their noise is then smaller than 1 sigma, so that a gap below 1 is possible"
     )
 
@@ -81,9 +91,9 @@ def _check(time: Array, steps: Array) -> None:
         )
 
 
-def _averaged(time: Array, values: Array, grid: Array) -> Array:
-    """Mean of the samples within half a millisecond of each grid point."""
-    cell = np.clip(np.rint((time - grid[0]) / PERIOD).astype(np.int64), 0, len(grid) - 1)
+def _averaged(time: Array, values: Array, grid: Array, period: float) -> Array:
+    """Mean of the samples within half a period of each grid point."""
+    cell = np.clip(np.rint((time - grid[0]) / period).astype(np.int64), 0, len(grid) - 1)
     count = np.bincount(cell, minlength=len(grid))
     total = np.bincount(cell, weights=values, minlength=len(grid))
     filled = count > 0

@@ -1,84 +1,308 @@
-"""A user's plant as the engine reads it, from the TOML file that `own_plant` documents."""
+"""A user's plant as the engine reads it, from a TOML file.
+
+[plant]      name; model = "Axis.mo" and class = "Axis", or fmu = "axis.fmu"; catalogue = "effects"
+             (folder or file); time = "t" or { column = "t", recorded = "ms" }, or period = 1e-3 (s,
+             between rows, and the rate that all logs are brought to); decimate = 25 (rows that are
+             judged as one); skip = 0.5 (s, not judged); step = 1e-3 (s, longest step of an FMU)
+[[fmu]]      instead of fmu =, one table each: file; block (its name in the answer); prefix (before
+             the names of its parameters); step; inputs = { "its input" = "input or output below" };
+             outputs = { "its output" = "output below" }. Inputs and outputs of the same name are
+             found without being written.
+[inputs]     "name in the model" = "column", a number, or { column, unit, recorded, scale, offset }
+[outputs.u]  column = "vir", sigma = 0.005 (RMS of the sensor's noise in `unit`; estimated if it is
+             not given), unit = "V" (of the model), recorded = "mV" (of the column), scale, offset,
+             variable = "motor.u" (of the model; else the part's name)
+[blocks]     "motor" = "drive": component path of the model = name in the answer
+[tolerance]  "M" = 0.05: share (RMS) by which a rig's parameter may be off; that is no cause
+[parameters] "gtau" = 35.15: what is known and differs from the model's own value
+[per_log]    "q_start" = 1e-3: RMS by which a parameter of each log is off; no cause either
+[log.train]  file = "train.csv" (.parquet, .mat), use = "fit" or "held out"; [log.train.inputs],
+             [log.train.parameters]: of this log only
+
+Paths are relative to the file. Row k holds the readings at k * period and the inputs that act from
+then on. A signal that no log has is left out; the others' views then reach further.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
 
 from modelica_fmu.errors import InputError
 from pneugantry.diagnosis.catalogue import Effect, Form, Parameter, read_catalogue
-from pneugantry.diagnosis.own_plant import OwnPlant, read_own_plant
+from pneugantry.engine.cuts import sharp_views
+from pneugantry.engine.foreign import ForeignFmu, ForeignPlant, foreign_views
 from pneugantry.engine.plan import Case
-from pneugantry.engine.plant import Nuisance, Plant, Record, Signal
+from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
+from pneugantry.engine.records import Logs, free, signals_of, variables_of
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX
-from pneugantry.engine.views import known_variables
-from pyfmi_runner.scenario import parse_toml
+from pneugantry.engine.views import View, known_variables
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.scenario import Fields, parse_toml
 
-__all__ = ["case_of", "sensor_effects"]
+__all__ = ["Described", "case_of", "described", "sensor_effects", "views_of"]
 
 SCALE = 0.003  # RMS error of any sensor's scale that is no cause (field: a calibrated sensor)
 MOST_SENSORS = 6  # sensors that are tried: each is a cut of its own
+TABLES = (
+    "plant",
+    "fmu",
+    "inputs",
+    "outputs",
+    "blocks",
+    "tolerance",
+    "parameters",
+    "per_log",
+    "log",
+)
+PLANT_KEYS = (
+    *("name", "model", "class", "fmu", "catalogue"),
+    *("time", "period", "decimate", "skip", "step"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """All that a description and its logs say."""
+
+    plant: Plant
+    data: Data
+    catalogue: Mapping[str, Effect]
+    rules: Rules
+    cache: Path  # of the parts
+    notes: tuple[str, ...]
+    outputs: tuple[str, ...]  # of the model, measured or not
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        held = self.data.held_out
+        return self.data.fitted if held is None else (*self.data.fitted, held)
+
+
+def described(
+    path: Path, cache: Path, catalogue: Path | None = None, rules: Rules | None = None
+) -> Described:
+    """Reads a description and its logs. cache: folder of the parts; catalogue: read instead of the
+    description's. `band` and `thinning` of the rules follow from the description. Raises InputError
+    naming file, field and hint.
+    """
+    top = Fields(parse_toml(path), TABLES, path)
+    for name in ("plant", "inputs", "outputs", "log"):
+        if not top.table.get(name):
+            top.refuse(name, "is missing or empty", f"add a table [{name}]")
+    own = top.sub("plant", PLANT_KEYS)
+    source = _source_of(top, own)
+    logs = Logs(top, own)
+    records, held, notes = logs.read()
+    signals, said = signals_of(logs, (*records, *held))
+    _check_names(top, signals, source)
+    given = own.of_type("catalogue", str, "")
+    effects = _catalogue(catalogue or (path.parent / given if given else None))
+    plant = _plant(top, own, source, signals)
+    if len(held) > 1:
+        notes.append(f"held out and not used: {', '.join(r.name for r in held[1:])}")
+    period = records[0].period
+    decimate = own.of_type("decimate", int, 1)
+    if decimate < 1:
+        own.refuse("decimate", f"is {decimate}, expected >= 1", "write 1 to judge every row")
+    return Described(
+        plant,
+        Data(tuple(records), held[0] if held else None),
+        sensor_effects(plant.signals, period) | effects,
+        replace(rules or Rules(), band=1 / (period * decimate), thinning=1),
+        cache,
+        (*notes, *said),
+        source.outputs,
+    )
+
+
+def views_of(found: Described) -> tuple[list[View], list[str]]:
+    """Views of what is measured: cut from the model, or of the FMUs; and what could not be made."""
+    measured = [s.name for s in found.plant.signals]
+    period = found.data.fitted[0].period
+    rules = found.rules
+    if isinstance(found.plant, ForeignPlant):
+        views, notes = foreign_views(found.plant, measured, period, rules.band)
+        return list(views), notes
+    return list(sharp_views(found.plant, measured, found.cache, found.data.fitted, rules)), []
 
 
 def case_of(path: Path, cache: Path, catalogue: Path | None = None) -> Case:
-    """Plant, records and catalogue of a description. cache: folder of the parts; catalogue: read
-    instead of the description's. Raises InputError naming file, field and hint.
+    """What a plan is made of. Arguments and errors as of `described`; InputError for an FMU, whose
+    missing signals nothing simulates.
     """
-    table = parse_toml(path).get("plant", {})
-    if "fmu" in table or "model" not in table or "class" not in table:
+    table = parse_toml(path)
+    plant = table.get("plant", {})
+    if "fmu" in table or "fmu" in plant or "model" not in plant or "class" not in plant:
         raise InputError(
-            "plan needs the Modelica source: views of an FMU do not exist yet",
+            "plan needs the Modelica source",
             file=path,
             field="plant",
             hint='write model = "Axis.mo" and class = "Axis"',
         )
-    own = read_own_plant(path)
-    model, class_name = path.parent / str(table["model"]), str(table["class"])
-    plant = _plant(own, model, class_name)
-    records = tuple(_record(own, index) for index in range(len(own.logs)))
-    effects = sensor_effects(plant.signals, own.period) | _catalogue(catalogue or own.catalogue)
+    found = described(path, cache, catalogue)
     return Case(
-        plant,
-        records,
-        effects,
-        replace(Rules(), band=1 / (own.period * own.decimate), thinning=1),
+        found.plant,
+        found.records,
+        found.catalogue,
+        found.rules,
         cache,
-        sensors=_missing(own, plant, cache),
+        sensors=_missing(found),
+        notes=found.notes,
     )
 
 
-def _plant(own: OwnPlant, model: Path, class_name: str) -> Plant:
-    nuisances = [Nuisance(p, s, relative=True, scales=True) for p, s in own.tolerance.items()]
-    for c in own.channels:
+# ---- the model
+
+
+@dataclass(frozen=True)
+class _Model:
+    """Modelica source, or FMUs."""
+
+    what: str
+    model: Path
+    class_name: str
+    variables: Mapping[str, bool]  # with the FMUs' prefixes: whether it may be set at the start
+    outputs: tuple[str, ...]
+    fmus: tuple[ForeignFmu, ...] = ()  # inputs and outputs as written, before the rest is found
+
+
+def _source_of(top: Fields, own: Fields) -> _Model:
+    assert top.file is not None
+    folder = Path(top.file).parent
+    model, class_name, fmu = (own.of_type(k, str, "") for k in ("model", "class", "fmu"))
+    tables = top.of_type("fmu", list, [])
+    if (bool(model) + bool(fmu) + bool(tables)) != 1 or bool(model) != bool(class_name):
+        hint = 'write fmu = "axis.fmu", or model = "Axis.mo" and class = "Axis", or [[fmu]] tables'
+        own.refuse("model", "names no plant, or more than one", hint)
+    if model:
+        file = FmuFile.read(build_fmu(class_name, folder / model).path)
+        outputs = tuple(n for n, v in file.variables.items() if v.causality == "output")
+        known = {n: v.settable_before_start for n, v in file.variables.items()}
+        return _Model(f"the class {class_name}", folder / model, class_name, known, outputs)
+    if fmu:
+        tables = [{"file": fmu, **({"step": own.table["step"]} if "step" in own else {})}]
+    fmus = tuple(_fmu(table, top, folder) for table in tables)
+    known = {
+        f.prefix + n: v.settable_before_start for f in fmus for n, v in f.file.variables.items()
+    }
+    outputs = tuple(f.prefix + n for f in fmus for n in f.file.description.outputs)
+    first = fmus[0].file
+    what = ", ".join(f.file.path.name for f in fmus)
+    return _Model(what, first.path, first.description.model, known, outputs, fmus)
+
+
+def _fmu(table: object, top: Fields, folder: Path) -> ForeignFmu:
+    """One FMU, with the inputs and outputs that are written."""
+    fields = Fields(
+        table, ("file", "block", "prefix", "step", "inputs", "outputs"), top.file, "fmu."
+    )
+    name = fields.of_type("file", str, "")
+    if not name:
+        fields.refuse("file", "is missing", 'write file = "axis.fmu"')
+    step = fields.number("step", None, 0.0)
+    if step == 0.0:
+        fields.refuse("step", "must be > 0", "give the longest step in s, or leave it out")
+    file = FmuFile.read(folder / name)
+    return ForeignFmu(
+        file,
+        fields.of_type("block", str, file.path.stem),
+        _texts(fields, "inputs"),
+        _texts(fields, "outputs"),
+        fields.of_type("prefix", str, ""),
+        step,
+    )
+
+
+def _texts(fields: Fields, key: str) -> dict[str, str]:
+    given = free(fields, key)
+    return {name: given.of_type(name, str, "") for name in given.table}
+
+
+def _wired(fmu: ForeignFmu, inputs: Sequence[str], signals: Mapping[str, str]) -> ForeignFmu:
+    """The FMU with the inputs and outputs of the same name that nobody wrote. signals: variable
+    by signal.
+    """
+    variables = fmu.file.variables
+    at = {n for n, v in variables.items() if v.causality == "input"}
+    sources = {n: n for n in sorted(at) if n in inputs or n in signals} | dict(fmu.inputs)
+    if fmu.outputs:
+        return replace(fmu, inputs=sources)
+    made = {}
+    for signal, variable in signals.items():
+        bare = variable.removeprefix(fmu.prefix)
+        if variable.startswith(fmu.prefix) and bare in variables and bare not in at:
+            made[bare] = signal
+    return replace(fmu, inputs=sources, outputs=made)
+
+
+def _check_names(top: Fields, signals: Sequence[Signal], source: _Model) -> None:
+    """Refuses what the model lacks or does not let be set. Inputs and outputs of [[fmu]] tables may
+    have other names than the plant's.
+    """
+    named = [
+        (f"{k}.{n}", n) for k in ("tolerance", "parameters", "per_log") for n in free(top, k).table
+    ]
+    for field, name in named:
+        if source.variables.get(name) is False:
+            top.refuse(field, "cannot be set before the start", "name a parameter")
+    if "fmu" not in top.table:
+        named += [(f"inputs.{n}", n) for n in free(top, "inputs").table]
+        named += [(f"outputs.{s.name}", s.variable) for s in signals]
+    for field, name in named:
+        if name not in source.variables and not name.startswith(PREFIX):
+            hint = f"see modelDescription.xml of {source.what}"
+            top.refuse(field, "no such variable in the model", hint)
+
+
+def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) -> Plant:
+    assert top.file is not None
+    nuisances = [
+        Nuisance(p, s, relative=True, scales=True) for p, s in top.numbers("tolerance").items()
+    ]
+    nuisances += [Nuisance(p, s, per_record=True) for p, s in top.numbers("per_log").items()]
+    for s in signals:
         nuisances += [
-            Nuisance(f"{PREFIX}{c.name}.scale", SCALE),
-            Nuisance(f"{PREFIX}{c.name}.bias", c.sigma),
+            Nuisance(f"{PREFIX}{s.name}.scale", SCALE),
+            Nuisance(f"{PREFIX}{s.name}.bias", s.sigma),
         ]
-    return Plant(
-        name=own.name,
-        model=model,
-        class_name=class_name,
-        inputs=own.inputs,
-        signals=tuple(Signal(c.name, c.name, c.sigma, c.unit) for c in own.channels),
-        parameters=own.parameters,
+    plant = Plant(
+        name=own.of_type("name", str, "") or Path(top.file).resolve().parent.name,
+        model=source.model,
+        class_name=source.class_name,
+        inputs=tuple(free(top, "inputs").table),
+        signals=tuple(signals),
+        parameters=top.numbers("parameters"),
         nuisances=tuple(nuisances),
-        blocks={},
+        blocks=_texts(top, "blocks"),
     )
+    if not source.fmus:
+        return plant
+    return _of_fmus(top, source, plant)
 
 
-def _record(own: OwnPlant, index: int) -> Record:
-    log = own.logs[index]
-    return Record(
-        log.name,
-        own.period,
-        {n: np.ascontiguousarray(log.inputs[:, i]) for i, n in enumerate(own.inputs)},
-        {c.name: np.ascontiguousarray(log.measured[:, i]) for i, c in enumerate(own.channels)},
-        log.parameters,
-        skip=own.skip,
-    )
+def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:
+    """The plant with its FMUs wired."""
+    variables = variables_of(top)
+    fmus = tuple(_wired(f, plant.inputs, variables) for f in source.fmus)
+    made = {s: f.prefix + o for f in fmus for o, s in f.outputs.items()}
+    read = {source for f in fmus for source in f.inputs.values()}
+    for name in plant.inputs:
+        if name not in read:
+            hint = f"see modelDescription.xml of {source.what}, or name it in [[fmu]] inputs"
+            top.refuse(f"inputs.{name}", "is read by no FMU", hint)
+    for s in plant.signals:
+        if s.name not in made and s.name not in read:
+            hint = f"see modelDescription.xml of {source.what}, or name it in [[fmu]] outputs"
+            top.refuse(f"outputs.{s.name}", "is neither made nor read by any FMU", hint)
+    kept = tuple(replace(s, variable=made.get(s.name, s.variable)) for s in plant.signals)
+    return ForeignPlant(**{**vars(plant), "signals": kept}, fmus=fmus)
+
+
+# ---- effects, sensors
 
 
 def _catalogue(source: Path | None) -> dict[str, Effect]:
@@ -114,13 +338,12 @@ def sensor_effects(signals: tuple[Signal, ...], period: float) -> dict[str, Effe
     return found
 
 
-def _missing(own: OwnPlant, plant: Plant, cache: Path) -> tuple[Signal, ...]:
+def _missing(found: Described) -> tuple[Signal, ...]:
     """Outputs and states of the model that are not measured."""
-    roots, states = known_variables(plant, cache)
-    measured = {roots.get(s.variable) for s in plant.signals}
-    outputs = [n for n, v in own.fmu.variables.items() if v.causality == "output"]
-    found: dict[str, str] = {}
-    for name in (*outputs, *sorted(states)):
-        if name in roots and roots[name] not in measured and roots[name] not in found:
-            found[roots[name]] = name
-    return tuple(Signal(name, name, 0.0) for name in list(found.values())[:MOST_SENSORS])
+    roots, states = known_variables(found.plant, found.cache)
+    measured = {roots.get(s.variable) for s in found.plant.signals}
+    made: dict[str, str] = {}
+    for name in (*found.outputs, *sorted(states)):
+        if name in roots and roots[name] not in measured and roots[name] not in made:
+            made[roots[name]] = name
+    return tuple(Signal(name, name, 0.0) for name in list(made.values())[:MOST_SENSORS])

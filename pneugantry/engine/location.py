@@ -235,7 +235,7 @@ def alone(fitter: Fitter, fit: Fit, name: str) -> dict[Cell, Array]:
     columns = {k: c for k, c in fit.columns.items() if k[0][0] == name}
     precision = np.array([1 / c.spread**2 for c in fit.point.coordinates])
     names = [c.name for c in fit.point.coordinates]
-    weighing = Weighing({name: fit.noise[name]} if residuals else {}, fitter.rules)
+    weighing = Weighing({c: fit.noise[c] for c in residuals}, fitter.rules)
     moved, theta = dict(residuals), fit.point.theta
     for _ in range(ROUNDS):
         point = fit.point.moved(theta)

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal, thinned
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views import View, build_views
 from pneugantry.plants.gantry.timing import ControllerView
+from pyfmi_runner.blocks import recomputed_commands
 from pyfmi_runner.build import default_model
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA
 from pyfmi_runner.plant import DEFAULT_CLASS, own_profile, plant_parameters
 
-__all__ = ["data_of", "plant_of", "record_of", "views_of"]
+__all__ = ["data_of", "measured_of", "plant_of", "record_of", "views_of"]
 
 HELD_OUT = "contour_straight"
 BLOCKS = {
@@ -31,6 +34,11 @@ BLOCKS = {
 }
 INPUTS = ("u_x", "u_z", "clamp_x", "clamp_z", "f_manual_x", "f_manual_z")
 EDGE = ("profile_at", "profile_height", "profile_slope", "profile_curvature")
+
+
+def measured_of(campaign: Campaign) -> tuple[str, ...]:
+    """Channels that some log of a campaign has, in the order of MEASURED."""
+    return tuple(c for c in MEASURED if any(c in run.log for run in campaign))
 
 
 def plant_of(measured: Sequence[str] = MEASURED, thinning: int = 2) -> Plant:
@@ -101,6 +109,9 @@ def record_of(name: str, run: LoggedRun) -> Record:
     inputs |= dict.fromkeys(EDGE, zero)
     profile = own_profile(setup)
     if profile is not None:
+        if "x" not in log:
+            hint = "use one of the named workpieces, or measure x"
+            raise InputError(f"{name} has an edge of its own, but no x", field="x", hint=hint)
         x = log["x"]
         shape = (x, profile.height(x), profile.slope(x), profile.curvature(x))
         inputs |= dict(zip(EDGE, shape, strict=True))
@@ -112,4 +123,19 @@ def views_of(plant: Plant, campaign: Campaign, cache: Path, rules: Rules) -> lis
     """Views cut from the model, and that of the controller where it is known."""
     measured = [s.name for s in plant.signals]
     views: list[View] = list(build_views(plant, measured, cache, PERIOD * rules.thinning, rules))
-    return [*views, ControllerView(campaign.logs)]
+    return [*views, ControllerView(_commanded(campaign.logs))]
+
+
+def _commanded(runs: Mapping[str, LoggedRun]) -> dict[str, LoggedRun]:
+    """Runs whose controller reads no channel that they lack; such channels are NaN."""
+    found = {}
+    for name, run in runs.items():
+        missing = [c for c in MEASURED if c not in run.log]
+        if missing:
+            table = run.log.table.assign(**dict.fromkeys(missing, np.nan))
+            run = replace(run, log=replace(run.log, table=table))
+            commands = recomputed_commands(run, run.log.measured())
+            if commands is None or not np.isfinite(commands).any():
+                continue
+        found[name] = run
+    return found

@@ -174,7 +174,7 @@ def fitted(
     """A cart with a spring: tolerance alone, then with the spring."""
     plant = replace(cart, blocks={"f": "motor", "v": "cart"})
     record = measured(plant, push, cache, OFF)
-    views = build_views(plant, ["force", "speed"], cache, push.period, RULES.observer, RULES.band)
+    views = build_views(plant, ["force", "speed"], cache, push.period, RULES)
     fitter = Fitter(plant, views, [record], RULES)
     null = fitter.null()
     effect = catalogue["spring"]
