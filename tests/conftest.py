@@ -1,8 +1,8 @@
 """Which tests stay together when `make test` runs them on several cores (`--dist loadgroup`).
 
-A file is one group, so that what its tests share is made once. What kills processes or measures time
-is one group of its own: such tests never run beside one another. Pages and notebooks share nothing
-and are dealt out one by one.
+A file is one group, so that what its tests share is made once. What kills processes or measures
+time is one group of its own: such tests never run beside one another. Pages and notebooks share
+nothing and are dealt out one by one.
 """
 
 from pathlib import Path
