@@ -100,3 +100,38 @@ def test_a_step_that_no_internal_step_can_end_is_refused(tmp_path: Path) -> None
     ).start()
     assert model.step(1e300) == 3
     assert any("its end is no number" in m for _, m in model.messages)
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        "reinit(x, {0, 0, 0})",
+        "reinit(x, 0)",
+        "reinit(x[1], {0, 0})",
+        "y = {time, time, time}",
+        "y = time",
+        "k = {1, 2}",
+    ],
+)
+def test_sizes_that_differ_in_a_when_clause_are_refused_with_their_line(
+    action: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "m.mo"
+    file.write_text(
+        "model M\n  Real x[2](each start = 1, each fixed = true);\n  discrete Real y[2];\n"
+        f"  discrete Real k;\nequation\n  der(x) = -x;\n  when time > 1 then\n    {action};\n"
+        "  end when;\nend M;\n"
+    )
+    with pytest.raises(InputError, match=r"m\.mo:8: .*dimension mismatch"):
+        compile_model(file, "M")
+
+
+def test_arrays_of_one_size_are_reinitialised_and_assigned_together(tmp_path: Path) -> None:
+    model = library_of(
+        "model M\n  Real x[2](each start = 1, each fixed = true);\n  discrete Real y[2];\n"
+        "equation\n  der(x) = {0, 1};\n  when time > 1 then\n    reinit(x, {5, 7});\n"
+        "    y = {time, 2*time};\n  end when;\nend M;\n",
+        tmp_path,
+    ).start()
+    _, first, second, y = model.run(2.0, "x[1]", "x[2]", "y[2]")
+    assert (first[-1], second[-1], y[-1]) == pytest.approx((5.0, 8.0, 2.0), abs=1e-6)
