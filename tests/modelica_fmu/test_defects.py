@@ -135,3 +135,17 @@ def test_arrays_of_one_size_are_reinitialised_and_assigned_together(tmp_path: Pa
     ).start()
     _, first, second, y = model.run(2.0, "x[1]", "x[2]", "y[2]")
     assert (first[-1], second[-1], y[-1]) == pytest.approx((5.0, 8.0, 2.0), abs=1e-6)
+
+
+def test_a_chattering_mode_slides_along_its_surface(tmp_path: Path) -> None:
+    """Modes that stayed frozen to the end of a step carried x 0.02 away from Filippov's solution:
+    x falls with 20/s to 0, where x' = 5 and x' = -20 hold it.
+    """
+    model = library_of(
+        "model M\n  Real x(start = 1, fixed = true);\nequation\n"
+        "  der(x) = if x < 0 then 5 else -20;\nend M;\n",
+        tmp_path,
+    ).start()
+    t, x = model.run(0.2, "x")
+    assert x == pytest.approx([max(1 - 20 * now, 0) for now in t], abs=20 * 1e-2 / 200)
+    assert [text for _, text in model.messages if "each mode now holds for 5e-05 s" in text]
