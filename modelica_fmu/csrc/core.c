@@ -251,6 +251,14 @@ static int refresh(Instance *s) {
     return changed;
 }
 
+/* Whether any memory has changed. */
+static int take_memories(Instance *s, const double *d) {
+    int changed = 0;
+    for (int i = 0; i < N_MEMORIES; i++)
+        if (d[i] != s->c.q.d[i]) s->c.q.d[i] = d[i], changed = 1;
+    return changed;
+}
+
 /* New relations, when-clauses and memories until nothing changes any more. */
 static CoreStatus iterate_events(Instance *s) {
     Core *c = &s->c;
@@ -265,8 +273,19 @@ static CoreStatus iterate_events(Instance *s) {
         int any = fire(s, condition);
         if (any || N_MEMORIES) {
             model_updates(&c->q, d, x);
-            for (int i = 0; i < N_MEMORIES; i++)
-                if (d[i] != c->q.d[i]) c->q.d[i] = d[i], any = 1;
+            any |= take_memories(s, d);
+#if CHAINED
+            for (int inner = 0, new = any; new && inner < MAX_ITERATIONS; inner++) { /* with the same pre() */
+                do {
+                    invalidate(s);
+                    rates(s);
+                } while (refresh(s) && ++inner < MAX_ITERATIONS);
+                model_conditions(&c->q, condition);
+                fire(s, condition);
+                model_updates(&c->q, d, x);
+                new = take_memories(s, d);
+            }
+#endif
             for (int i = 0; i < N_STATES; i++) c->q.x[i] = x[i];
         }
         if (N_BRANCHES) memcpy(c->condition, condition, sizeof condition);

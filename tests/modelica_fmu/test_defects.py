@@ -149,3 +149,35 @@ def test_a_chattering_mode_slides_along_its_surface(tmp_path: Path) -> None:
     t, x = model.run(0.2, "x")
     assert x == pytest.approx([max(1 - 20 * now, 0) for now in t], abs=20 * 1e-2 / 200)
     assert [text for _, text in model.messages if "each mode now holds for 5e-05 s" in text]
+
+
+def test_a_when_clause_sees_what_another_one_gives_at_the_same_event(tmp_path: Path) -> None:
+    """change(k) was never true of a k that a when-clause counts: it was compared a round late."""
+    model = library_of(
+        """model M
+  Integer k(start = 0, fixed = true);
+  discrete Real seen, twice, last;
+equation
+  when sample(0.1, 0.1) then
+    k = pre(k) + 1;
+  end when;
+  when change(k) then
+    seen = time;
+  end when;
+  when sample(0.1, 0.1) then
+    twice = 2*k;
+  end when;
+  when mod(k - 1, 2) == 0 and edge(odd) then
+    last = time;
+  end when;
+public
+  Boolean odd = mod(k, 2) == 1;
+end M;
+""",
+        tmp_path,
+    ).start()
+    t, k, seen, twice, last = model.run(1.05, "k", "seen", "twice", "last", step=0.05)
+    assert list(k) == [int((now - 1e-6) / 0.1) for now in t]
+    assert seen == pytest.approx(0.1 * k)
+    assert list(twice) == list(2 * k)
+    assert last == pytest.approx([0.1 * (n - (n % 2 == 0)) if n else 0 for n in k])
