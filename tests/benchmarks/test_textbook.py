@@ -61,7 +61,10 @@ def test_a_library_is_compiled_run_and_checked(
     monkeypatch.setattr(textbook, "POINTS", 50)
     reference = Reference(book, tmp_path / "copy")
     found = [tried(name, [book], reference, tmp_path) for name in models(book, [])]
-    assert [(o.model, o.state) for o in found] == [("Book.Falls", "right"), ("Book.Open", "refused")]
+    assert [(o.model, o.state) for o in found] == [
+        ("Book.Falls", "right"),
+        ("Book.Open", "refused"),
+    ]
     assert found[0].error is not None
     assert found[0].error < 1e-5
     assert "partial" in found[1].said
