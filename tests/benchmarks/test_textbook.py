@@ -55,7 +55,8 @@ def test_a_library_is_compiled_run_and_checked(
     book.mkdir()
     (book / "package.mo").write_text(
         "package Book\n  model Falls\n    Real x(start = 1, fixed = true);\n  equation\n"
-        "    der(x) = -x;\n  end Falls;\n  partial model Open\n    Real y;\n  end Open;\nend Book;\n"
+        "    der(x) = -x;\n  end Falls;\n  partial model Open\n    Real y;\n  end Open;\n"
+        "end Book;\n"
     )
     monkeypatch.setitem(HAND_WRITTEN, "Falls", lambda stop: {"x": lambda t: np.exp(-t)})
     monkeypatch.setattr(textbook, "POINTS", 50)
