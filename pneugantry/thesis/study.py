@@ -38,6 +38,7 @@ from pneugantry.thesis.leaderboard import (
 from pneugantry.thesis.perfect import PerfectRun
 from pneugantry.thesis.plant_tests import Hysteresis, hysteresis, identified_lags
 from pneugantry.thesis.printed import WORKPIECES
+from pneugantry.thesis.run_store import RunStore
 from pneugantry.thesis.runner import Results, Tell, Workers
 from pneugantry.thesis.stationary import Responses, stationary_responses
 from pneugantry.thesis.tables import Cell, cells
@@ -102,11 +103,12 @@ def run_study(
     tell: Tell | None = None,
     plants: int = PLANTS,
     draws: int = DRAWS,
+    store: RunStore | None = None,
 ) -> Study:
-    """Runs everything; `plants`: drawn plants of the robustness table, `draws`: settings of each
-    group, at least 1.
+    """Runs everything that the store does not hold; `plants`: drawn plants of the robustness table,
+    `draws`: settings of each group, at least 1.
     """
-    with Workers(fmu, workers, tell) as pool:
+    with Workers(fmu, workers, tell, store) as pool:
         path = str(fmu)
         tests = pool.start([(_plant, (path,)), (plant_judged, (path, draws))])
         told = perfect_settings(draws)
@@ -120,7 +122,9 @@ def run_study(
         results = pool.collect(tracking)
         neural = best_neural(results)
         drawn += pool.start_runs(drawn_runs(neural, plants))
-        results.done |= pool.collect(drawn).done
+        more = pool.collect(drawn)
+        results.done |= more.done
+        results.lost |= more.lost
         pairs = [(setting, job.result()) for setting, job in zip(told, perfect, strict=True)]
         plant: PlantTests = tests[0].result()
         return Study(
