@@ -133,7 +133,7 @@ def board() -> str:
 
 def _margin(found: dict[str, Any] | None) -> str:
     if found is None:
-        return "learns"
+        return "no linear model"
     if found.get("stable") is False or found["gain"] == 0.0:
         return "unstable"
     gain = "none" if found["gain"] is None else f"{found['gain']:.1f}"

@@ -28,6 +28,7 @@ conclusion holds, and the leaderboard.
   pneugantry thesis --gap                 what explains the thesis' own measurement
   pneugantry thesis --board               every controller on every structure of plant
   pneugantry thesis --runs FILE           finished runs are kept there: a killed study goes on
+  pneugantry thesis --tuning              Figs. 3.14-3.17, 3.22-3.24, 4.8, 4.15 and App. E
   pneugantry thesis --list                every table and figure: ours, or why not
 
 What the thesis does not print was chosen once for all tables: docs/results/thesis.md."""
@@ -44,6 +45,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--board",
         action="store_true",
         help="the leaderboard over structures, with margins; exit 1 where the limits are missed",
+    )
+    mode.add_argument(
+        "--tuning",
+        action="store_true",
+        help="the tuning series and angles of chapters 3 and 4 and of Appendix E",
     )
     mode.add_argument(
         "--list",
@@ -92,7 +98,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    modes = {"gap": _gap, "board": _board, "list": _contents}
+    modes = {"gap": _gap, "board": _board, "tuning": _tuning, "list": _contents}
     chosen = next((run for name, run in modes.items() if getattr(options, name)), _study)
     started = time.perf_counter()
     found, lines, code = chosen(options, counter("thesis"))
@@ -181,6 +187,17 @@ def _board(options: argparse.Namespace, tell: Tell) -> Answer:
             store=store,
         )
     return board_report(board), list(board_lines(board)), 0 if board.met else 1
+
+
+def _tuning(options: argparse.Namespace, tell: Tell) -> Answer:
+    from pneugantry.thesis.tuning import run_tuning
+    from pneugantry.thesis.tuning_report import draw_tuning, tuning_lines, tuning_report
+
+    tuning = run_tuning(FmuFile.read(build_fmu().path))
+    lines = list(tuning_lines(tuning))
+    if not options.no_figures:
+        lines.append(f"{len(draw_tuning(tuning, options.out))} figures: {options.out}")
+    return tuning_report(tuning), lines, 0
 
 
 def _contents(options: argparse.Namespace, tell: Tell) -> Answer:

@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import controllers
-import pneugantry.analysis
 import pyfmi_runner
 from modelica_fmu.errors import InputError
 from pneugantry.thesis.conditions import Run
@@ -30,8 +29,14 @@ from pneugantry.thesis.scores import Effort, Scores, Trace
 
 __all__ = ["Done", "RunStore", "source_hash"]
 
-# of this package: what decides how a run goes and is scored
-MODULES = ("conditions.py", "random_finish.py", "runner.py", "scores.py", "loop_limits.py")
+# what decides how a run goes and is scored, besides the packages of controllers and of the runner
+RUN_MODULES = (
+    "thesis/conditions.py",
+    "thesis/random_finish.py",
+    "thesis/runner.py",
+    "thesis/scores.py",
+    "analysis/metrics.py",
+)
 TABLE = "CREATE TABLE IF NOT EXISTS found (key TEXT PRIMARY KEY, value TEXT, trace BLOB)"
 
 
@@ -43,13 +48,19 @@ class Done(NamedTuple):
     trace: Trace | None = None
 
 
-@lru_cache(maxsize=1)
-def source_hash() -> str:
-    """Of every source that a run depends on besides the FMU."""
-    files = [Path(__file__).parent / name for name in MODULES]
-    for package in (controllers, pyfmi_runner, pneugantry.analysis):
-        found = Path(str(package.__file__)).parent.rglob("*.py")
-        files += sorted(path for path in found if not path.name.startswith("plots"))
+@lru_cache(maxsize=2)
+def source_hash(*, analysis: bool = False) -> str:
+    """Of every source that a run depends on besides the FMU; analysis: of what margins are computed
+    with, too.
+    """
+    home = Path(__file__).parent.parent
+    files = [home / name for name in RUN_MODULES]
+    for package in (controllers, pyfmi_runner):
+        files += sorted(Path(str(package.__file__)).parent.rglob("*.py"))
+    if analysis:
+        found = sorted((home / "analysis").rglob("*.py"))
+        files += [path for path in found if not path.name.startswith("plots")]
+        files.append(home / "thesis" / "loop_limits.py")
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
@@ -58,7 +69,9 @@ class RunStore:
 
     def __init__(self, file: Path, fmu_hash: str) -> None:
         """Raises InputError where the file cannot be made or is no store."""
-        self.file, self.identity = file, fmu_hash + source_hash()
+        self.file = file
+        self.runs_of = fmu_hash + source_hash()
+        self.values_of = fmu_hash + source_hash(analysis=True)
         self.taken = 0  # results that were there
         self._lock = threading.Lock()
         try:
@@ -83,7 +96,7 @@ class RunStore:
         """
         found: dict[Run, Done | str] = {}
         for run in wanted:
-            row = self._row(_run_text(run))
+            row = self._row(self._run_key(run))
             if row is None:
                 continue
             value, trace = json.loads(row[0]), row[1]
@@ -100,36 +113,45 @@ class RunStore:
         rows: list[tuple[str, Any, bytes | None]] = []
         for run, done in runs.items():
             if isinstance(done, str):
-                rows.append((_run_text(run), {"lost": done}, None))
+                rows.append((self._run_key(run), {"lost": done}, None))
                 continue
             value = {"scores": done.scores, "effort": done.effort}
-            rows.append((_run_text(run), value, None if done.trace is None else _blob(done.trace)))
+            rows.append(
+                (self._run_key(run), value, None if done.trace is None else _blob(done.trace))
+            )
         self._write(rows)
 
     def value(self, name: str) -> Any:
         """What was kept under a name; None where nothing was."""
-        row = self._row(name)
+        row = self._row(self._value_key(name))
         self.taken += row is not None
         return None if row is None else json.loads(row[0])
 
     def add_value(self, name: str, value: Any) -> None:
         """value: what JSON holds, infinities too."""
-        self._write([(name, value, None)])
+        self._write([(self._value_key(name), value, None)])
 
-    def _row(self, text: str) -> tuple[str, bytes | None] | None:
+    def _row(self, key: str) -> tuple[str, bytes | None] | None:
         with self._lock:
             found = self._base.execute(
-                "SELECT value, trace FROM found WHERE key = ?", (self._key(text),)
+                "SELECT value, trace FROM found WHERE key = ?", (key,)
             ).fetchone()
         return None if found is None else (found[0], found[1])
 
     def _write(self, rows: Iterable[tuple[str, Any, bytes | None]]) -> None:
-        keyed = [(self._key(text), json.dumps(value), trace) for text, value, trace in rows]
+        texts = [(key, json.dumps(value), trace) for key, value, trace in rows]
         with self._lock, self._base:
-            self._base.executemany("INSERT OR REPLACE INTO found VALUES (?, ?, ?)", keyed)
+            self._base.executemany("INSERT OR REPLACE INTO found VALUES (?, ?, ?)", texts)
 
-    def _key(self, text: str) -> str:
-        return hashlib.sha256(f"{self.identity}\n{text}".encode()).hexdigest()
+    def _run_key(self, run: Run) -> str:
+        return _hash(f"{self.runs_of}\n{_run_text(run)}")
+
+    def _value_key(self, name: str) -> str:
+        return _hash(f"{self.values_of}\n{name}")
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _run_text(run: Run) -> str:
