@@ -28,6 +28,7 @@ conclusion holds, and the leaderboard.
   pneugantry thesis --gap                 what explains the thesis' own measurement
   pneugantry thesis --board               every controller on every structure of plant
   pneugantry thesis --runs FILE           finished runs are kept there: a killed study goes on
+  pneugantry thesis --variants            on which unprinted value a conclusion hangs
   pneugantry thesis --tuning              Figs. 3.14-3.17, 3.22-3.24, 4.8, 4.15 and App. E
   pneugantry thesis --list                every table and figure: ours, or why not
 
@@ -45,6 +46,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--board",
         action="store_true",
         help="the leaderboard over structures, with margins; exit 1 where the limits are missed",
+    )
+    mode.add_argument(
+        "--variants",
+        action="store_true",
+        help="the conclusions with other values of what the thesis does not print",
     )
     mode.add_argument(
         "--tuning",
@@ -98,7 +104,13 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    modes = {"gap": _gap, "board": _board, "tuning": _tuning, "list": _contents}
+    modes = {
+        "gap": _gap,
+        "board": _board,
+        "tuning": _tuning,
+        "variants": _variants,
+        "list": _contents,
+    }
     chosen = next((run for name, run in modes.items() if getattr(options, name)), _study)
     started = time.perf_counter()
     found, lines, code = chosen(options, counter("thesis"))
@@ -187,6 +199,16 @@ def _board(options: argparse.Namespace, tell: Tell) -> Answer:
             store=store,
         )
     return board_report(board), list(board_lines(board)), 0 if board.met else 1
+
+
+def _variants(options: argparse.Namespace, tell: Tell) -> Answer:
+    from pneugantry.thesis.variants import run_variants, variant_lines, variant_report
+
+    fmu = build_fmu().path
+    workers, draws = max(options.workers, 1), max(options.draws, 1)
+    with _store(options, fmu) as store:
+        found = run_variants(fmu, workers=workers, tell=tell, draws=draws, store=store)
+    return variant_report(found), list(variant_lines(found)), 0
 
 
 def _tuning(options: argparse.Namespace, tell: Tell) -> Answer:

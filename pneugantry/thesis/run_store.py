@@ -37,6 +37,13 @@ RUN_MODULES = (
     "thesis/scores.py",
     "analysis/metrics.py",
 )
+VALUE_MODULES = (  # what other kept results are computed with
+    "thesis/judge.py",
+    "thesis/loop_limits.py",
+    "thesis/perfect.py",
+    "thesis/plant_tests.py",
+    "thesis/settings.py",
+)
 TABLE = "CREATE TABLE IF NOT EXISTS found (key TEXT PRIMARY KEY, value TEXT, trace BLOB)"
 
 
@@ -50,8 +57,8 @@ class Done(NamedTuple):
 
 @lru_cache(maxsize=2)
 def source_hash(*, analysis: bool = False) -> str:
-    """Of every source that a run depends on besides the FMU; analysis: of what margins are computed
-    with, too.
+    """Of every source that a run depends on besides the FMU; analysis: of what margins and
+    tests on the plant are computed with, too.
     """
     home = Path(__file__).parent.parent
     files = [home / name for name in RUN_MODULES]
@@ -60,7 +67,7 @@ def source_hash(*, analysis: bool = False) -> str:
     if analysis:
         found = sorted((home / "analysis").rglob("*.py"))
         files += [path for path in found if not path.name.startswith("plots")]
-        files.append(home / "thesis" / "loop_limits.py")
+        files += [home / name for name in VALUE_MODULES]
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
