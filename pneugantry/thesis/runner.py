@@ -123,8 +123,7 @@ class Workers:
             if count > 1
             else None
         )
-        self.waiting: list[Future[Any]] = []
-        self.done = 0
+        self.announced = self.done = 0  # jobs
 
     def __enter__(self) -> Workers:
         return self
@@ -135,6 +134,7 @@ class Workers:
 
     def start(self, jobs: Sequence[Job]) -> list[Future[Any]]:
         """The jobs' results, to be asked for with `result()`."""
+        self.announced += len(jobs)  # all at once: without a pool each is run as it is submitted
         return [self._submit(function, *arguments) for function, arguments in jobs]
 
     def start_runs(
@@ -143,8 +143,10 @@ class Workers:
         """Their results, to be asked for with `collect`."""
         wanted = dict.fromkeys(runs)
         known = {} if self.store is None else self.store.runs(wanted, traced)
+        missing = batches(run for run in wanted if run not in known)
+        self.announced += len(missing)
         started = self.start([(_given, (known,))])
-        for batch in batches(run for run in wanted if run not in known):
+        for batch in missing:
             future = self._submit(run_batch, batch, self.fmu, traced & frozenset(batch))
             if self.store is not None:
                 future.add_done_callback(self._keep_runs)
@@ -153,6 +155,7 @@ class Workers:
 
     def keep(self, name: str, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """A job whose result JSON holds, kept under a name."""
+        self.announced += 1
         known = None if self.store is None else self.store.value(name)
         if known is not None:
             return self._submit(_given, known)
@@ -180,14 +183,13 @@ class Workers:
             future.set_result(function(*arguments))
         else:
             future = self.pool.submit(function, *arguments)
-        self.waiting.append(future)
         future.add_done_callback(self._finished)
         return future
 
     def _finished(self, _: Future[Any]) -> None:
         self.done += 1
         if self.tell is not None:
-            self.tell(self.done, len(self.waiting))
+            self.tell(self.done, self.announced)
 
 
 def _given(value: Any) -> Any:

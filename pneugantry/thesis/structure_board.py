@@ -164,9 +164,9 @@ def run_board(
     chosen = [*structures(), *pairs(), *catalogue_structures(FmuFile.read(fmu))]
     field = [e for e in entrants() if not names or e.name in names]
     with Workers(fmu, workers, tell, store) as pool:
-        runs = [pool.start_runs(_all_runs(e, chosen, plants)) for e in field]
+        runs = pool.start_runs(run for e in field for run in _all_runs(e, chosen, plants))
         margins = [pool.keep(f"margins {e}", entrant_margins, str(fmu), e) for e in field]
-        results = pool.collect([future for batch in runs for future in batch])
+        results = pool.collect(runs)
         rows = [
             board_row(e, chosen, plants, results, found.result())
             for e, found in zip(field, margins, strict=True)

@@ -96,12 +96,15 @@ def test_workers_keep_each_batch_and_run_nothing_twice(store, tmp_path, monkeypa
     with pytest.raises(KeyboardInterrupt), Workers(tmp_path, 1, None, store) as pool:
         pool.start_runs(runs)
     monkeypatch.setattr(runner, "run_batch", lambda wanted, *_: dict.fromkeys(wanted, DONE))
-    with Workers(tmp_path, 1, None, store) as pool:
+    told = []
+    with Workers(tmp_path, 1, lambda *done: told.append(done), store) as pool:
         results = pool.collect(pool.start_runs(runs))
         kept = [pool.keep("answer", len, ran).result() for _ in range(2)]
     assert set(results.done) == set(runs)
     assert store.taken == runner.BATCH + 1
     assert kept[0] == kept[1]
+    assert told[0] == (1, 2)  # what was there, and one batch to come
+    assert told[-1] == (4, 4)
 
 
 def test_asking_for_a_lost_run_says_why():
