@@ -1,15 +1,20 @@
-"""Which tests stay together when `make test` runs them on several cores (`--dist loadgroup`).
+"""What all tests share: a result against its schema, and which tests stay together.
 
-A file is one group, so that what its tests share is made once. What kills processes or measures
-time is one group of its own: such tests never run beside one another. Pages and notebooks share
-nothing and are dealt out one by one.
+On several cores (`make test`, `--dist loadgroup`) a file is one group, so that what its tests share
+is made once. What kills processes or measures time is one group of its own: such tests never run
+beside one another. Pages and notebooks share nothing and are dealt out one by one.
 """
 
+import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from jsonschema import Draft202012Validator
 
 HERE = Path(__file__).parent
+SCHEMAS = HERE.parent / "docs" / "reference" / "schemas"
 ALONE = (
     "pneugantry/test_kill.py",
     "pneugantry/studies/test_bench.py",
@@ -18,6 +23,18 @@ ALONE = (
     "test_wheel.py",
 )
 SINGLE = ("docs/test_blocks.py", "notebooks/test_notebooks.py")
+
+
+def _keeps_to_schema(result: dict[str, Any]) -> None:
+    """Raises ValidationError where a result is not what the schema that it names says."""
+    name = result["schema"].split("/")[0]
+    schema = json.loads((SCHEMAS / f"{name}.json").read_text(encoding="utf-8"))
+    Draft202012Validator(schema).validate(result)
+
+
+@pytest.fixture(scope="session")
+def keeps_to_schema() -> Callable[[dict[str, Any]], None]:
+    return _keeps_to_schema
 
 
 def group(path: Path) -> str | None:
