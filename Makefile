@@ -10,8 +10,8 @@ READY := $(VENV)/.ready
 demo: $(READY)
 	$(BIN)/pneugantry demo
 
-test: lint
-	$(BIN)/python -m pytest -m "not slow"
+test: lint ## on two to four cores; tests/conftest.py says what stays together
+	$(BIN)/python -m pytest -m "not slow" --numprocesses logical --maxprocesses 4 --dist loadgroup
 
 test-slow: lint
 	$(BIN)/python -m pytest

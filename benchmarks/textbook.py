@@ -32,13 +32,15 @@ from modelica_fmu.package import package_fmu
 
 POINTS = 500
 STOP = 5.0  # s, where neither the model nor STOP_TIMES says
-TOLERANCE = 2e-3  # of a variable's range, beside jumps
+TOLERANCE = 2e-3  # of a variable's range
+INSTANT = 1e-6  # of the time of a run: as far from a jump both its sides count
+ROUNDING = 1e-6  # of the model's largest variable: below that a difference of two is rounding
 WITHIN = ("BasicEquations", "ArrayEquations", "DiscreteBehavior", "Functions")
 
 
 class Outcome(NamedTuple):
     model: str
-    state: str  # right, wrong, unchecked, refused, failed
+    state: str  # right, wrong, unchecked, empty, refused, failed
     against: str  # which independent solution
     error: float | None  # largest difference / range, over all variables
     said: str
@@ -77,11 +79,8 @@ def tried(name: str, libraries: Sequence[Path], reference: Reference, folder: Pa
     except InputError as error:
         return Outcome(name, "refused", "", None, str(error))
     stop = STOP_TIMES.get(name.split(".", 1)[-1], STOP)
-    wanted = [
-        v.name
-        for v in compiled.variables
-        if v.kind in ("state", "algebraic", "discrete") and v.type != "Boolean"
-    ]
+    kinds = ("state", "algebraic", "discrete")
+    wanted = [v.name for v in compiled.variables if v.kind in kinds]
     try:
         ran = fmpy.simulate_fmu(
             str(path),
@@ -96,24 +95,53 @@ def tried(name: str, libraries: Sequence[Path], reference: Reference, folder: Pa
     return compared(name, np.asarray(ran["time"]), found, reference.solution(name, stop))
 
 
+class Independent(NamedTuple):
+    """A solution that shares nothing with ours."""
+
+    against: str
+    values: dict[str, Any]  # name -> function of time, s
+    exact: bool = False  # at every instant; else sampled, and jumps lie between two samples
+
+
 def compared(
-    name: str, t: np.ndarray, found: dict[str, np.ndarray], solution: tuple[str, dict[str, Any]]
+    name: str, t: np.ndarray, found: dict[str, np.ndarray], solution: Independent
 ) -> Outcome:
     """The largest difference of any variable that both know, in parts of its range."""
-    against, wanted = solution
-    errors = {v: difference(t, found[v], wanted[v](t)) for v in found if v in wanted}
     if not found:
-        return Outcome(name, "right", "no variable to compare", None, "")
-    if not errors:
-        return Outcome(name, "unchecked", against, None, "no independent solution")
+        return Outcome(name, "empty", "", None, "no variable to compare")
+    known = [v for v in found if v in solution.values]
+    if not known:
+        return Outcome(name, "unchecked", solution.against, None, "no independent solution")
+    wanted = {v: solution.values[v](t) for v in known}
+    largest = max(size_of(b) for b in wanted.values())
+    errors = {}
+    for v, b in wanted.items():
+        size = max(size_of(b), ROUNDING * largest)
+        if solution.exact:
+            errors[v] = difference_beside_instants(t, found[v], solution.values[v], size)
+        else:
+            errors[v] = difference_between_samples(found[v], b, size)
     worst = max(errors, key=lambda v: errors[v])
     state = "right" if errors[worst] <= TOLERANCE else "wrong"
-    return Outcome(name, state, against, errors[worst], "" if state == "right" else worst)
+    return Outcome(name, state, solution.against, errors[worst], "" if state == "right" else worst)
 
 
-def difference(t: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-    """Largest |a - b| / range; beside a jump of either, the neighbours count as well."""
-    size = max(float(np.ptp(b)), 1e-3 * float(np.max(np.abs(b))), 1e-9)
+def size_of(b: np.ndarray) -> float:
+    """What an error is measured by: the range, or a thousandth of what a constant amounts to."""
+    return max(float(np.ptp(b)), 1e-3 * float(np.max(np.abs(b))), 1e-9)
+
+
+def difference_beside_instants(t: np.ndarray, a: np.ndarray, exact: Any, size: float) -> float:
+    """Largest |a - b| / size. Where the solution jumps at an output time its value before counts
+    as well as the one after: a communication point ends a step, so it shows the value before.
+    """
+    beside = INSTANT * t[-1]
+    around = [exact(np.clip(t + k * beside, 0, t[-1])) for k in (-1, 0, 1)]
+    return float(np.max(np.minimum.reduce([np.abs(a - b) for b in around])) / size)
+
+
+def difference_between_samples(a: np.ndarray, b: np.ndarray, size: float) -> float:
+    """Largest |a - b| / size; beside a jump of b the neighbouring samples count as well."""
     shifted = [np.abs(a - np.roll(b, k)) for k in (-1, 0, 1)]
     steep = np.abs(np.diff(b, prepend=b[0])) > 0.05 * size
     near = steep | np.roll(steep, 1) | np.roll(steep, -1)
@@ -133,20 +161,21 @@ class Reference:
         except ImportError:
             self.rumoca = None
 
-    def solution(self, name: str, stop: float) -> tuple[str, dict[str, Any]]:
+    def solution(self, name: str, stop: float) -> Independent:
         by_hand = HAND_WRITTEN.get(name.split(".", 1)[-1])
         if by_hand is not None:
-            return "by hand", by_hand(stop)
+            return Independent("by hand", dict(by_hand(stop)), exact=True)
         if self.rumoca is None:
-            return "", {}
+            return Independent("", {})
         try:
             session = self.rumoca.Session([str(self.copy)])
             model = session.loads(f"model Z extends {name}; end Z;", model="Z")
             result = model.simulate((0.0, stop), dt=stop / (4 * POINTS))
         except Exception as error:  # whatever stops the other compiler is no fault of ours
-            return f"rumoca: {' '.join(str(error).split())[:80]}", {}
+            return Independent(f"rumoca: {' '.join(str(error).split())[:80]}", {})
         time = np.asarray(result.time, float)
-        return "rumoca", {v: _lookup(time, np.asarray(result[v], float)) for v in result.names}
+        values = {v: _lookup(time, np.asarray(result[v], float)) for v in result.names}
+        return Independent("rumoca", values)
 
 
 def _lookup(time: np.ndarray, values: np.ndarray) -> Any:

@@ -154,6 +154,79 @@ def tent(stop: float) -> Solution:
     return {"y": lambda t: np.interp(t, [0, 2, 4, 6], [0, 0, 2, 0]), "z": integral}
 
 
+def ticks(stop: float) -> Solution:
+    """A clock of 0.1 s from 0 s on: how often it has ticked, and the time of its last tick; z: of
+    every second one.
+    """
+
+    def passed(t: np.ndarray, interval: float) -> np.ndarray:
+        return np.floor(t / interval + 1e-9)
+
+    return {
+        "tick": lambda t: np.where(t > 0, passed(t, 0.1) + 1, 0),  # its first tick follows 0 s
+        "count": lambda t: passed(t, 0.1),
+        "pulse": lambda t: passed(t, 0.1) % 2,
+        "x": lambda t: 0.1 * passed(t, 0.1),
+        "y": lambda t: 0.1 * passed(t, 0.1),
+        "z": lambda t: 0.2 * passed(t, 0.2),
+        "e": np.zeros_like,
+    }
+
+
+def two_clocks(stop: float) -> Solution:
+    """Which of two clocks of 0.1 s is first at an instant is a matter of the last digit of 0.1 k;
+    their difference is therefore not compared, each of them is.
+    """
+    return {name: value for name, value in ticks(stop).items() if name != "e"}
+
+
+def slid(stop: float) -> Solution:
+    """x' = -1 above 1, +1 below: from 2 down to 1, where it stays (Filippov's solution)."""
+    return {"x": lambda t: np.maximum(2 - t, 1.0)}
+
+
+def rectified(stop: float) -> Solution:
+    """Integral of twice the positive half periods of a wave of 1 Hz."""
+    return {"x": lambda t: np.floor(t) + np.minimum(2 * (t % 1), 1), "y": lambda t: t}
+
+
+def parabola(stop: float) -> Solution:
+    """t^2 - 2 t + 2 and its derivative."""
+    value, rate = (lambda t: t**2 - 2 * t + 2), (lambda t: 2 * t - 2)
+    return {"yf": value, "yp": value, "d_yf": rate, "d_yp": rate}
+
+
+AMBIENT, HEATED, WANTED = 285.0, 297.5, 295.0  # K; heated: where 25 W over 2 W/K lead to
+
+
+def heated_on_and_off(stop: float) -> Solution:
+    """Falls from 300 K below 294 K, rises above 296 K, and so on, with a time constant of 0.5 s."""
+    starts, levels, on = [0.0], [WANTED + 5], [False]
+    while starts[-1] < stop:
+        goal, turn = (HEATED, WANTED + 1) if on[-1] else (AMBIENT, WANTED - 1)
+        starts.append(starts[-1] + 0.5 * np.log((levels[-1] - goal) / (turn - goal)))
+        levels.append(turn)
+        on.append(not on[-1])
+
+    def piece(t: np.ndarray) -> np.ndarray:
+        return np.searchsorted(starts, t, side="right") - 1
+
+    def temperature(t: np.ndarray) -> np.ndarray:
+        k = piece(t)
+        goal = np.where(np.array(on)[k], HEATED, AMBIENT)
+        return goal + (np.array(levels)[k] - goal) * np.exp(-2 * (t - np.array(starts)[k]))
+
+    def heat(t: np.ndarray) -> np.ndarray:
+        return np.array(on)[piece(t)].astype(float)
+
+    return {"T": temperature, "heat": heat, "Q": lambda t: 25 * heat(t)}
+
+
+def heated_chattering(stop: float) -> Solution:
+    """Falls to 295 K and stays there; the heater's power is then only known on average."""
+    return {"T": lambda t: np.maximum(AMBIENT + 15 * np.exp(-2 * t), WANTED)}
+
+
 HAND_WRITTEN: dict[str, Callable[[float], Solution]] = {
     "BasicEquations.CoolingExample.NewtonCooling": newton_cooling,
     "BasicEquations.LotkaVolterra.QuiescentModelWithModifications": lambda stop: {
@@ -174,4 +247,20 @@ HAND_WRITTEN: dict[str, Callable[[float], Solution]] = {
     "DiscreteBehavior.SpeedMeasurement.SampleAndHold": sampled_speed,
     "DiscreteBehavior.SpeedMeasurement.IntervalMeasure": speed_from_intervals,
     "DiscreteBehavior.SpeedMeasurement.CounterWithAlgorithm": speed_from_counts,
+    "DiscreteBehavior.Counter.Counter": ticks,
+    "DiscreteBehavior.PulseGenerator.PulseGenerator": ticks,
+    "DiscreteBehavior.SynchronousSystems.IndependentSampling": two_clocks,
+    "DiscreteBehavior.SynchronousSystems.SynchronizedSampling": ticks,
+    "DiscreteBehavior.SynchronousSystems.SubsamplingWithIntegers": ticks,
+    "DiscreteBehavior.Decay.Decay4": slid,
+    "DiscreteBehavior.Decay.Decay5": slid,
+    "DiscreteBehavior.Chatter.WithChatter": slid,
+    "DiscreteBehavior.Chatter.WithoutChatter": slid,
+    "DiscreteBehavior.Accuracy.WithEvents": rectified,
+    "DiscreteBehavior.Accuracy.WithNoEvents": rectified,
+    "DiscreteBehavior.Hysteresis.ChatteringControl": heated_chattering,
+    "DiscreteBehavior.Hysteresis.HysteresisControl": heated_on_and_off,
+    "DiscreteBehavior.Hysteresis.HysteresisControlWithAlgorithms": heated_on_and_off,
+    "Functions.Polynomials.Differentiation1": parabola,
+    "Functions.Polynomials.Differentiation2": parabola,
 }

@@ -1,6 +1,6 @@
 """Writes the generated parts of `docs/results/thesis.md` anew from what `python docs/record.py
-thesis thesis_gap thesis_board` kept: `python docs/thesis_page.py`. No figure of those parts is
-typed.
+thesis thesis_gap thesis_board thesis_variants thesis_tuning` kept: `python docs/thesis_page.py`.
+No figure of those parts is typed.
 """
 
 from __future__ import annotations
@@ -131,9 +131,69 @@ def board() -> str:
     )
 
 
+def variants() -> str:
+    said, found = read("thesis_variants")
+    rows = found["variants"]
+    numbers = list(rows[0]["held"])
+    held = [
+        (r["name"], r["source"], *(str(h) for h in r["held"].values()), f"{r['met']:.0%}")
+        for r in rows
+    ]
+    angles = [f"{p['angle']:g} deg" for p in rows[0]["pull"]]
+    pulls = [
+        (r["name"], *(f"{p['cut_f_n']:.0%}, {p['cut_v_t']:.0%}" for p in r["pull"])) for r in rows
+    ]
+    pieces = list(found["printed_no_lag"])
+    no_lag = [("printed", *(f"{found['printed_no_lag'][p]:g}" for p in pieces))]
+    no_lag += [(r["name"], *(f"{r['no_lag'][p]:.2f}" for p in pieces)) for r in rows]
+    return (
+        f"{said} Draws of the random angle, of {rows[0]['draws']}, in which a conclusion holds, "
+        "and printed numbers met, by what replaces the choice:\n\n"
+        f"{table(('', 'what speaks for it', *numbers, 'met'), held)}\n\n"
+        "RMSE f_n [N] without lag:\n\n"
+        f"{table(('', *pieces), no_lag)}\n\n"
+        "Cut of RMSE f_n and v_t by valves that also pull, by uphill angle:\n\n"
+        f"{table(('', *angles), pulls)}"
+    )
+
+
+def tuning() -> str:
+    said, found = read("thesis_tuning")
+    first = {}  # the set point that is drawn, by figure
+    for r in found["responses"]:
+        first.setdefault(r["figure"], r["set_point"])
+    steps = [
+        (
+            r["figure"],
+            r["loop"],
+            ", ".join(f"{k} {v:g}" for k, v in r["gains"].items() if v) + (" *" * r["kept"]),
+            f"{r['set_point']:g}",
+            "never" if r["rise"] is None else f"{r['rise']:.2f} s",
+            f"{r['overshoot']:.0%}",
+            f"{r['unrest']:.2f}",
+        )
+        for r in found["responses"]
+        if r["set_point"] == first[r["figure"]]
+    ]
+    beaten = ", ".join(f"{name} {count}" for name, count in found["beaten"].items())
+    tracks = [
+        (t["figure"], t["text"], f"{t['rmse_still']:.2f}", f"{t['rmse_moving']:.2f}")
+        for t in found["tracks"]
+    ]
+    heads = ("figure", "loop", "gains, * kept", "set point", "to 90 %", "overshoot", "unrest")
+    span = found["without_cable"]["span"]
+    return (
+        f"{said} Step responses:\n\n{table(heads, steps)}\n\n"
+        "Set points, of three, at which another gain of the figure is both faster and calmer: "
+        f"{beaten}.\n\nRMSE of the force [N]:\n\n"
+        f"{table(('figure', '', 'at rest', 'in motion'), tracks)}\n\n"
+        f"Fig. 4.15, without the cable: f_az - f_z spans {span:.1f} N."
+    )
+
+
 def _margin(found: dict[str, Any] | None) -> str:
     if found is None:
-        return "learns"
+        return "no linear model"
     if found.get("stable") is False or found["gain"] == 0.0:
         return "unstable"
     gain = "none" if found["gain"] is None else f"{found['gain']:.1f}"
@@ -193,6 +253,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "numbers": numbers,
     "findings": findings,
     "board": board,
+    "variants": variants,
+    "tuning": tuning,
     "gap": gap,
     "contents": contents,
 }

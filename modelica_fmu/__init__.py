@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["BuildResult", "build_class", "build_compiled", "fmu_path", "source_key"]
 
 COMPILER = Path(__file__).parent
+_LOG = logging.getLogger(__name__)  # INFO: what is being made, for whoever shows progress
 
 
 class BuildResult(NamedTuple):
@@ -98,6 +100,7 @@ def build_compiled(
         return BuildResult(path, manifest, rebuilt=False)
     from modelica_fmu.package import package_fmu
 
+    _LOG.info("equations of %s", path.stem)
     made = compiled()
     package_fmu(made, fmi, path, platforms, provenance={"source_key": key, **provenance()})
     return BuildResult(path, manifest, rebuilt=True)

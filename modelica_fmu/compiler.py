@@ -205,11 +205,14 @@ def _expressions(
         s.name: (solved[s.name] if s.kind == "algebraic" else s.symbol) for s in layout.memories
     }
     updates |= system.updates
+    chosen: list[ca.SX] = list(system.updates.values())
+    chosen += [b.condition for b in system.branches]
     states = {s.name: s.symbol for s in layout.states}
     for branch in reversed(system.branches):
         new_values = _sequential(branch.assigns, memory)
         for name, value in new_values.items():
             updates[name] = ca.if_else(branch.fired, value, updates[name])
+        chosen += [*new_values.values(), *branch.reinits.values()]
         for name, value in branch.reinits.items():
             states[name] = ca.if_else(branch.fired, value, states[name])
     sought = {s.name for s in initial.unknowns}
@@ -239,12 +242,19 @@ def _expressions(
         initial_guesses=[s.symbol if s.kind == "state" else start_of(s) for s in initial.unknowns],
         constraints=put(system.constraints),
         loop_starts=[v for loop in system.loops for v in loop.starts],
+        chained=_depend(put(chosen), list(memory.values())),
         roundings=put([ca.floor(r.argument) for r in system.roundings]),
         starts=[s.value if s.value is not None else ca.SX(0) for s in layout.states],
         memory_starts=[s.value if s.value is not None else ca.SX(0) for s in layout.memories],
         sample_starts=[s.start for s in system.samples],
         sample_intervals=[s.interval for s in system.samples],
     )
+
+
+def _depend(expressions: list[ca.SX], symbols: list[ca.SX]) -> bool:
+    if not (expressions and symbols):
+        return False
+    return bool(ca.depends_on(ca.vertcat(*expressions), ca.vertcat(*symbols)))
 
 
 def start_of(scalar: Scalar) -> ca.SX:

@@ -71,6 +71,7 @@ class Expressions:
     loop_starts: list[ca.SX] = field(default_factory=list)
     roundings: list[ca.SX] = field(default_factory=list)
     constraints: list[ca.SX] = field(default_factory=list)
+    chained: bool = False  # what happens at an event depends on what else does
 
 
 def column(items: list[ca.SX]) -> ca.SX:
@@ -117,6 +118,7 @@ def header(system: HybridSystem, layout: Layout, e: Expressions, hoisted: int) -
         "N_LARGEST": max([*loops, len(e.initial_unknowns) + sum(loops)]),
         "N_ROUNDINGS": len(system.roundings),
         "N_CONSTRAINTS": len(e.constraints),
+        "CHAINED": int(e.chained),
         "N_SEEDS": len(layout.states)
         + len(layout.inputs)
         + len(layout.parameters)

@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 
 from modelica_fmu import ir
+from modelica_fmu.arrays import shape
 from modelica_fmu.expressions import Translator, Value, compare, elementwise, flatten
 from modelica_fmu.frontend import FlatModel, FlatVariable, place_of
 from modelica_fmu.functions import FunctionLibrary
@@ -478,8 +479,7 @@ def _act(
     source = system.table.source
     if isinstance(action, ir.Equation):
         left, right = _sides(inside, action)
-        pairs = zip(flatten(left), flatten(elementwise(lambda a, b: b, left, right)), strict=True)
-        for target, value in pairs:
+        for target, value in _paired(system, left, right, action):
             name = target.name() if target.is_symbolic() else ""
             scalar = system.table.scalars.get(name)
             if scalar is None or scalar.kind != "discrete":
@@ -488,9 +488,9 @@ def _act(
             before = branch.assigns.get(name, scalar.symbol)
             branch.assigns[name] = ca.if_else(where, value, before) if _open(where) else value
     elif isinstance(action, ir.Reinit):
-        for target, value in zip(
-            flatten(inside(action.state)), flatten(inside(action.value)), strict=True
-        ):
+        for target, value in _paired(system, inside(action.state), inside(action.value), action):
+            if not target.is_symbolic():
+                raise source.refuse("reinit() takes a state", action, hint="name a state")
             if target.name() not in system.derivatives:
                 raise source.refuse(
                     f"reinit() takes a state, {target.name()} is none: "
@@ -517,6 +517,23 @@ def _act(
     else:
         kind = type(action).__name__
         raise source.refuse(f"not supported: {kind} in a when-clause", action)
+
+
+def _paired(
+    system: HybridSystem, left: Value, right: Value, node: Any
+) -> list[tuple[ca.SX, ca.SX]]:
+    """Targets and values, scalar by scalar; InputError where their sizes differ."""
+    if isinstance(left, str) or isinstance(right, str):
+        raise system.table.source.refuse("not supported: a String in a when-clause", node)
+    try:
+        if shape(left) != shape(right):
+            raise ValueError("an array and a scalar")
+        values = flatten(elementwise(lambda _, value: value, left, right))
+        return list(zip(flatten(left), values, strict=True))
+    except (ValueError, TypeError, KeyError):
+        raise system.table.source.refuse(
+            "dimension mismatch: the two sides differ in size", node, hint="correct the sizes"
+        ) from None
 
 
 def _open(where: ca.SX) -> bool:

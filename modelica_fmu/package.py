@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import logging
 import os
 import tempfile
 import uuid
@@ -32,6 +33,7 @@ from modelica_fmu.toolchain import (
 )
 
 CSRC = Path(__file__).parent / "csrc"
+_LOG = logging.getLogger(__name__)  # INFO: what is being made, for whoever shows progress
 _WRAPPERS = {"2.0": "fmi2.c", "3.0": "fmi3.c"}
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the zip format's first date
 
@@ -147,7 +149,8 @@ def _binaries(
         folder = Path(temporary)
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
-        for target in targets:
+        for number, target in enumerate(targets, start=1):
+            _LOG.info("binary %d of %d, %s", number, len(targets), target.fmi3)
             compiler = find_compiler(target, portable)
             name = f"binaries/{target.folder(fmi)}/{compiled.identifier}{target.extension}"
             binaries[name] = compile_library(compiler, target, folder, files, name).read_bytes()

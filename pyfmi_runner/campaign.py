@@ -27,10 +27,11 @@ from pyfmi_runner.log import (
     STROKE_Z,
     Log,
     read_log,
+    touches,
     write_atomically,
     write_log,
 )
-from pyfmi_runner.log_import import NAMES, Import, import_from
+from pyfmi_runner.log_import import ABSENT, NAMES, Import, import_from
 from pyfmi_runner.own_controller import is_known_controller, read_controller
 from pyfmi_runner.scenario import (
     Fields,
@@ -75,6 +76,7 @@ KEYS = (
     "gains",
 )
 DRIVEN = ("time", "u_x", "u_z")  # columns without which a log drives nothing
+SLACK = 0.02  # s, by which a log may end early: a recorder's last interval
 TOP = ("log", "name", "import")  # keys of campaign.toml itself
 IMPORT = (
     "import"  # how a recorder's columns, units and rate become a log's: pyfmi_runner.log_import
@@ -282,13 +284,19 @@ def _misfits(name: str, run: LoggedRun) -> Iterator[str]:
         first = float(np.mean(run.log[axis][:10])) if axis in run.log else said
         if abs(first - said) > slack:
             yield f"{name} starts at {axis} = {first:.4g} m, its setup says {said:.4g} m"
+    felt = [c for c in ("f_x", "f_z") if c in run.log and touches(run.log[c])]
+    if felt and run.setup.workpiece == "none":
+        yield (
+            f"{name} feels a contact force in {' and '.join(felt)}, its setup says no workpiece: "
+            "the model then has nothing to press against"
+        )
     if run.setup.controller and not is_known_controller(run.setup.controller):
         yield (
             f"{name} was recorded with the controller {run.setup.controller!r}, which is none of "
             f"ours: its loop is not run again (--controller FILE.py gives it)"
         )
     end = max((end for _, end in run.setup.phases.values()), default=-math.inf)
-    if end > run.log.time[-1] + 1.5 * PERIOD:
+    if end > run.log.time[-1] + SLACK:
         yield f"{name} ends at {run.log.time[-1]:.3f} s, its phases at {end:g} s"
 
 
@@ -367,6 +375,9 @@ def setup_from(
     InputError.
     """
     fields = Fields(table, KEYS, file, prefix)
+    for key in KEYS:
+        if table.get(key) == ABSENT:
+            fields.refuse(key, "is not filled in yet", "say how the log was taken")
     workpiece, loop = fields.workpiece("none", none=True), fields.of_type("loop", str, "open")
     if loop not in ("open", "closed"):
         fields.refuse("loop", f"is {loop!r}", 'write "open" or "closed"')

@@ -45,6 +45,7 @@ __all__ = [
     "parsed_numbers",
     "read_log",
     "read_table",
+    "touches",
     "write_atomically",
     "write_log",
 ]
@@ -59,6 +60,7 @@ PHASES = (
     "retreat",
 )  # column `phase` holds the index; names are accepted on reading
 MIN_ROWS = 10
+FELT = 5.0  # N, a contact force that runs over more is no offset of its cell
 LARGEST = 10**300
 _SPAN = {
     "x": f"0..{STROKE_X:g}",
@@ -560,6 +562,12 @@ def log_warnings(log: Log) -> list[str]:
         *_speeds(log),
         *_start(log),
     ]
+
+
+def touches(force: NDArray[np.float64]) -> bool:
+    """Does a channel of the contact force [N] tell of a workpiece, single rows apart?"""
+    finite = force[np.isfinite(force)]
+    return len(finite) > 0 and float(np.ptp(np.percentile(finite, [1, 99]))) > FELT
 
 
 def _runs(values: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

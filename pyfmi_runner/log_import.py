@@ -35,6 +35,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {  # SI unit: what else a recorder wr
     "rad": {"rad": 1.0, "deg": np.pi / 180.0},
     "1": {"1": 1.0},
 }
+ABSENT = "?"  # stands in a set-up file where its writer has to say something
 NAMES = tuple(COLUMNS)
 
 
@@ -88,6 +89,13 @@ class Import:
 
     def _values(self, name: str, table: pd.DataFrame, path: Path) -> NDArray[np.float64]:
         source = self.sources.get(name, Source(name, COLUMNS[name].unit))
+        if source.column == ABSENT:
+            raise InputError(
+                "is not filled in yet",
+                file=self.file,
+                field=f"import.{name}.column",
+                hint=f"name the column of {path.name}; it has {_list(table)}",
+            )
         if source.column not in table.columns:
             near = difflib.get_close_matches(source.column, [str(c) for c in table.columns], n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"it has {_list(table)}"

@@ -13,26 +13,35 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from modelica_fmu.errors import InputError
-from pyfmi_runner.log import COLUMNS, OPTIONAL, REQUIRED, STROKE_X, STROKE_Z, parsed_numbers
-from pyfmi_runner.log_import import UNITS
+from pyfmi_runner.log import (
+    COLUMNS,
+    OPTIONAL,
+    REQUIRED,
+    STROKE_X,
+    STROKE_Z,
+    parsed_numbers,
+    touches,
+)
+from pyfmi_runner.log_import import ABSENT, UNITS
 from pyfmi_runner.scenario import toml_key
 from pyfmi_runner.workpiece import WORKPIECES
 
 __all__ = ["Guess", "guessed_columns", "template"]
 
-ABSENT = "?"  # stands where no column was found
 TIME = ("time", "t", "zeit", "timestamp", "stamp", "timesec", "times", "timems")
 KINDS = {  # kind of channel: the words that recorders use for it; the longest that fits counts
-    "f_a": ("fa", "actuator", "actuatorforce", "pneu", "cylinderforce", "driveforce", "act"),
+    "f_a": ("fa", "actuator", "actuatorforce", "pneu", "cylinderforce", "driveforce", "act",
+            "cyl", "fcyl", "cylinder", "forcecyl", "fact", "fpneu", "zylinder"),
     "f": ("f", "force", "loadcell", "contact", "contactforce", "kraft", "fc"),
-    "v": ("v", "vel", "velocity", "speed", "dot", "rate", "tacho", "geschwindigkeit"),
+    "v": ("v", "vel", "velocity", "speed", "dot", "rate", "tacho", "geschwindigkeit", "spd"),
     "u": ("u", "cmd", "command", "valve", "volt", "voltage", "ventil", "ao", "stell"),
     "": ("", "pos", "position", "piston", "weg", "s", "p", "encoder"),
-}
+}  # fmt: skip
 OTHER = {"f_nd": ("fnd", "fdes", "forceref", "fref"), "v_td": ("vtd", "vdes", "vref"),
          "theta": ("theta", "angle"), "phase": ("phase",)}  # fmt: skip
 LARGEST = {"x": STROKE_X, "z": STROKE_Z, "u_x": 5.0, "u_z": 5.0, "v_x": 3.0, "v_z": 2.0}
 SPELT = {"sec": "s", "mm_s": "mm/s", "m_s": "m/s"}  # units where a name takes no slash
+BUSY = 0.25  # share of rows at which a command turns back, from which on a controller gave it
 SMALLER = {"m": "mm", "m/s": "mm/s", "V": "mV", "s": "ms", "N": "mN"}
 
 
@@ -125,13 +134,16 @@ def template(path: Path, table: pd.DataFrame) -> str:
 
 def _head(path: Path, table: pd.DataFrame, found: dict[str, Guess]) -> list[str]:
     start = {axis: _first(table, found, axis) for axis in "xz"}
+    loop = '"closed"' if _controlled(table, found) else '"open"'
+    workpiece = f'"{ABSENT}"' if _touched(table, found) else '"none"'
     return [
-        f"# How {path.name} was taken. Written from the log; check every line, then run",
+        f"# How {path.name} was taken. Written from the log; check every line, put something",
+        f'# in place of every "{ABSENT}", then run',
         f"#     pneugantry log check {path.name}",
-        'loop = "open"                # "closed" where a controller worked on the force or speed',
+        f'loop = {loop:<21} # "closed" where a controller worked on the force or speed',
         'clamped = []                 # ["x"], ["x", "z"], ["x until contour"]: held carriages',
         f"start = {{ x = {start['x']}, z = {start['z']} }}   # m, the first rows",
-        f'workpiece = "none"           # {", ".join(WORKPIECES)}, or a CSV of x, z_w',
+        f"workpiece = {workpiece:<16} # none, {', '.join(WORKPIECES)}, or a CSV of x, z_w",
         "# standoff = 0.04            # m, from the z piston's start to the workpiece",
         "# of a closed loop:",
         "# phases = { approach = [0.0, 3.0], contact = [3.0, 7.0], contour = [7.0, 16.0] }   # s",
@@ -150,6 +162,25 @@ def _first(table: pd.DataFrame, found: dict[str, Guess], axis: str) -> str:
     value = factor * float(np.nanmean(parsed_numbers(table[guess.column])[:10]))
     value = min(max(value, 0.0), LARGEST[axis])
     return f"{value:.4f}" if np.isfinite(value) else "0.0"
+
+
+def _touched(table: pd.DataFrame, found: dict[str, Guess]) -> bool:
+    """Did the log feel a workpiece?"""
+    for name in {"f_x", "f_z"} & set(found):
+        guess = found[name]
+        force = UNITS["N"][guess.unit] * parsed_numbers(table[guess.column])
+        if touches(force):
+            return True
+    return False
+
+
+def _controlled(table: pd.DataFrame, found: dict[str, Guess]) -> bool:
+    """Do the commands turn back at every few rows, as those of a controller on noisy sensors do?"""
+    for name in {"u_x", "u_z"} & set(found):
+        steps = np.sign(np.diff(parsed_numbers(table[found[name].column])))
+        if len(steps) > 1 and float(np.mean(steps[1:] * steps[:-1] < 0)) > BUSY:
+            return True
+    return False
 
 
 def _columns(table: pd.DataFrame, found: dict[str, Guess]) -> list[str]:
@@ -174,7 +205,8 @@ def _columns(table: pd.DataFrame, found: dict[str, Guess]) -> list[str]:
 
 def _line(name: str, column: str, unit: str) -> str:
     text = f"{toml_key(name)} = {{ column = {_quoted(column)}, unit = {_quoted(unit)} }}"
-    return f"{text:<50} # {COLUMNS[name].sign}"
+    about = "any rate: it is resampled to 1 kHz" if name == "time" else COLUMNS[name].sign
+    return f"{text:<50} # {about}"
 
 
 def _about(name: str) -> str:

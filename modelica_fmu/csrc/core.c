@@ -16,7 +16,7 @@
 #define EVENT_WIDTH 1e-10     /* s, bracket of an event */
 #define INDICATOR_MARGIN 1e-10 /* model exchange: indicators cross zero this far beyond the relation's own threshold */
 #define MAX_ITERATIONS 50     /* of one event iteration */
-#define MAX_EVENTS 200        /* within one communication step, before modes stay frozen to its end */
+#define MAX_EVENTS 200        /* within one communication step; after them each mode holds for this part of it */
 #define MIN_STEP 1e-9         /* s */
 
 typedef struct {
@@ -251,6 +251,14 @@ static int refresh(Instance *s) {
     return changed;
 }
 
+/* Whether any memory has changed. */
+static int take_memories(Instance *s, const double *d) {
+    int changed = 0;
+    for (int i = 0; i < N_MEMORIES; i++)
+        if (d[i] != s->c.q.d[i]) s->c.q.d[i] = d[i], changed = 1;
+    return changed;
+}
+
 /* New relations, when-clauses and memories until nothing changes any more. */
 static CoreStatus iterate_events(Instance *s) {
     Core *c = &s->c;
@@ -265,8 +273,19 @@ static CoreStatus iterate_events(Instance *s) {
         int any = fire(s, condition);
         if (any || N_MEMORIES) {
             model_updates(&c->q, d, x);
-            for (int i = 0; i < N_MEMORIES; i++)
-                if (d[i] != c->q.d[i]) c->q.d[i] = d[i], any = 1;
+            any |= take_memories(s, d);
+#if CHAINED
+            for (int inner = 0, new = any; new && inner < MAX_ITERATIONS; inner++) { /* with the same pre() */
+                do {
+                    invalidate(s);
+                    rates(s);
+                } while (refresh(s) && ++inner < MAX_ITERATIONS);
+                model_conditions(&c->q, condition);
+                fire(s, condition);
+                model_updates(&c->q, d, x);
+                new = take_memories(s, d);
+            }
+#endif
             for (int i = 0; i < N_STATES; i++) c->q.x[i] = x[i];
         }
         if (N_BRANCHES) memcpy(c->condition, condition, sizeof condition);
@@ -497,6 +516,7 @@ static CoreStatus settle_now(Instance *s) {
 
 CoreStatus core_step(Instance *s, double time, double step) {
     const double end = time + step, longest = s->c.q.p[P_MAX_STEP];
+    double held = time; /* modes are kept until then */
     int events = 0;
     if (!(end - (end - longest) > 0.5 * longest)) /* a sampled clock would tick for ever without getting there */
         return say(s, CORE_ERROR, "logStatusError", "a step to t = %g s: its end is no number that internal steps of %g s can reach", end, longest);
@@ -505,11 +525,15 @@ CoreStatus core_step(Instance *s, double time, double step) {
     CoreStatus status = settle_now(s);
     while (status == CORE_OK && s->c.q.time < end) {
         double due = next_time_event(s), target = due < end - time_slack(end) ? due : end;
-        int event = 0;
-        status = advance(s, target, events < MAX_EVENTS, &event);
+        int event = 0, holding = s->c.q.time < held;
+        if (holding && held < target) target = held;
+        status = advance(s, target, !holding, &event);
         if (status != CORE_OK) break;
-        if (event && ++events == MAX_EVENTS)
-            say(s, CORE_WARNING, "logEvents", "more than %d events before t = %.9g s: modes stay frozen to the end of this step", MAX_EVENTS, end);
+        if (event && ++events >= MAX_EVENTS) {
+            held = s->c.q.time + step / MAX_EVENTS;
+            if (events == MAX_EVENTS)
+                say(s, CORE_WARNING, "logEvents", "more than %d events before t = %.9g s: each mode now holds for %g s", MAX_EVENTS, end, step / MAX_EVENTS);
+        }
         if (event) {
             status = record_delays(s); /* what led up to it; what it changes is recorded below, as a jump */
             if (status == CORE_OK) status = iterate_events(s);
@@ -519,7 +543,8 @@ CoreStatus core_step(Instance *s, double time, double step) {
             status = record_delays(s);
             if (jump >= due && delays_matter(s)) invalidate(s); /* evaluated when the next step settles */
         }
-        if (status == CORE_OK && s->c.q.time < end && due <= s->c.q.time + time_slack(end)) status = settle_now(s);
+        const int tick = due <= s->c.q.time + time_slack(end), released = holding && s->c.q.time >= held;
+        if (status == CORE_OK && s->c.q.time < end && (tick || released)) status = settle_now(s);
     }
     s->outputs_valid = s->locals_valid = 0;
     if (status == CORE_OK) status = check_assertions(s);

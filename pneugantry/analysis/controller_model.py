@@ -65,25 +65,27 @@ def _point(axis: str, error: float) -> tuple[Reference, Sense]:
 
 
 def flat_state(state: Any) -> NDArray[np.float64]:
-    """The numbers of a nested NamedTuple state; flags are no numbers."""
+    """The numbers of a nested NamedTuple state; flags and places in a table (whole numbers) do not
+    move.
+    """
     numbers: list[float] = []
     for item in state:
         if isinstance(item, tuple):
             numbers.extend(flat_state(item))
         elif isinstance(item, np.ndarray):
             raise ValueError("a controller whose state holds arrays has no linear model")
-        elif not isinstance(item, bool):
+        elif not isinstance(item, int):
             numbers.append(float(item))
     return np.array(numbers)
 
 
 def state_like(template: Any, numbers: Any) -> Any:
-    """A state of the template's shape from an iterator of numbers, flags as they are."""
+    """A state of the template's shape from an iterator of numbers, whole numbers as they are."""
     items = [
         state_like(item, numbers)
         if isinstance(item, tuple)
         else item
-        if isinstance(item, bool)
+        if isinstance(item, int)
         else float(next(numbers))
         for item in template
     ]

@@ -8,7 +8,7 @@ from typing import Any
 
 from modelica_fmu.toolchain import PLATFORMS
 from pneugantry.options import out_folder
-from pneugantry.progress import Stages
+from pneugantry.progress import Stages, logged
 from pyfmi_runner.plant import DEFAULT_CLASS
 
 HELP = """Compile a Modelica class, or a controller, to an FMU (co-simulation and model exchange
@@ -70,8 +70,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from pneugantry.api import models
 
-    with Stages("build", len(options.platform or [""])) as say:
-        say(", ".join(options.platform or ["this machine"]))
+    with Stages("build", len(options.platform or [""])) as say, logged("modelica_fmu", say):
         built = models.build(
             options.class_name,
             model=options.model,

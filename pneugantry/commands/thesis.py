@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -11,8 +13,10 @@ from typing import Any
 from modelica_fmu.errors import InputError
 from pneugantry.options import out_folder
 from pneugantry.progress import counter
+from pneugantry.thesis.run_store import RunStore
 from pneugantry.thesis.runner import Tell
 from pyfmi_runner.build import build_fmu
+from pyfmi_runner.fmu import FmuFile
 
 HELP = """Run every table and conclusion of the thesis: ours beside the printed, which
 conclusion holds, and the leaderboard.
@@ -23,6 +27,9 @@ conclusion holds, and the leaderboard.
   pneugantry thesis --draws 2             fewer settings: faster, wider intervals
   pneugantry thesis --gap                 what explains the thesis' own measurement
   pneugantry thesis --board               every controller on every structure of plant
+  pneugantry thesis --runs FILE           finished runs are kept there: a killed study goes on
+  pneugantry thesis --variants            on which unprinted value a conclusion hangs
+  pneugantry thesis --tuning              Figs. 3.14-3.17, 3.22-3.24, 4.8, 4.15 and App. E
   pneugantry thesis --list                every table and figure: ours, or why not
 
 What the thesis does not print was chosen once for all tables: docs/results/thesis.md."""
@@ -39,6 +46,16 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--board",
         action="store_true",
         help="the leaderboard over structures, with margins; exit 1 where the limits are missed",
+    )
+    mode.add_argument(
+        "--variants",
+        action="store_true",
+        help="the conclusions with other values of what the thesis does not print",
+    )
+    mode.add_argument(
+        "--tuning",
+        action="store_true",
+        help="the tuning series and angles of chapters 3 and 4 and of Appendix E",
     )
     mode.add_argument(
         "--list",
@@ -67,6 +84,13 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="settings of each group: slides of the waves, draws of the finish (default 8)",
     )
     command.add_argument(
+        "--runs",
+        metavar="FILE",
+        type=Path,
+        help="finished runs are kept here and not run again (default DIR/runs.sqlite); delete it "
+        "to run everything anew",
+    )
+    command.add_argument(
         "--controllers",
         metavar="NAME",
         nargs="+",
@@ -80,13 +104,31 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    modes = {"gap": _gap, "board": _board, "list": _contents}
+    modes = {
+        "gap": _gap,
+        "board": _board,
+        "tuning": _tuning,
+        "variants": _variants,
+        "list": _contents,
+    }
     chosen = next((run for name, run in modes.items() if getattr(options, name)), _study)
     started = time.perf_counter()
     found, lines, code = chosen(options, counter("thesis"))
     print("\n".join(lines))
     print(f"({time.perf_counter() - started:.0f} s)")
     return found, code
+
+
+@contextmanager
+def _store(options: argparse.Namespace, fmu: Path) -> Iterator[RunStore]:
+    """Says afterwards how much of the answer was there before."""
+    store = RunStore(options.runs or options.out / "runs.sqlite", FmuFile.read(fmu).sha256)
+    try:
+        yield store
+    finally:
+        store.close()
+    if store.taken:
+        print(f"{store.taken} finished runs taken from {store.file}")
 
 
 Answer = tuple[dict[str, Any], list[str], int]  # JSON, lines, exit code
@@ -97,13 +139,16 @@ def _study(options: argparse.Namespace, tell: Tell) -> Answer:
     from pneugantry.thesis.study import run_study
     from pneugantry.thesis.tables import met_share
 
-    study = run_study(
-        build_fmu().path,
-        workers=max(options.workers, 1),
-        tell=tell,
-        plants=max(options.plants, 0),
-        draws=max(options.draws, 1),
-    )
+    fmu = build_fmu().path
+    with _store(options, fmu) as store:
+        study = run_study(
+            fmu,
+            workers=max(options.workers, 1),
+            tell=tell,
+            plants=max(options.plants, 0),
+            draws=max(options.draws, 1),
+            store=store,
+        )
     lines = list(study_lines(study))
     if not options.no_figures:
         from pneugantry.thesis.figures import draw_figures
@@ -143,14 +188,38 @@ def _board(options: argparse.Namespace, tell: Tell) -> Answer:
             near = get_close_matches(name, known, n=1, cutoff=0.0)[0]
             message = f"no controller {name!r} on the board"
             raise InputError(message, field="--controllers", hint=f"nearest is {near!r}")
-    board = run_board(
-        build_fmu().path,
-        workers=max(options.workers, 1),
-        tell=tell,
-        plants=max(options.plants, 0),
-        names=[*dict.fromkeys([*names, *JUDGED])] if names else (),
-    )
+    fmu = build_fmu().path
+    with _store(options, fmu) as store:
+        board = run_board(
+            fmu,
+            workers=max(options.workers, 1),
+            tell=tell,
+            plants=max(options.plants, 0),
+            names=[*dict.fromkeys([*names, *JUDGED])] if names else (),
+            store=store,
+        )
     return board_report(board), list(board_lines(board)), 0 if board.met else 1
+
+
+def _variants(options: argparse.Namespace, tell: Tell) -> Answer:
+    from pneugantry.thesis.variants import run_variants, variant_lines, variant_report
+
+    fmu = build_fmu().path
+    workers, draws = max(options.workers, 1), max(options.draws, 1)
+    with _store(options, fmu) as store:
+        found = run_variants(fmu, workers=workers, tell=tell, draws=draws, store=store)
+    return variant_report(found), list(variant_lines(found)), 0
+
+
+def _tuning(options: argparse.Namespace, tell: Tell) -> Answer:
+    from pneugantry.thesis.tuning import run_tuning
+    from pneugantry.thesis.tuning_report import draw_tuning, tuning_lines, tuning_report
+
+    tuning = run_tuning(FmuFile.read(build_fmu().path))
+    lines = list(tuning_lines(tuning))
+    if not options.no_figures:
+        lines.append(f"{len(draw_tuning(tuning, options.out))} figures: {options.out}")
+    return tuning_report(tuning), lines, 0
 
 
 def _contents(options: argparse.Namespace, tell: Tell) -> Answer:

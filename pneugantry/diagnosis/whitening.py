@@ -17,17 +17,17 @@ KNEE = 4.0  # mean square of a segment from which on it does
 
 def robust_segments(residual: Array) -> Array:
     """Columns of one log (n, channels) in segments; a segment that went astray counts by its
-    logarithm only.
+    logarithm only. Rows after the last whole segment are left out: below SEGMENT rows none is left.
     """
-    n = len(residual) // SEGMENT * SEGMENT
-    blocks = residual[:n].reshape(-1, SEGMENT, residual.shape[1])
+    n, channels = len(residual) // SEGMENT * SEGMENT, residual.shape[1]
+    blocks = residual[:n].reshape(n // SEGMENT, SEGMENT, channels)
     square = np.mean(blocks**2, axis=1, keepdims=True)
     scale = np.where(
         square > KNEE,
         np.sqrt(KNEE * (1 + np.log(np.maximum(square, KNEE) / KNEE)) / np.maximum(square, KNEE)),
         1.0,
     )
-    return np.asarray((blocks * scale).reshape(n, -1))
+    return np.asarray((blocks * scale).reshape(n, channels))
 
 
 @njit(cache=True)

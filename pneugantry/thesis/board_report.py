@@ -100,7 +100,7 @@ def _margin_lines(board: StructureBoard) -> Iterator[str]:
         "python-control; gain, delay from co-simulation"
     )
     for row in board.rows:
-        linear = "   learns: no linear model   "
+        linear = "   arrays: no linear model   "
         if row.linear is not None:
             m = row.linear
             linear = f"{m.gain:>9.2f}{1e3 * m.delay:>10.1f}{m.modulus:>9.2f} "

@@ -15,8 +15,10 @@ PRINCIPLE = "a principle from the literature, nothing to reproduce"
 SHEET = "a maker's data sheet"
 CALIBRATION = "a calibration of the rig's sensors; its line gives the 12-bit converter's steps"
 RIG = "a measurement of the rig alone; its numbers are parameters of the plant"
-TRACES = "a measured trace without printed samples; its scores stand in the table named"
-TUNING = "a tuning series judged by eye; the gains that it chose are in controllers/gains.py"
+SET_POINT = "the thesis' gains; the set point is not printed and lies within the figure's axis"
+WALL = "of 90 and 92 degrees, where no edge z_w(x) stands, the model's steepest: 86"
+MATERIAL = "the profile is not printed: the fitted finish at the height that Table 3.8's RMSE asks"
+SAMPLES = "the rig's run, no samples printed; ours beside: "
 
 
 class Entry(NamedTuple):
@@ -71,16 +73,13 @@ def _chapters_1_to_3() -> Iterator[Entry]:
         yield Entry(name, "", PRINCIPLE)
     yield Entry("Fig. 3.11", "controllers/vdfm_comp.py", "")
     yield Entry("Fig. 3.13", "controllers/pi_fv.py", "")
-    for name in _range("3", 14, 17):
-        yield Entry(name, "", TUNING)
-    for name in _range("3", 19, 21):
-        yield Entry(name, "", f"{TRACES}: 3.8")
-    yield Entry("Fig. 3.22", "", f"{TRACES}; wood, Table 3.8's edge at +3 degrees")
-    yield Entry(
-        "Fig. 3.23", STUDY, "conclusion 8 runs -10 degrees; the measured trace has no samples"
-    )
-    yield Entry("Fig. 3.24", "", "92 degrees: no edge z_w(x) has that slope")
-    yield Entry("Fig. 3.25", "", f"{TRACES}; steel's profile is not printed")
+    yield Entry("Fig. 3.14", f"{FIGURE}fig_3_14_v_x_tuning", SET_POINT)
+    yield Entry("Fig. 3.15", f"{FIGURE}fig_3_15_tuning", MATERIAL)
+    yield Entry("Fig. 3.16", f"{FIGURE}fig_3_16_tuning", WALL)
+    for name in ("Fig. 3.17", "Fig. 3.19"):
+        yield Entry(name, f"{FIGURE}fig_3_17_3_19_tuning", MATERIAL)
+    for k in (20, 21, 22, 23, 24, 25):
+        yield Entry(f"Fig. 3.{k}", f"{FIGURE}fig_3_{k}_tuning", WALL if k == 24 else MATERIAL)
     for name in _range("3", 26, 29):
         yield Entry(name, f"{STUDY} --gap", "scores of Tables 3.9, 3.10; no samples printed")
     for name in _range("3", 30, 33):
@@ -95,14 +94,14 @@ def _chapter_4() -> Iterator[Entry]:
     yield Entry("Fig. 4.5", "pyfmi_runner/sensors.py", "")
     yield Entry("Fig. 4.6", "pyfmi_runner/sensors.py", "")
     yield Entry("Fig. 4.7", "pneugantry/thesis/random_finish.py", "")
-    yield Entry("Fig. 4.8", "", "x velocity tuning: its set point is not printed")
-    yield Entry("Fig. 4.9", "", f"{TRACES}: none")
+    for name in _range("4", 8, 9):
+        yield Entry(name, f"{FIGURE}fig_4_8_4_9_v_x_tuning", SET_POINT)
     yield Entry("Fig. 4.10", f"{FIGURE}fig_4_10_4_18_friction_models", "")
-    yield Entry("Fig. 4.11", "", f"{TRACES}: none")
+    yield Entry("Fig. 4.11", f"{FIGURE}fig_4_10_4_18_friction_models", f"{SAMPLES}Fig. 4.10")
     yield Entry("Fig. 4.12", "", PRINCIPLE)
     for number in ("4.13", "4.14", "4.16", "4.17"):
         yield Entry(f"Fig. {number}", f"{FIGURE}fig_4_14_4_17_hysteresis", "")
-    yield Entry("Fig. 4.15", "", "the same test without the cable, F_w = 0: its friction is ours")
+    yield Entry("Fig. 4.15", f"{FIGURE}fig_4_15_without_cable", "")
     yield Entry("Fig. 4.18", f"{FIGURE}fig_4_10_4_18_friction_models", "")
     yield Entry("Fig. 4.19", "controllers/anfis.py", "")
     yield Entry("Fig. 4.20", f"{FIGURE}fig_4_20_anfis", "")
@@ -128,7 +127,12 @@ def _chapter_5_and_appendices() -> Iterator[Entry]:
     yield Entry("Fig. 5.6", "pneugantry rootlocus --lag x", "")
     yield Entry("Fig. 5.7", "pneugantry rootlocus --lag none", "")
     yield Entry("Fig. 5.8", "controllers/smith.py", "")
-    yield Entry("Fig. 5.9", "", "another group's neural Smith predictor, cited and not used (§5.3)")
+    yield Entry(
+        "Fig. 5.9",
+        "",
+        "another group's, cited and rejected (§5.3): a block diagram without its fuzzy rules, "
+        "scalings, network or training; ours is the plain predictor, controllers/smith.py",
+    )
     yield Entry("Fig. 5.10", "", PRINCIPLE)
     yield Entry("Fig. 5.11", "controllers/mbpm_comp.py", "")
     yield Entry("Fig. 5.12", "controllers/nn_inputs.py", "")
@@ -148,8 +152,13 @@ def _chapter_5_and_appendices() -> Iterator[Entry]:
         yield Entry(name, "pneugantry identify", "its numbers are Tables C.1 and C.2")
     for name in _range("C", 9, 13):
         yield Entry(name, STUDY, "the test runs on the FMU (JSON `lags`); no samples printed")
-    for name in _range("E", 1, 13):
-        yield Entry(name, "", TUNING)
+    loops = {2: "v_x", 4: "f_z", 5: "f_z", 7: "f_x", 8: "f_x", 9: "f_x"}
+    for k in range(1, 14):
+        if k in (1, 3, 6, 10):  # block diagrams of a loop
+            yield Entry(f"Fig. E.{k}", "pneugantry/thesis/axis_loops.py", "")
+        else:
+            name = f"{FIGURE}fig_E_{k}_{loops.get(k, 'v_z')}_tuning"
+            yield Entry(f"Fig. E.{k}", name, SET_POINT)
 
 
 def contents() -> list[Entry]:

@@ -15,10 +15,18 @@ import numpy as np
 
 from pneugantry.thesis.conclusions import SIGNIFICANT, Conclusion, improvement
 from pneugantry.thesis.conditions import Choice, Run
+from pneugantry.thesis.leaderboard import PARAMETERS
 from pneugantry.thesis.runner import Results
 from pneugantry.thesis.scores import Trace
 
-__all__ = ["ladder_conclusion", "ladder_runs", "valve_runs"]
+__all__ = [
+    "UP_ANGLES",
+    "ladder_conclusion",
+    "ladder_cuts",
+    "ladder_runs",
+    "steepest_pushed",
+    "valve_runs",
+]
 
 DOWN = math.radians(15.0)
 UP_FIGURE = -25.0  # degrees, of the figure's run: f_n sin(theta) + F_w is beyond F_d + C v
@@ -93,13 +101,27 @@ def ladder_runs(choice: Choice, draw: int) -> dict[float, tuple[Run, Run]]:
     return pairs
 
 
+def ladder_cuts(results: Results, pair: tuple[Run, Run], angle: float) -> tuple[float, float]:
+    """Shares by which the errors of f_n and of v_t fall when the valves also pull."""
+    one, both = (uphill_errors(results.trace(run), run, angle) for run in pair)
+    return improvement(one[0], both[0]), improvement(one[1], both[1])
+
+
+def steepest_pushed(run: Run, f_nd: float = 30.0) -> float:
+    """Uphill angle [degrees, < 0] down to which the x valve need not pull at the speed asked for:
+    f_n sin(theta) + F_w = F_d + C v.
+    """
+    plant = PARAMETERS | run.choice.plant() | dict(run.plant)
+    friction = plant["axis_x.friction.F_d"] + plant["axis_x.C"] * abs(run.v_td)
+    return -math.degrees(math.asin(min((friction - plant["axis_x.F_w"]) / f_nd, 1.0)))
+
+
 def ladder_conclusion(results: Results, choice: Choice, draw: int) -> Conclusion:
     """Conclusion 8 on one x axis."""
-    cuts = {}
-    for angle, pair in ladder_runs(choice, draw).items():
-        one, both = (uphill_errors(results.trace(run), run, angle) for run in pair)
-        cuts[angle] = (improvement(one[0], both[0]), improvement(one[1], both[1]))
+    pairs = ladder_runs(choice, draw)
+    cuts = {angle: ladder_cuts(results, pair, angle) for angle, pair in pairs.items()}
     numbers = {f"cut of f_n at {angle:g} deg": f for angle, (f, _) in cuts.items()}
     numbers |= {f"cut of v_t at {angle:g} deg": v for angle, (_, v) in cuts.items()}
+    numbers["steepest angle without a pull [deg]"] = steepest_pushed(pairs[JUDGED][0])
     text = "where theta < 0 one-directional valves lose f_n and v_t, bidirectional ones hold them"
     return Conclusion(8, text, min(cuts[JUDGED]) > SIGNIFICANT, numbers)

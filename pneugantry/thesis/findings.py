@@ -103,13 +103,13 @@ def _gain(results: Results, limits: dict[str, float]) -> Finding:
 def _limit_cycle(results: Results) -> Finding:
     numbers: dict[str, float] = {}
     for name, run in EBPA.items():
-        done = results.done[run]
+        done = results.finished(run)
         numbers |= {
             f"{name}: RMSE f_n [N]": done.scores.rmse_fn,
             f"{name}: share of time, z valve at a limit": done.effort.limits_z,
             f"{name}: largest error before the scored window [N]": done.effort.before,
         }
-    curved = results.done[Run("curved", "pi_fv_ebpa")].effort
+    curved = results.finished(Run("curved", "pi_fv_ebpa")).effort
     numbers["curved, momentum 0: share of time, z valve at a limit"] = curved.limits_z
     text = "EBPA from weights of 0.1 meets its RMSE through a limit cycle of the valve."
     return Finding("EBPA limit cycle", text, numbers)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
 
 from pneugantry.thesis.conclusions import (
     EBPA_STARTS,
@@ -24,6 +27,7 @@ from pneugantry.thesis.plant_tests import (
     locus_conclusion,
 )
 from pneugantry.thesis.runner import Results
+from pneugantry.thesis.scores import Scores
 from pneugantry.thesis.settings import CONTACTS, FITTED, UNFITTED, Seen, Setting, settings
 from pneugantry.thesis.tables import cells, met_share, table_runs
 from pneugantry.thesis.verdicts import Range, Verdict, spread, verdict
@@ -34,9 +38,11 @@ __all__ = [
     "PerfectPair",
     "cell_shares",
     "ladder_traced",
-    "perfect_pair",
+    "perfect_from",
     "perfect_settings",
+    "perfect_values",
     "plant_judged",
+    "plant_values",
     "setting_runs",
     "verdicts_of",
 ]
@@ -84,21 +90,36 @@ def perfect_settings(draws: int) -> list[Setting]:
     return [FITTED] + [s for s in settings(draws) if s.group in UNFITTED and s.number < few]
 
 
-def perfect_pair(setting: Setting, fmu: str) -> PerfectPair:
+def perfect_values(setting: Setting, fmu: str) -> list[dict[str, Any]]:
+    """The pair as JSON holds it; `perfect_from` reads it."""
     file, run = FmuFile.read(fmu), setting.applied(STRAIGHT)
-    return PerfectPair(perfect_run(run, file), perfect_run(run.changed(plant=NO_LAG), file))
+    pair = (perfect_run(run, file), perfect_run(run.changed(plant=NO_LAG), file))
+    return [
+        {"scores": one.scores, "time": one.time.tolist(), "f_n": one.f_n.tolist()} for one in pair
+    ]
 
 
-def plant_judged(fmu: str, draws: int) -> Judged:
-    """Conclusions 9, 14 and 15, which no tracking run feeds."""
-    file = FmuFile.read(fmu)
+def perfect_from(values: Sequence[Mapping[str, Any]]) -> PerfectPair:
+    return PerfectPair(
+        *(PerfectRun(Scores(*v["scores"]), np.array(v["time"]), np.array(v["f_n"])) for v in values)
+    )
+
+
+def plant_values(fmu: str, contact: str, draw: int) -> list[dict[str, Any]]:
+    """Conclusion 9 on a draw of the friction, and 14 with the first: no tracking run feeds them."""
+    file, choice = FmuFile.read(fmu), CONTACTS[contact]
+    pair = (hysteresis(file, law, choice, **drawn_friction(draw)) for law in (DDFM, VDFM))
+    found = [friction_conclusion(*pair)]
+    if draw == 0:
+        found.append(locus_conclusion(file, choice))
+    return [asdict(conclusion) for conclusion in found]
+
+
+def plant_judged(values: Mapping[str, Sequence[Mapping[str, Any]]]) -> Judged:
+    """Conclusions 9, 14 and 15; values: what `plant_values` gave, in all, by contact."""
     judged: Judged = [("printed readings", readings_conclusion())]
-    for contact, choice in CONTACTS.items():
-        judged.append((contact, locus_conclusion(file, choice)))
-        for draw in range(draws):
-            friction = drawn_friction(draw)
-            pair = (hysteresis(file, law, choice, **friction) for law in (DDFM, VDFM))
-            judged.append((contact, friction_conclusion(*pair)))
+    for contact, found in values.items():
+        judged += [(contact, Conclusion(**one)) for one in found]
     return judged
 
 

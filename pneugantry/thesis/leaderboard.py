@@ -1,5 +1,5 @@
 """The controllers side by side: scores on four edges, time of a control step, and the lead of the
-new one over 50 drawn plants.
+robust one over 50 drawn plants. How each bears other structures of plant: `structure_board`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = [
     "step_times",
 ]
 
-NEW = "observer_fv"
+NEW = "robust_fv"
 NEURAL = ("pi_fv_ebpa", "pi_fv_ebpa_zero", "pi_fv_mbpm", "pi_fv_mbpm_5", "pi_fv_mbpm_both")
 EDGES = ("straight", "curved")  # where the lead is asked for
 PLANTS, SPREAD, SEED = 50, 0.20, 2008

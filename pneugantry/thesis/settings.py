@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pneugantry.thesis.conditions import CHOICE, SOFT, Choice, Run
-from pneugantry.thesis.runner import Done, Results
-from pneugantry.thesis.scores import Scores, Trace
+from pneugantry.thesis.run_store import Done
+from pneugantry.thesis.runner import Results
 
 __all__ = ["FITTED", "GROUPS", "Seen", "Setting", "settings"]
 
@@ -75,14 +75,8 @@ class Seen(Results):
     """
 
     def __init__(self, results: Results, setting: Setting) -> None:
-        super().__init__(results.done)
+        super().__init__(results.done, results.lost)
         self.setting = setting
 
-    def __getitem__(self, run: Run) -> Scores:
-        return super().__getitem__(self.setting.applied(run))
-
-    def trace(self, run: Run) -> Trace:
-        return super().trace(self.setting.applied(run))
-
     def finished(self, run: Run) -> Done:
-        return self.done[self.setting.applied(run)]
+        return super().finished(self.setting.applied(run))

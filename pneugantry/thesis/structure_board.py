@@ -5,17 +5,18 @@ bears a plant that is built otherwise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
+from typing import Any
 
-from modelica_fmu.errors import RunError
 from pneugantry.analysis.command_loop import LoopMargins
 from pneugantry.thesis.conditions import Run
 from pneugantry.thesis.entrants import BENCHMARK, ROBUST, Entrant, entrants
 from pneugantry.thesis.leaderboard import PLANTS, drawn_runs
 from pneugantry.thesis.loop_limits import FoundMargins, cosimulated_margins, linear_margins
-from pneugantry.thesis.runner import Done, Tell, Workers, run_one
+from pneugantry.thesis.run_store import RunStore
+from pneugantry.thesis.runner import Results, Tell, Workers
 from pneugantry.thesis.structures import (
     NOMINAL,
     Structure,
@@ -111,36 +112,42 @@ def entrant_runs(entrant: Entrant, chosen: Sequence[Structure]) -> dict[str, lis
     }
 
 
-def board_row(fmu: str, entrant: Entrant, chosen: list[Structure], plants: int) -> BoardRow:
-    """Everything about one controller; its loop compiles once."""
+def _all_runs(entrant: Entrant, chosen: list[Structure], plants: int) -> list[Run]:
+    by_structure = entrant_runs(entrant, chosen).values()
+    return [*(run for runs in by_structure for run in runs), *drawn_for(entrant, plants)]
+
+
+def drawn_for(entrant: Entrant, plants: int) -> list[Run]:
+    return [run.changed(options=entrant.options) for run in drawn_runs(entrant.controller, plants)]
+
+
+def entrant_margins(fmu: str, entrant: Entrant) -> dict[str, Any]:
+    """Both kinds of margins, as JSON holds them."""
     file = FmuFile.read(fmu)
+    linear, found = linear_margins(entrant, file), cosimulated_margins(entrant, file)
+    return {"linear": None if linear is None else asdict(linear), "found": asdict(found)}
+
+
+def board_row(
+    entrant: Entrant, chosen: list[Structure], plants: int, results: Results, margins: Any
+) -> BoardRow:
+    """From finished runs and what `entrant_margins` found."""
     outcomes = {
-        name: _outcome([_done(run, file) for run in runs])
-        for name, runs in entrant_runs(entrant, chosen).items()
+        name: _outcome(runs, results) for name, runs in entrant_runs(entrant, chosen).items()
     }
-    drawn = [
-        _outcome([_done(run.changed(options=entrant.options), file)]).rmse_fn
-        for run in drawn_runs(entrant.controller, plants)
-    ]
-    found = cosimulated_margins(entrant, file)
-    return BoardRow(entrant.name, outcomes, drawn, linear_margins(entrant, file), found)
+    drawn = [_outcome([run], results).rmse_fn for run in drawn_for(entrant, plants)]
+    linear = None if margins["linear"] is None else LoopMargins(**margins["linear"])
+    return BoardRow(entrant.name, outcomes, drawn, linear, FoundMargins(**margins["found"]))
 
 
-def _done(run: Run, file: FmuFile) -> Done | None:
-    try:
-        return run_one(run, file)
-    except RunError:
-        return None
-
-
-def _outcome(done: Sequence[Done | None]) -> Outcome:
-    whole = [d for d in done if d is not None]
-    if len(whole) < len(done):
+def _outcome(runs: Sequence[Run], results: Results) -> Outcome:
+    if any(run in results.lost for run in runs):
         return Outcome(LOST, float("nan"), 1.0)
+    done = [results.finished(run) for run in runs]
     return Outcome(
-        max(d.scores.rmse_fn for d in whole),
-        max(d.effort.noise_z for d in whole),
-        max(max(d.effort.limits_x, d.effort.limits_z) for d in whole),
+        max(d.scores.rmse_fn for d in done),
+        max(d.effort.noise_z for d in done),
+        max(max(d.effort.limits_x, d.effort.limits_z) for d in done),
     )
 
 
@@ -151,11 +158,17 @@ def run_board(
     tell: Tell | None = None,
     plants: int = PLANTS,
     names: Sequence[str] = (),
+    store: RunStore | None = None,
 ) -> StructureBoard:
     """All entrants, or the named ones, on every structure."""
     chosen = [*structures(), *pairs(), *catalogue_structures(FmuFile.read(fmu))]
     field = [e for e in entrants() if not names or e.name in names]
-    with Workers(fmu, workers, tell) as pool:
-        futures = pool.start([(board_row, (str(fmu), e, chosen, plants)) for e in field])
-        rows = [future.result() for future in futures]
+    with Workers(fmu, workers, tell, store) as pool:
+        runs = pool.start_runs(run for e in field for run in _all_runs(e, chosen, plants))
+        margins = [pool.keep(f"margins {e}", entrant_margins, str(fmu), e) for e in field]
+        results = pool.collect(runs)
+        rows = [
+            board_row(e, chosen, plants, results, found.result())
+            for e, found in zip(field, margins, strict=True)
+        ]
     return StructureBoard(sorted(rows, key=lambda row: row.median), chosen)

@@ -17,9 +17,11 @@ from pneugantry.thesis.findings import WHOLE, Finding, finding_runs, findings, l
 from pneugantry.thesis.judge import (
     cell_shares,
     ladder_traced,
-    perfect_pair,
+    perfect_from,
     perfect_settings,
+    perfect_values,
     plant_judged,
+    plant_values,
     setting_runs,
     verdicts_of,
 )
@@ -38,7 +40,9 @@ from pneugantry.thesis.leaderboard import (
 from pneugantry.thesis.perfect import PerfectRun
 from pneugantry.thesis.plant_tests import Hysteresis, hysteresis, identified_lags
 from pneugantry.thesis.printed import WORKPIECES
+from pneugantry.thesis.run_store import RunStore
 from pneugantry.thesis.runner import Results, Tell, Workers
+from pneugantry.thesis.settings import CONTACTS
 from pneugantry.thesis.stationary import Responses, stationary_responses
 from pneugantry.thesis.tables import Cell, cells
 from pneugantry.thesis.verdicts import Range, Verdict
@@ -102,15 +106,23 @@ def run_study(
     tell: Tell | None = None,
     plants: int = PLANTS,
     draws: int = DRAWS,
+    store: RunStore | None = None,
 ) -> Study:
-    """Runs everything; `plants`: drawn plants of the robustness table, `draws`: settings of each
-    group, at least 1.
+    """Runs everything that the store does not hold; `plants`: drawn plants of the robustness table,
+    `draws`: settings of each group, at least 1.
     """
-    with Workers(fmu, workers, tell) as pool:
+    with Workers(fmu, workers, tell, store) as pool:
         path = str(fmu)
-        tests = pool.start([(_plant, (path,)), (plant_judged, (path, draws))])
+        tests = pool.start([(_plant, (path,))])
+        laws = {
+            contact: [
+                pool.keep(f"plant {contact} {draw}", plant_values, path, contact, draw)
+                for draw in range(draws)
+            ]
+            for contact in CONTACTS
+        }
         told = perfect_settings(draws)
-        perfect = pool.start([(perfect_pair, (setting, path)) for setting in told])
+        perfect = [pool.keep(f"perfect {one}", perfect_values, one, path) for one in told]
         names = controller_names()
         traced = traced_runs() | ladder_traced(draws)
         wanted = [*setting_runs(draws), *valve_runs(), *board_runs(), *finding_runs()]
@@ -120,13 +132,18 @@ def run_study(
         results = pool.collect(tracking)
         neural = best_neural(results)
         drawn += pool.start_runs(drawn_runs(neural, plants))
-        results.done |= pool.collect(drawn).done
-        pairs = [(setting, job.result()) for setting, job in zip(told, perfect, strict=True)]
+        more = pool.collect(drawn)
+        results.done |= more.done
+        results.lost |= more.lost
+        pairs = [(one, perfect_from(job.result())) for one, job in zip(told, perfect, strict=True)]
+        judged = plant_judged(
+            {contact: [v for job in jobs for v in job.result()] for contact, jobs in laws.items()}
+        )
         plant: PlantTests = tests[0].result()
         return Study(
             cells(results),
             cell_shares(results, draws),
-            verdicts_of(results, draws, pairs, tests[1].result()),
+            verdicts_of(results, draws, pairs, judged),
             findings(results, plant.limits),
             board(results, _times(timed)),
             robustness(results, neural, plants),

@@ -9,9 +9,9 @@ import numpy as np
 
 from pneugantry.truth.campaign import Campaign, log_frame
 from pneugantry.truth.form import Cause
-from pneugantry.truth.loop import Luck
 from pneugantry.truth.parameters import CHANNELS, Rig
 from pneugantry.truth.run import Outcome, draws, run
+from pneugantry.truth.sensors import Luck
 from pneugantry.truth.setups import Setup, campaign_setups
 from pneugantry.truth.visibility import visibility
 

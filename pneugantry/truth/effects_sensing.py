@@ -79,40 +79,36 @@ def _forms(
     effect: str,
     part: str,
     axes: tuple[str, ...],
-    low: float,
-    high: float,
-    unit: str,
+    sizes: tuple[float, float, str],
     **builds: Build,
 ) -> list[Form]:
+    """One form a build, by name; sizes: least, largest, unit."""
+    low, high, unit = sizes
     return [
         Form(effect, name, part, axes, low, high, unit, build) for name, build in builds.items()
     ]
 
 
 SENSING_FORMS = [
-    *_forms("force_bias", "sensors", AXES, 0.03, 3.0, "N", constant=_bias),
-    *_forms("force_gain", "sensors", AXES, 0.03, 0.3, "relative", factor=_scale(FORCE_CHANNEL)),
+    *_forms("force_bias", "sensors", AXES, (0.03, 3.0, "N"), constant=_bias),
+    *_forms("force_gain", "sensors", AXES, (0.03, 0.3, "relative"), factor=_scale(FORCE_CHANNEL)),
     *_forms(
         "force_crosstalk",
         "sensors",
         ("",),
-        0.01,
-        0.2,
-        "share",
+        (0.01, 0.2, "share"),
         mutual=_crosstalk("mutual"),
         rotation=_crosstalk("rotation"),
         unequal=_crosstalk("unequal"),
     ),
     *_forms(
-        "pressure_gain", "sensors", AXES, 0.03, 0.3, "relative", factor=_scale(PRESSURE_CHANNEL)
+        "pressure_gain", "sensors", AXES, (0.03, 0.3, "relative"), factor=_scale(PRESSURE_CHANNEL)
     ),
     *_forms(
         "velocity_lag",
         "sensors",
         AXES,
-        0.003,
-        0.08,
-        "s",
+        (0.003, 0.08, "s"),
         first_order=_velocity_lag(1),
         cascade=_velocity_lag(3),
         running_mean=_velocity_lag(0),
@@ -121,9 +117,7 @@ SENSING_FORMS = [
         "quantisation",
         "sensors",
         ("",),
-        2.0**-10,
-        2.0**-6,
-        "of full scale",
+        (2.0**-10, 2.0**-6, "of full scale"),
         rounding=_converter(slice(0, 8), False),
         cutting=_converter(slice(0, 8), True),
         forces=_converter(slice(4, 8), False),
@@ -132,9 +126,7 @@ SENSING_FORMS = [
         "loop_delay",
         "timing",
         ("",),
-        0.001,
-        0.04,
-        "s",
+        (0.001, 0.04, "s"),
         sense=_loop_delay("sense"),
         act=_loop_delay("act"),
         both=_loop_delay("both"),

@@ -30,18 +30,16 @@ def along_stroke(profile: np.ndarray, kind: int, position: float, stroke: float)
 
 
 @njit
-def coulomb_level(
-    a: Record, profile: np.ndarray, y: np.ndarray, o: int, f_n: float, time: float
-) -> float:
-    """Factor on F_s and F_d at the axis state y[o:]."""
-    level = along_stroke(profile, LEVEL, y[o], a.stroke)
+def coulomb_level(a: Record, profile: np.ndarray, s: np.ndarray, f_n: float, time: float) -> float:
+    """Factor on F_s and F_d at the states s of the axis."""
+    level = along_stroke(profile, LEVEL, s[0], a.stroke)
     if a.load != 0.0:
         level *= 1.0 + a.load * (abs(f_n) / 10.0) ** a.load_exponent
     if a.warm != 0.0:
-        heat = y[o + WORK] / a.warm_work if a.warm_work > 0.0 else time / a.warm_time
+        heat = s[WORK] / a.warm_work if a.warm_work > 0.0 else time / a.warm_time
         level *= 1.0 - a.warm * (1.0 - math.exp(-heat))
     if a.seal != 0.0:
-        level *= 1.0 + a.seal * abs(y[o + 2]) / 100.0
+        level *= 1.0 + a.seal * abs(s[2]) / 100.0
     return level
 
 

@@ -19,6 +19,7 @@ from pneugantry.truth.plant import (
     MODES,
     STATES,
     WIDTH,
+    Acting,
     Plant,
     plant_modes,
     plant_rates,
@@ -58,13 +59,6 @@ class Accuracy(NamedTuple):
     max_step: float
 
 
-class Acting(NamedTuple):
-    """Constant over a segment: settled force of each valve [N], and which axes are clamped."""
-
-    demand: np.ndarray
-    clamped: np.ndarray
-
-
 class Scratch(NamedTuple):
     """Stage rates (7, STATES), end state and end modes of the step under trial."""
 
@@ -73,29 +67,37 @@ class Scratch(NamedTuple):
     ahead: np.ndarray
 
 
+class Solver(NamedTuple):
+    """What is integrated, how accurately, and the working arrays."""
+
+    plant: Plant
+    accuracy: Accuracy
+    w: Scratch
+
+
 @njit
-def scratch() -> Scratch:
-    """Working arrays of `advance`."""
-    return Scratch(np.empty((7, STATES)), np.empty(STATES), np.empty(MODES, np.int64))
+def solver_of(plant: Plant, accuracy: Accuracy) -> Solver:
+    """A solver with working arrays of its own."""
+    w = Scratch(np.empty((7, STATES)), np.empty(STATES), np.empty(MODES, np.int64))
+    return Solver(plant, accuracy, w)
 
 
 @njit
 def _step(
-    y: np.ndarray, time: float, h: float, modes: np.ndarray, act: Acting, plant: Plant, w: Scratch
+    y: np.ndarray, time: float, h: float, modes: np.ndarray, act: Acting, solver: Solver
 ) -> bool:
     """One step of size h from y (w.k[0]: rates at y) to w.trial; true when its end has other modes,
     w.ahead.
     """
+    w = solver.w
     for stage in range(1, 7):
         for i in range(STATES):
             total = 0.0
             for j in range(stage):
                 total += _A[stage, j] * w.k[j, i]
             w.trial[i] = y[i] + h * total
-        plant_rates(
-            w.trial, time + _C[stage] * h, act.demand, act.clamped, modes, plant, w.k[stage]
-        )
-    plant_modes(w.trial, time + h, act.clamped, plant, w.ahead)
+        plant_rates(w.trial, time + _C[stage] * h, act, modes, solver.plant, w.k[stage])
+    plant_modes(w.trial, time + h, act.clamped, solver.plant, w.ahead)
     changed = False
     for i in range(MODES):
         changed = changed or w.ahead[i] != modes[i]
@@ -126,34 +128,28 @@ def _first_step(y: np.ndarray, axis: np.ndarray, modes: np.ndarray, span: float)
 
 @njit
 def _locate(
-    y: np.ndarray, time: float, h: float, modes: np.ndarray, act: Acting, plant: Plant, w: Scratch
+    y: np.ndarray, time: float, h: float, modes: np.ndarray, act: Acting, solver: Solver
 ) -> float:
     """Shortest step, by bisection, whose end has other modes; leaves that end in w."""
     low, high = 0.0, h
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        if _step(y, time, middle, modes, act, plant, w):
+        if _step(y, time, middle, modes, act, solver):
             high = middle
         else:
             low = middle
-    _step(y, time, high, modes, act, plant, w)
+    _step(y, time, high, modes, act, solver)
     return high
 
 
 @njit
 def advance(
-    y: np.ndarray,
-    modes: np.ndarray,
-    time: float,
-    span: float,
-    act: Acting,
-    accuracy: Accuracy,
-    plant: Plant,
-    w: Scratch,
+    y: np.ndarray, modes: np.ndarray, time: float, span: float, act: Acting, solver: Solver
 ) -> int:
     """Advance state and modes in place by `span` seconds under constant valve demand; returns the
     located events.
     """
+    plant, accuracy, w = solver.plant, solver.accuracy, solver.w
     end, events = time + span, 0
     plant_modes(y, time, act.clamped, plant, modes)
     settle(y, plant.axis, modes, act.clamped)
@@ -162,8 +158,8 @@ def advance(
         h = min(h, accuracy.max_step)
         if h > 0.999999 * (end - time):
             h = end - time
-        plant_rates(y, time, act.demand, act.clamped, modes, plant, w.k[0])
-        changed = _step(y, time, h, modes, act, plant, w)
+        plant_rates(y, time, act, modes, plant, w.k[0])
+        changed = _step(y, time, h, modes, act, solver)
         error = _error(h, w.k) / accuracy.tolerance
         if error > 1.0 and h > 1e-7:
             h *= max(0.2, 0.9 * error**-0.2)
@@ -171,7 +167,7 @@ def advance(
         taken = h
         if changed and events < MAX_EVENTS:
             events += 1
-            taken = _locate(y, time, h, modes, act, plant, w)
+            taken = _locate(y, time, h, modes, act, solver)
         else:
             h *= min(4.0, 0.9 * max(error, 1e-6) ** -0.2)
         time += taken

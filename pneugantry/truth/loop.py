@@ -10,10 +10,10 @@ import numpy as np
 from numba import njit
 
 from pneugantry.truth.controller import control
-from pneugantry.truth.integrate import Accuracy, Acting, Scratch, advance, scratch
+from pneugantry.truth.integrate import Accuracy, Solver, advance, solver_of
 from pneugantry.truth.parameters import Record
-from pneugantry.truth.plant import MODES, STATES, TOUCH, WIDTH, Plant, load
-from pneugantry.truth.sensors import Memory, memory, sense
+from pneugantry.truth.plant import MODES, STATES, TOUCH, WIDTH, Acting, Plant, load
+from pneugantry.truth.sensors import Chain, Luck, memory, sense
 from pneugantry.truth.valve import PLAYS, spool_command, steady_force
 
 PERIOD = 1e-3  # s, sample period by the rig's own clock
@@ -31,11 +31,20 @@ class Task(NamedTuple):
     gains: np.ndarray
 
 
-class Luck(NamedTuple):
-    """Random numbers: noise (n, 8) in the channels' units, chance (n, 10) uniform."""
+class State(NamedTuple):
+    """The rig's own state: of the plant, its modes, and the plays of the valves."""
 
-    noise: np.ndarray
-    chance: np.ndarray
+    y: np.ndarray
+    modes: np.ndarray
+    plays: np.ndarray
+
+
+class Signals(NamedTuple):
+    """Rows of a log as they come: readings (n, 8), commands as they act and as computed (n, 2)."""
+
+    readings: np.ndarray
+    u: np.ndarray
+    kept: np.ndarray
 
 
 class Switch(NamedTuple):
@@ -60,20 +69,12 @@ def delayed(a: Record, u: np.ndarray, k: int, period: float) -> Switch:
 
 @njit
 def actuate(
-    y: np.ndarray,
-    modes: np.ndarray,
-    k: int,
-    period: float,
-    u: np.ndarray,
-    plays: np.ndarray,
-    clamped: np.ndarray,
-    accuracy: Accuracy,
-    plant: Plant,
-    w: Scratch,
+    state: State, k: int, period: float, u: np.ndarray, clamped: np.ndarray, solver: Solver
 ) -> int:
     """One sample of valves and plant: at most three segments of constant valve demand; returns the
     located events.
     """
+    y, modes, plays, plant = state.y, state.modes, state.plays, solver.plant
     s_x = delayed(plant.axis[0], u[:, 0], k, period)
     s_z = delayed(plant.axis[1], u[:, 1], k, period)
     cuts = (0.0, min(s_x.at, s_z.at), max(s_x.at, s_z.at), period)
@@ -88,24 +89,17 @@ def actuate(
             demand[i] = steady_force(
                 plant.axis[i], spool_command(plant.axis[i], raw, plays[i]), k * period
             )
-        events += advance(
-            y, modes, k * period + begin, span, Acting(demand, clamped), accuracy, plant, w
-        )
+        act = Acting(demand, clamped)
+        events += advance(y, modes, k * period + begin, span, act, solver)
     return events
 
 
 @njit
 def command(
-    timing: Record,
-    task: Task,
-    integral: np.ndarray,
-    readings: np.ndarray,
-    u: np.ndarray,
-    k: int,
-    chance: np.ndarray,
-    kept: np.ndarray,
+    timing: Record, task: Task, integral: np.ndarray, k: int, signals: Signals, chance: np.ndarray
 ) -> None:
-    """Write the command pair that acts from sample k; `kept` holds the commands as computed."""
+    """Write the command pair that acts from sample k."""
+    readings, u, kept = signals.readings, signals.u, signals.kept
     late = timing.sense_delay + timing.jitter * chance[8]
     stalled = timing.burst > 0.0 and (k % 1000) < timing.burst
     due = (k - task.contact_row) % max(int(timing.divider), 1) == 0
@@ -136,29 +130,23 @@ def run_loop(
     events).
     """
     n = task.commands.shape[0]
-    true, readings, u, kept = (
-        np.empty((n, 8)),
-        np.empty((n, 8)),
-        task.commands.copy(),
-        task.commands.copy(),
-    )
-    y, modes, clamped = np.zeros(STATES), np.zeros(MODES, np.int64), np.empty(2, np.bool_)
-    y[0], y[WIDTH] = task.start[0], task.start[1]
-    integral, plays = np.zeros(4), np.empty((2, PLAYS + 1))
-    m: Memory = memory()
-    w = scratch()
+    true = np.empty((n, 8))
+    signals = Signals(np.empty((n, 8)), task.commands.copy(), task.commands.copy())
+    state = State(np.zeros(STATES), np.zeros(MODES, np.int64), np.empty((2, PLAYS + 1)))
+    state.y[0], state.y[WIDTH] = task.start[0], task.start[1]
+    integral, clamped = np.zeros(4), np.empty(2, np.bool_)
     period = PERIOD * (1.0 + timing[0].clock)
+    chain = Chain(sensor, plant.terms, period, memory())
+    solver = solver_of(plant, accuracy)
     events = 0
     for i in range(2):
-        plays[i, :] = u[0, i]
+        state.plays[i, :] = signals.u[0, i]
     for k in range(n):
         for i in range(2):
             clamped[i] = k < task.release[i]
-        read(y, modes, plant, true[k])
-        sense(
-            sensor, true[k], luck.noise[k], luck.chance[k], k, period, m, readings[k], plant.terms
-        )
+        read(state.y, state.modes, plant, true[k])
+        sense(chain, true[k], luck, k, signals.readings[k])
         if k >= task.contact_row:
-            command(timing[0], task, integral, readings, u, k, luck.chance[k], kept)
-        events += actuate(y, modes, k, period, u, plays, clamped, accuracy, plant, w)
-    return true, readings, u, events
+            command(timing[0], task, integral, k, signals, luck.chance[k])
+        events += actuate(state, k, period, signals.u, clamped, solver)
+    return true, signals.readings, signals.u, events

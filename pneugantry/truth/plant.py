@@ -54,13 +54,21 @@ class Plant(NamedTuple):
     terms: np.ndarray
 
 
+class Acting(NamedTuple):
+    """Constant over a segment: settled force of each valve [N], and which axes are clamped."""
+
+    demand: np.ndarray
+    clamped: np.ndarray
+
+
 class Surroundings(NamedTuple):
-    """What acts on an axis from outside it."""
+    """What acts on an axis from outside its own laws."""
 
     f_c: float  # N, contact force along the axis
     f_n: float  # N, normal contact force
     other: float  # m/s^2, acceleration of the other axis
     time: float  # s
+    term: np.ndarray  # random term of its friction
 
 
 @njit
@@ -78,11 +86,11 @@ def load(y: np.ndarray, mode: int, plant: Plant) -> Load:
 
 
 @njit
-def axis_drive(
-    a: Record, profile: np.ndarray, y: np.ndarray, o: int, around: Surroundings, term: np.ndarray
-) -> float:
-    """f_a - f_c - F_w plus what pushes from outside and from the other axis [N]."""
-    drive = y[o + 2] - around.f_c - pull_force(a, profile, y[o])
+def axis_drive(a: Record, profile: np.ndarray, s: np.ndarray, around: Surroundings) -> float:
+    """f_a - f_c - F_w plus what pushes from outside and from the other axis [N]; s: the states of
+    the axis alone.
+    """
+    drive = s[2] - around.f_c - pull_force(a, profile, s[0])
     if a.coupling != 0.0:
         push = a.coupling * around.other
         if a.coupling_limit > 0.0:
@@ -90,87 +98,80 @@ def axis_drive(
         drive += push
     if a.shake != 0.0:
         drive += a.shake * math.sin(2.0 * math.pi * a.shake_hz * around.time + a.shake_phase)
-    if term[0] != 0.0:
-        drive -= term_value(term, (y[o], y[o + 1], abs(y[o + 2]), around.f_n))
+    if around.term[0] != 0.0:
+        drive -= term_value(around.term, (s[0], s[1], abs(s[2]), around.f_n))
     return drive
 
 
 @njit
-def base_pull(a: Record, y: np.ndarray, o: int) -> float:
+def base_pull(a: Record, s: np.ndarray) -> float:
     """Acceleration [m/s^2] that spring and damper of an elastic base give it, before
     the axis acts.
     """
     omega = a.base_omega
-    return -omega * omega * y[o + BASE] - 2.0 * a.base_zeta * omega * y[o + BASE + 1]
+    return -omega * omega * s[BASE] - 2.0 * a.base_zeta * omega * s[BASE + 1]
 
 
 @njit
-def base_stuck(a: Record, y: np.ndarray, o: int) -> float:
+def base_stuck(a: Record, s: np.ndarray) -> float:
     """Acceleration [m/s^2] of a base that carries a stuck axis along."""
-    drag = a.viscous * y[o + 1] * a.base_ratio / a.mass
-    return (base_pull(a, y, o) + drag) / (1.0 + a.base_ratio)
+    drag = a.viscous * s[1] * a.base_ratio / a.mass
+    return (base_pull(a, s) + drag) / (1.0 + a.base_ratio)
 
 
 @njit
 def motion_rates(
     a: Record,
     profile: np.ndarray,
-    y: np.ndarray,
-    o: int,
+    s: np.ndarray,
     mode: int,
     around: Surroundings,
     rates: np.ndarray,
-    term: np.ndarray,
 ) -> float:
     """Fill the rates of position, speed, bristles, work, rest and base of a free axis; returns its
-    acceleration.
+    acceleration. s, rates: of this axis alone.
     """
-    v = y[o + 1]
-    level = coulomb_level(a, profile, y, o, around.f_n, around.time)
-    drive = axis_drive(a, profile, y, o, around, term)
+    v = s[1]
+    level = coulomb_level(a, profile, s, around.f_n, around.time)
+    drive = axis_drive(a, profile, s, around)
     if mode == SMOOTH:
-        force = smooth_force(a, v, level, y[o + 6 : o + 10], rates[o + 6 : o + 10])
+        force = smooth_force(a, v, level, s[6:10], rates[6:10])
     else:
-        force = vdfm_force(a, mode, drive, v, level, y[o + REST])
-    rates[o] = v
-    rates[o + 1] = (drive - force - speed_force(a, v, y[o + WORK])) / a.mass
+        force = vdfm_force(a, mode, drive, v, level, s[REST])
+    rates[0] = v
+    rates[1] = (drive - force - speed_force(a, v, s[WORK])) / a.mass
     if a.base_ratio > 0.0:
-        rates[o + BASE] = y[o + BASE + 1]
+        rates[BASE] = s[BASE + 1]
         if mode == STUCK:
-            rates[o + BASE + 1] = base_stuck(a, y, o)
+            rates[BASE + 1] = base_stuck(a, s)
         else:
-            rates[o + BASE + 1] = base_pull(a, y, o) - a.base_ratio * rates[o + 1]
-            rates[o + 1] -= rates[o + BASE + 1]
-    rates[o + WORK] = abs(force * v)
-    rates[o + REST] = 0.0 if mode in (SLIDE_UP, SLIDE_DOWN) else 1.0
-    return rates[o + 1]
+            rates[BASE + 1] = base_pull(a, s) - a.base_ratio * rates[1]
+            rates[1] -= rates[BASE + 1]
+    rates[WORK] = abs(force * v)
+    rates[REST] = 0.0 if mode in (SLIDE_UP, SLIDE_DOWN) else 1.0
+    return rates[1]
 
 
 @njit
 def plant_rates(
-    y: np.ndarray,
-    time: float,
-    demand: np.ndarray,
-    clamped: np.ndarray,
-    modes: np.ndarray,
-    plant: Plant,
-    rates: np.ndarray,
+    y: np.ndarray, time: float, act: Acting, modes: np.ndarray, plant: Plant, rates: np.ndarray
 ) -> None:
-    """Write dy/dt with the modes frozen; `demand` [N] is the settled force of each valve."""
+    """Write dy/dt with the modes frozen."""
     rates[:] = 0.0
     d = press(y, plant)
     c = plant.contact[0]
     f = contact_load(c, modes[TOUCH], y[0], d, y[CREEP], plant.terms[CONTACT])
     a_x = 0.0
     for i in range(2):
-        o, a, profile = i * WIDTH, plant.axis[i], plant.profile[i]
-        valve_rates(a, profile, demand[i], y, o, rates, plant.terms[i])
-        around = Surroundings(f.f_z if i == 1 else f.f_x, f.f_n, a_x, time)
-        if clamped[i] or modes[3 + i] != 0:
-            rates[o + REST] = 1.0
+        a, profile = plant.axis[i], plant.profile[i]
+        s, r = y[i * WIDTH : (i + 1) * WIDTH], rates[i * WIDTH : (i + 1) * WIDTH]
+        valve_rates(a, profile, act.demand[i], s, r, plant.terms[i])
+        term = plant.terms[FRICTION + i]
+        around = Surroundings(f.f_z if i == 1 else f.f_x, f.f_n, a_x, time, term)
+        if act.clamped[i] or modes[3 + i] != 0:
+            r[REST] = 1.0
         else:
-            term = plant.terms[FRICTION + i]
-            a_x = motion_rates(a, profile, y, o, modes[i], around, rates, term)
+            a_x = motion_rates(a, profile, s, modes[i], around, r)
     if c.creep_stiffness > 0.0:
         rates[CREEP] = -y[CREEP] / c.creep_time
         if modes[TOUCH] != APART:
@@ -179,28 +180,22 @@ def plant_rates(
 
 @njit
 def axis_modes(
-    a: Record,
-    profile: np.ndarray,
-    y: np.ndarray,
-    o: int,
-    around: Surroundings,
-    clamped: bool,
-    term: np.ndarray,
+    a: Record, profile: np.ndarray, s: np.ndarray, around: Surroundings, clamped: bool
 ) -> tuple[int, int]:
     """(friction mode, stop mode) of one axis; stop -1 or +1 while the piston is held at 0 or at the
-    end of stroke.
+    end of stroke. s: the states of this axis alone.
     """
-    v = y[o + 1]
-    level = coulomb_level(a, profile, y, o, around.f_n, around.time)
-    drive = axis_drive(a, profile, y, o, around, term)
+    v = s[1]
+    level = coulomb_level(a, profile, s, around.f_n, around.time)
+    drive = axis_drive(a, profile, s, around)
     if a.base_ratio > 0.0:
-        drive -= a.mass * base_stuck(a, y, o)
-    mode = friction_mode(a, drive, v, level, y[o + REST])
-    side = -1 if y[o] <= 0.0 else (1 if y[o] >= a.stroke else 0)
+        drive -= a.mass * base_stuck(a, s)
+    mode = friction_mode(a, drive, v, level, s[REST])
+    side = -1 if s[0] <= 0.0 else (1 if s[0] >= a.stroke else 0)
     if clamped or side == 0 or v * side < 0.0:
         return mode, 0
     if mode == SMOOTH:
-        force = smooth_force(a, 0.0, level, y[o + 6 : o + 10], np.empty(4))
+        force = smooth_force(a, 0.0, level, s[6:10], np.empty(4))
     else:
         force = vdfm_force(a, mode, drive, 0.0, level, 0.0)
     return mode, side if v * side > 0.0 or (drive - force) * side >= 0.0 else 0
@@ -215,20 +210,15 @@ def plant_modes(
     term = plant.terms[CONTACT]
     modes[TOUCH] = contact_mode(plant.contact[0], y[0], d, y[CREEP], term)
     f = contact_load(plant.contact[0], modes[TOUCH], y[0], d, y[CREEP], term)
-    around = Surroundings(f.f_x, f.f_n, 0.0, time)
-    a = plant.axis[0]
-    modes[0], modes[3] = axis_modes(
-        a, plant.profile[0], y, 0, around, clamped[0], plant.terms[FRICTION]
-    )
+    around = Surroundings(f.f_x, f.f_n, 0.0, time, plant.terms[FRICTION])
+    x, z = plant.axis[0], plant.axis[1]
+    s_x, s_z = y[:WIDTH], y[WIDTH : 2 * WIDTH]
+    modes[0], modes[3] = axis_modes(x, plant.profile[0], s_x, around, clamped[0])
     a_x = 0.0
-    if plant.axis[1].coupling != 0.0 and not clamped[0] and modes[3] == 0:
-        a_x = motion_rates(
-            a, plant.profile[0], y, 0, modes[0], around, np.empty(STATES), plant.terms[FRICTION]
-        )
-    around = Surroundings(f.f_z, f.f_n, a_x, time)
-    modes[1], modes[4] = axis_modes(
-        plant.axis[1], plant.profile[1], y, WIDTH, around, clamped[1], plant.terms[FRICTION + 1]
-    )
+    if z.coupling != 0.0 and not clamped[0] and modes[3] == 0:
+        a_x = motion_rates(x, plant.profile[0], s_x, modes[0], around, np.empty(WIDTH))
+    around = Surroundings(f.f_z, f.f_n, a_x, time, plant.terms[FRICTION + 1])
+    modes[1], modes[4] = axis_modes(z, plant.profile[1], s_z, around, clamped[1])
 
 
 @njit

@@ -10,15 +10,16 @@ import numpy as np
 
 from pneugantry.truth.controller import gain_array
 from pneugantry.truth.integrate import Accuracy
-from pneugantry.truth.loop import NEVER, Luck, Task, run_loop
+from pneugantry.truth.loop import NEVER, Task, run_loop
 from pneugantry.truth.parameters import SIGMA, Rig
 from pneugantry.truth.plant import Plant
+from pneugantry.truth.sensors import Luck
 from pneugantry.truth.setups import Setup
 from pneugantry.truth.workpiece import edge_table
 
 FAR = 1e3  # m, stand-off of a workpiece that is not there
 PAUSE = 0.137  # s, unit of the time between logs
-TOLERANCE = 1.0  # times the error scales of `integrate`
+USUAL = Accuracy(tolerance=1.0, max_step=1e-3)
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,7 @@ def run(
     draw: Luck | None = None,
     commands: np.ndarray | None = None,
     edge: np.ndarray | None = None,
-    tolerance: float = TOLERANCE,
-    max_step: float = 1e-3,
+    accuracy: Accuracy = USUAL,
 ) -> Outcome:
     """Simulate a log. `commands` (rows, 2) [V]: replay these, whatever the loop was. `edge`: ready
     table of the workpiece, else made from the setup.
@@ -71,9 +71,7 @@ def run(
     )
     axis = _phased(rig.axis, setup.name)
     plant = Plant(axis, rig.contact, rig.profile, edge, standoff, rig.terms)
-    return Outcome(
-        *run_loop(task, draw, rig.sensor, rig.timing, Accuracy(tolerance, max_step), plant)
-    )
+    return Outcome(*run_loop(task, draw, rig.sensor, rig.timing, accuracy, plant))
 
 
 def _phased(axis: np.ndarray, name: str) -> np.ndarray:

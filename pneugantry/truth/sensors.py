@@ -33,6 +33,24 @@ class Memory(NamedTuple):
     play: np.ndarray
 
 
+class Luck(NamedTuple):
+    """Random numbers: noise (n, 8) in the channels' units, chance (n, 10) uniform."""
+
+    noise: np.ndarray
+    chance: np.ndarray
+
+
+class Chain(NamedTuple):
+    """The eight channels: their records, the random terms of all places, the sample period [s] and
+    what they remember.
+    """
+
+    sensor: np.ndarray
+    terms: np.ndarray
+    period: float
+    m: Memory
+
+
 @njit
 def memory() -> Memory:
     """Fresh state."""
@@ -74,21 +92,10 @@ def _lagged(
 
 
 @njit
-def sense(
-    sensor: np.ndarray,
-    true: np.ndarray,
-    noise: np.ndarray,
-    chance: np.ndarray,
-    k: int,
-    period: float,
-    m: Memory,
-    out: np.ndarray,
-    terms: np.ndarray,
-) -> None:
-    """Write the eight readings of sample k. `noise`: in each channel's unit; `chance`: uniform
-    draws for holds;
-    `terms`: the random terms of all places.
-    """
+def sense(chain: Chain, true: np.ndarray, luck: Luck, k: int, out: np.ndarray) -> None:
+    """Write the eight readings of sample k."""
+    sensor, terms, period, m = chain.sensor, chain.terms, chain.period, chain.m
+    noise, chance = luck.noise[k], luck.chance[k]
     time = k * period
     lagged = np.empty(8)
     for i in range(8):

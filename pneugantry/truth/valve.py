@@ -76,29 +76,28 @@ def valve_rates(
     a: Record,
     profile: np.ndarray,
     demand: float,
-    y: np.ndarray,
-    o: int,
+    s: np.ndarray,
     rates: np.ndarray,
     term: np.ndarray,
 ) -> None:
-    """Rates of [f_a, stage, stage rate, supply loss] at y[o + 2 .. o + 5]; `demand` [N] is
+    """Rates of [f_a, stage, stage rate, supply loss] at 2..5 of one axis' states s; `demand` [N] is
     `steady_force`, unsigned; `term`: what no law says.
     """
-    f_a, stage, stage_rate, loss = y[o + 2], y[o + 3], y[o + 4], y[o + 5]
+    f_a, stage, stage_rate, loss = s[2], s[3], s[4], s[5]
     target = a.sign * demand * (1.0 - loss)
     if term[0] != 0.0:
         share = demand / (demand + OPEN)  # a shut valve gives no force
-        target += share * term_value(term, (demand, abs(f_a), y[o], y[o + 1]))
+        target += share * term_value(term, (demand, abs(f_a), s[0], s[1]))
     if a.spool_omega > 0.0:
-        rates[o + 3] = stage_rate
-        rates[o + 4] = (
+        rates[3] = stage_rate
+        rates[4] = (
             a.spool_omega**2 * (target - stage) - 2.0 * a.spool_zeta * a.spool_omega * stage_rate
         )
         target = stage
     elif a.second_lag > 0.0:
-        rates[o + 3] = (target - stage) / a.second_lag
+        rates[3] = (target - stage) / a.second_lag
         target = stage
-    lag = a.lag * along_stroke(profile, LAG, y[o], a.stroke)
+    lag = a.lag * along_stroke(profile, LAG, s[0], a.stroke)
     if a.lag_pressure != 0.0:
         lag *= max(1.0 + a.lag_pressure * abs(f_a) / 100.0, 0.1)
     if a.lag_rise != a.lag_fall:
@@ -115,9 +114,9 @@ def valve_rates(
         rate -= math.copysign(a.leak * max(abs(f_a) - a.leak_from, 0.0) / lag, f_a)
     if a.slew > 0.0:
         rate = min(max(rate, -a.slew), a.slew)
-    rates[o + 2] = rate
+    rates[2] = rate
     if a.sag != 0.0 or a.sag_flow != 0.0:
         wanted = a.sag * (abs(f_a) / a.limit) ** a.sag_exponent
         pace = a.sag_time if wanted > loss else a.recover_time
         filling = max(rate * a.sign, 0.0) / a.limit
-        rates[o + 5] = (wanted - loss) / pace + a.sag_flow * filling
+        rates[5] = (wanted - loss) / pace + a.sag_flow * filling

@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 
 from pneugantry.truth.controller import control, gain_array
-from pneugantry.truth.loop import Luck
 from pneugantry.truth.parameters import SIGMA, Rig
 from pneugantry.truth.run import Outcome, run
+from pneugantry.truth.sensors import Luck
 from pneugantry.truth.setups import Setup
 
 

@@ -100,3 +100,84 @@ def test_a_step_that_no_internal_step_can_end_is_refused(tmp_path: Path) -> None
     ).start()
     assert model.step(1e300) == 3
     assert any("its end is no number" in m for _, m in model.messages)
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        "reinit(x, {0, 0, 0})",
+        "reinit(x, 0)",
+        "reinit(x[1], {0, 0})",
+        "y = {time, time, time}",
+        "y = time",
+        "k = {1, 2}",
+    ],
+)
+def test_sizes_that_differ_in_a_when_clause_are_refused_with_their_line(
+    action: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "m.mo"
+    file.write_text(
+        "model M\n  Real x[2](each start = 1, each fixed = true);\n  discrete Real y[2];\n"
+        f"  discrete Real k;\nequation\n  der(x) = -x;\n  when time > 1 then\n    {action};\n"
+        "  end when;\nend M;\n"
+    )
+    with pytest.raises(InputError, match=r"m\.mo:8: .*dimension mismatch"):
+        compile_model(file, "M")
+
+
+def test_arrays_of_one_size_are_reinitialised_and_assigned_together(tmp_path: Path) -> None:
+    model = library_of(
+        "model M\n  Real x[2](each start = 1, each fixed = true);\n  discrete Real y[2];\n"
+        "equation\n  der(x) = {0, 1};\n  when time > 1 then\n    reinit(x, {5, 7});\n"
+        "    y = {time, 2*time};\n  end when;\nend M;\n",
+        tmp_path,
+    ).start()
+    _, first, second, y = model.run(2.0, "x[1]", "x[2]", "y[2]")
+    assert (first[-1], second[-1], y[-1]) == pytest.approx((5.0, 8.0, 2.0), abs=1e-6)
+
+
+def test_a_chattering_mode_slides_along_its_surface(tmp_path: Path) -> None:
+    """Modes that stayed frozen to the end of a step carried x 0.02 away from Filippov's solution:
+    x falls with 20/s to 0, where x' = 5 and x' = -20 hold it.
+    """
+    model = library_of(
+        "model M\n  Real x(start = 1, fixed = true);\nequation\n"
+        "  der(x) = if x < 0 then 5 else -20;\nend M;\n",
+        tmp_path,
+    ).start()
+    t, x = model.run(0.2, "x")
+    assert x == pytest.approx([max(1 - 20 * now, 0) for now in t], abs=20 * 1e-2 / 200)
+    assert [text for _, text in model.messages if "each mode now holds for 5e-05 s" in text]
+
+
+def test_a_when_clause_sees_what_another_one_gives_at_the_same_event(tmp_path: Path) -> None:
+    """change(k) was never true of a k that a when-clause counts: it was compared a round late."""
+    model = library_of(
+        """model M
+  Integer k(start = 0, fixed = true);
+  discrete Real seen, twice, last;
+equation
+  when sample(0.1, 0.1) then
+    k = pre(k) + 1;
+  end when;
+  when change(k) then
+    seen = time;
+  end when;
+  when sample(0.1, 0.1) then
+    twice = 2*k;
+  end when;
+  when mod(k - 1, 2) == 0 and edge(odd) then
+    last = time;
+  end when;
+public
+  Boolean odd = mod(k, 2) == 1;
+end M;
+""",
+        tmp_path,
+    ).start()
+    t, k, seen, twice, last = model.run(1.05, "k", "seen", "twice", "last", step=0.05)
+    assert list(k) == [int((now - 1e-6) / 0.1) for now in t]
+    assert seen == pytest.approx(0.1 * k)
+    assert list(twice) == list(2 * k)
+    assert last == pytest.approx([0.1 * (n - (n % 2 == 0)) if n else 0 for n in k])

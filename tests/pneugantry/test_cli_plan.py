@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,12 @@ def result(capture: Capture, *arguments: str) -> Any:
     return json.loads(capture.readouterr().out)
 
 
-def test_a_motor_s_plan_says_what_its_logs_can_tell(capsys: Capture, tmp_path: Path) -> None:
+def test_a_motor_s_plan_says_what_its_logs_can_tell(
+    capsys: Capture, tmp_path: Path, keeps_to_schema: Callable[[Any], None]
+) -> None:
     page = tmp_path / "plan.html"
     found = result(capsys, str(MOTOR / "plant.toml"), "--logs-only", "--html", str(page))
+    keeps_to_schema(found)
     assert set(found) == {
         "schema", "plant", "logs", "signals", "told", "effects", "unseen", "pairs", "adds",
         "notes", "seconds",

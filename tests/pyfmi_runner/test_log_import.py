@@ -20,7 +20,7 @@ from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED, REQUIRED, Log, log_warnings, read_log
 from pyfmi_runner.log_import import UNITS, import_from
-from pyfmi_runner.log_template import guessed_columns
+from pyfmi_runner.log_template import guessed_columns, template
 from pyfmi_runner.resample import even_stamps, is_regular, resampled
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario
@@ -57,6 +57,12 @@ def foreign(log: Log, every: int = 1) -> pd.DataFrame:
     return table.rename(columns=NAMES)
 
 
+def replace_in(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+
+
 def test_init_makes_a_foreign_log_readable(
     log: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -67,6 +73,7 @@ def test_init_makes_a_foreign_log_readable(
     assert main(["log", "init", str(path)]) == 0
     assert main(["log", "init", str(path)]) == 2  # nothing is replaced unasked
     assert "is there already; edit it, or give --force" in capsys.readouterr().err
+    replace_in(path.with_suffix(".toml"), 'workpiece = "?"', 'workpiece = "straight"')
     campaign = read_campaign(path)
     read = next(iter(campaign)).log
     for name in REQUIRED:
@@ -94,16 +101,41 @@ def test_what_is_not_found_is_left_for_the_user_and_refused_by_name(
     assert json.loads(capsys.readouterr().out)["missing"] == ["u_x"]
     assert main(["log", "check", str(path)]) == 2
     err = capsys.readouterr().err
-    assert "rig.toml: import.u_x.column: rig.csv has no column '?'; it has 't [ms]'" in err
-    text = path.with_suffix(".toml").read_text(encoding="utf-8")
-    path.with_suffix(".toml").write_text(text.replace('"?"', '"Kanal 7"'), encoding="utf-8")
+    assert "rig.toml: import.u_x.column: is not filled in yet; name the column of rig.csv" in err
+    replace_in(path.with_suffix(".toml"), 'column = "?"', 'column = "Kanal 7"')
+    assert main(["log", "check", str(path)]) == 2
+    err = capsys.readouterr().err
+    assert "rig.toml: workpiece: is not filled in yet; say how the log was taken" in err
+    replace_in(path.with_suffix(".toml"), '"?"', '"straight"')
     assert main(["log", "check", str(path)]) == 0
+
+
+def test_init_sees_a_controller_and_a_workpiece_in_the_log(log: Log) -> None:
+    closed = template(Path("rig.csv"), foreign(log))
+    assert 'loop = "closed"' in closed
+    assert 'workpiece = "?"' in closed
+    ramps = foreign(log).assign(**{n: 0.0 for n in NAMES.values() if n.startswith("Loadcell")})
+    ramps = ramps.assign(**{NAMES["u_x"]: 0.0, NAMES["u_z"]: np.arange(len(log)) * 1e-4})
+    opened = template(Path("rig.csv"), ramps)
+    assert 'loop = "open"' in opened
+    assert 'workpiece = "none"' in opened
+
+
+def test_a_force_without_a_workpiece_is_noted(log: Log, tmp_path: Path) -> None:
+    path = tmp_path / "rig.csv"
+    foreign(log).to_csv(path, index=False)
+    main(["log", "init", str(path)])
+    replace_in(path.with_suffix(".toml"), '"?"', '"none"')
+    assert any("rig feels a contact force in f_z" in n for n in read_campaign(path).notes)
+    replace_in(path.with_suffix(".toml"), '"none"', '"straight"')
+    assert not any("contact force" in n for n in read_campaign(path).notes)
 
 
 def test_a_slower_log_is_resampled_and_it_is_said(log: Log, tmp_path: Path) -> None:
     path = tmp_path / "rig.csv"
     foreign(log, every=2).to_csv(path, index=False)
     main(["log", "init", str(path)])
+    replace_in(path.with_suffix(".toml"), 'workpiece = "?"', 'workpiece = "straight"')
     campaign = read_campaign(path)
     read = next(iter(campaign)).log
     assert any("recorded at 500 Hz: resampled to 1 kHz" in note for note in campaign.notes)

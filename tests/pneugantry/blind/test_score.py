@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from pneugantry.blind.score import TARGETS, calibration_error, judged, score
+from pneugantry.cli import main
+from pneugantry.commands import blind
 
 Z = {"effect": "presliding", "axis": "z", "block": "friction_z", "known": True}
 X = {"effect": "valve_lag", "axis": "x", "block": "valve_x", "known": True}
@@ -121,3 +126,25 @@ def test_a_faint_half_is_told_from_a_visible_one() -> None:
     cases = {str(k): {**truth("one", Z), "visibility": float(k)} for k in range(8)}
     answers = {str(k): answer("identified", (Z if k >= 4 else X, 0.9)) for k in range(8)}
     assert [share for _, share, _ in score(cases, answers).by_severity] == [0.0, 0.0, 1.0, 1.0]
+
+
+def test_the_commands_results_keep_to_their_schemas(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    keeps_to_schema: Callable[[dict], None],
+) -> None:
+    """With cases that nobody simulates and answers that nobody computes."""
+    cases = {"1": truth("one", Z), "2": truth("none")}
+    answers = {"1": answer("identified", (Z, 0.9)), "2": answer("identified", (X, 0.8))}
+    monkeypatch.setattr(blind, "draw_cases", lambda *_: "5ea1")
+    monkeypatch.setattr(blind, "diagnose_cases", lambda *_: answers)
+    monkeypatch.setattr(blind, "unseal", lambda *_: cases)
+    monkeypatch.setattr(blind, "write_cases", lambda *_: None)
+    capsys.readouterr()
+    assert main(["blind", "--cases", "2", "--out", str(tmp_path), "--json", "-"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    keeps_to_schema(found)
+    assert len(found["confusions"]) == 1
+    assert main(["blind", "--cases", "2", "--write", str(tmp_path), "--json", "-"]) == 0
+    keeps_to_schema(json.loads(capsys.readouterr().out))

@@ -219,3 +219,8 @@ def test_a_segment_that_went_astray_counts_by_its_logarithm() -> None:
     robust = robust_segments(residual).ravel()
     assert np.all(robust[:100] == 1.0)
     assert np.mean(robust[100:] ** 2) == pytest.approx(4 * (1 + np.log(2500 / 4)))
+
+
+@pytest.mark.parametrize(("rows", "kept"), [(0, 0), (99, 0), (100, 100), (250, 200)])
+def test_rows_after_the_last_whole_segment_are_left_out(rows: int, kept: int) -> None:
+    assert np.array_equal(robust_segments(np.ones((rows, 3))), np.ones((kept, 3)))

@@ -1,12 +1,14 @@
 """The thesis study, short: a few runs, every table and conclusion that they feed."""
 
+import math
+
 import numpy as np
 import pytest
 
 from pneugantry.analysis.metrics import task_frame
 from pneugantry.thesis.conclusions import Conclusion
 from pneugantry.thesis.conditions import CHOICE, NO_LAG, SOFT, Run, scenario_of
-from pneugantry.thesis.edge import edge_file, ladder_runs, uphill_errors
+from pneugantry.thesis.edge import edge_file, ladder_runs, steepest_pushed, uphill_errors
 from pneugantry.thesis.lag_readings import READINGS, factor_effect, readings_conclusion
 from pneugantry.thesis.leaderboard import NEW, PARAMETERS, SPREAD, drawn_runs, step_times
 from pneugantry.thesis.plant_tests import (
@@ -221,6 +223,14 @@ def test_uphill_edge_needs_a_pull_only_where_it_is_steep(fmu):
             uphill_errors(results.trace(run), run, angle) for run in ladder_runs(CHOICE, 0)[angle]
         )
         assert least <= 1.0 - both[0] / one[0] <= most
+
+
+def test_x_valve_pushes_down_to_the_angle_where_the_forces_balance():
+    run = ladder_runs(CHOICE, 0)[-10.0][0]
+    angle = steepest_pushed(run)
+    balance = 30.0 * math.sin(math.radians(-angle)) + CHOICE.cable_x
+    assert balance == pytest.approx(11.0 + 74.0 * 0.06)  # F_d + C v, Tables C.1 and 3.13
+    assert steepest_pushed(run.changed(plant=(("axis_x.F_w", 10.5),))) > -10.0 > angle
 
 
 def test_met_share_counts_each_printed_number_once():

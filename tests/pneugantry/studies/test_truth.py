@@ -17,9 +17,9 @@ from pneugantry.truth.campaign import generate, write
 from pneugantry.truth.case import LEAST_VISIBLE, MIXTURE, draw_case, plan_case, run_case
 from pneugantry.truth.effects import ALL_FORMS, KNOWN_FORMS, UNKNOWN_FORMS, draw_cause, names
 from pneugantry.truth.form import Cause
-from pneugantry.truth.integrate import Accuracy, Acting, advance, scratch
+from pneugantry.truth.integrate import Accuracy, advance, solver_of
 from pneugantry.truth.parameters import CHANNELS, DAHL, SIGMA, nominal, with_smooth_friction
-from pneugantry.truth.plant import MODES, STATES, WIDTH, Plant
+from pneugantry.truth.plant import MODES, STATES, WIDTH, Acting, Plant
 from pneugantry.truth.replay import read_campaign, replay_table
 from pneugantry.truth.run import draws, run
 from pneugantry.truth.setups import campaign_setups
@@ -122,7 +122,8 @@ def test_order_of_the_integrator_is_five():
         y, modes = np.zeros(STATES), np.zeros(MODES, np.int64)
         y[0], y[WIDTH], y[WIDTH + 1], y[WIDTH + 2] = 0.95, 0.0404, 0.0, 55.0
         act = Acting(np.array([0.0, 55.0]), np.array([True, False]))
-        assert advance(y, modes, 0.0, 8e-3, act, Accuracy(1e15, step), plant, scratch()) == 0
+        solver = solver_of(plant, Accuracy(1e15, step))
+        assert advance(y, modes, 0.0, 8e-3, act, solver) == 0
         ends.append([300.0 * y[WIDTH], y[WIDTH + 1]])
     errors = np.linalg.norm(np.array(ends[:3]) - ends[3], axis=1)
     assert np.all(np.log2(errors[:-1] / errors[1:]) > 4.3)
@@ -135,7 +136,7 @@ def test_default_accuracy_is_converged(name):
     setup = campaign_setups()[name]
     commands = run(nominal(), setup, draw=draws(setup.rows, 3)).commands
     usual = run(nominal(), setup, commands=commands)
-    tight = run(nominal(), setup, commands=commands, tolerance=1e-4, max_step=2e-4)
+    tight = run(nominal(), setup, commands=commands, accuracy=Accuracy(1e-4, 2e-4))
     assert np.abs((usual.true - tight.true) / SIGMA).max() < 1e-3
     assert usual.events == tight.events
 
