@@ -8,20 +8,22 @@ that the model lacks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.noise import LONGEST, Whitener, spread, whitener_of
-from pneugantry.engine.plant import Array
+from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.synthetic import noisy
+from pneugantry.engine.views import View
 
 __all__ = ["Channel", "Excess", "Floors", "excess_of", "floors_of"]
 
 Channel = tuple[str, str]  # view, signal
 Floors = dict[tuple[Channel, str], Whitener]  # by channel and record
+DRAWS = 3
 CLIPPED = 6.0  # noise levels beyond which a residual counts no further
 
 
@@ -42,20 +44,28 @@ class Excess:
 def floors_of(fitter: Fitter, fit: Fit) -> Floors:
     """Colour and size of the quoted noise in each view and record."""
     found: Floors = {}
-    more = {n: noisy(fitter.plant, record) for n, record in fitter.simulation.records.items()}
     for name, record in fitter.simulation.cells:
         view, values = fitter.simulation.views[name], [fit.values(record)]
-        if not view.shows(more[record]):
-            continue
-        quiet = view.residuals(fitter.simulation.records[record], values)[0]
-        change = view.residuals(more[record], values)[0] - quiet
-        if len(change) <= 4 * LONGEST or not np.isfinite(change).all():
-            continue
+        changes = _changes(fitter.plant, view, fitter.simulation.records[record], values)
         for c, (signal, sigma) in enumerate(zip(view.signals, view.sigmas, strict=True)):
             # an event that one more draw of noise moves is no noise
-            bound = CLIPPED * max(spread([change[:, c]]), sigma)
-            clipped = np.clip(change[:, c], -bound, bound)
-            found[(name, signal), record] = whitener_of([clipped], sigma)
+            bound = CLIPPED * max(spread([r[:, c] for r in changes]), sigma) if changes else 0.0
+            clipped = [np.clip(r[:, c], -bound, bound) for r in changes]
+            if clipped:
+                found[(name, signal), record] = whitener_of(clipped, sigma)
+    return found
+
+
+def _changes(
+    plant: Plant, view: View, record: Record, values: Sequence[Mapping[str, float]]
+) -> list[Array]:
+    """What further draws of all sensors' noise change in a residual."""
+    quiet, found = view.residuals(record, values)[0], []
+    for draw in range(DRAWS):
+        other = noisy(plant, replace(record, name=f"{record.name}, draw {draw}"))
+        change = view.residuals(other, values)[0] - quiet if view.shows(other) else quiet[:0]
+        if len(change) > 4 * LONGEST and np.isfinite(change).all():
+            found.append(change)
     return found
 
 

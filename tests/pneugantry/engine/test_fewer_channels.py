@@ -118,7 +118,7 @@ def test_a_null_fit_comes_to_the_noise_without_actuator_forces(tmp_path: Path) -
     noise = fitted(campaign, data_of(campaign, Rules()))
     assert set(noise) == {"x", "z", "v_x", "v_z", "f_x", "f_z"}
     for signal, size in noise.items():
-        assert 0.8 < size < 1.25, (signal, size)
+        assert 0.75 < size < 1.25, (signal, size)  # orders of few rows predict some of it
 
 
 @campaigns
@@ -127,4 +127,4 @@ def test_a_null_fit_of_the_whole_campaign_comes_to_the_noise(tmp_path: Path) -> 
     campaign = read_campaign(lacking(tmp_path, FORCES), needs=DRIVEN)
     for signal, size in fitted(campaign, data_of(campaign, Rules())).items():
         if signal not in ("u_x", "u_z"):  # whose residual is a quantum of the converter
-            assert 0.8 < size < 1.25, (signal, size)
+            assert 0.75 < size < 1.25, (signal, size)  # orders of few rows predict some of it

@@ -146,7 +146,7 @@ def test_a_fit_with_an_fmu_finds_what_is_off(foreign: ForeignPlant, whole: Recor
     found = fit.values(None)
     assert found["K"] / found["m"] == pytest.approx(2.2 / 1.05, rel=0.02)
     (noise,) = fit.noise.values()
-    quoted = fitter.simulation.views[next(iter(fit.noise))].sigmas
+    quoted = fitter.simulation.views[next(iter(fit.noise))[0]].sigmas
     for whitener, sigma in zip(noise, quoted, strict=True):
         assert whitener.sigma == pytest.approx(sigma, rel=0.15)
 

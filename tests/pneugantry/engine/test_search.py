@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
+from pneugantry.engine.cuts import sharp_views
+from pneugantry.engine.excess import excess_of, floors_of
 from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.hypothesis import effect_coordinate
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.search import search
@@ -167,3 +171,57 @@ def test_effects_are_named(
     for name, value in truth.items():
         assert values[name] == pytest.approx(value, rel=0.05)
     fitter.close()
+
+
+def test_what_a_fit_leaves_of_a_sound_rig_is_the_sensors_noise(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    null = fitter.null()
+    left = excess_of(fitter, null, floors_of(fitter, null))
+    assert left.level == pytest.approx(1.2, abs=0.06)
+    for channel in left.bulk:
+        assert left.ratio(channel) == pytest.approx(1.0, abs=0.15), channel
+    fitter.close()
+
+
+def test_a_view_that_lacks_a_term_stands_out(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, leak=0.05)
+    null = fitter.null()
+    left = excess_of(fitter, null, floors_of(fitter, null))
+    assert max(left.bulk, key=left.ratio) == ("i", "i")
+    assert left.ratio(("i", "i")) > 1.3
+    fitter.close()
+
+
+def test_a_signal_that_is_measured_too_coarsely_is_not_taken_as_known(
+    plant: Plant, parts: Path
+) -> None:
+    rough = tuple(replace(s, sigma=2.0) if s.name == "i" else s for s in plant.signals)
+    for signals, known in ((plant.signals, {"i"}), (rough, set())):
+        measured = replace(plant, signals=signals)
+        views = sharp_views(measured, list(SIGMA), parts, [record("log 1", 1)], Rules())
+        own = next(v for v in views if "v" in v.signals)
+        assert own.known - {"v", "s"} == known
+
+
+def test_a_constant_error_is_seen_beside_a_record_that_fits_badly(
+    plant: Plant, parts: Path
+) -> None:
+    """One colour over all records would take the offset for slow noise."""
+    biased = replace(plant, nuisances=(*plant.nuisances, Nuisance("sensors.i.bias", 0.05)))
+    rules = Rules()
+    good, bad = record("good", 1), record("bad", 2, leak=0.3)
+    good = replace(good, signals={**good.signals, "i": good.signals["i"] + 0.03})
+    bad = replace(bad, signals={**bad.signals, "i": bad.signals["i"] + 0.03})
+    fitter = Fitter(
+        biased, build_views(biased, list(SIGMA), parts, PERIOD, rules), [good, bad], rules
+    )
+    found = fitter.null().values(None)["sensors.i.bias"]
+    fitter.close()
+    assert found == pytest.approx(0.03, abs=0.006)
+
+
+def test_a_logarithmic_parameter_steps_by_shares_of_itself() -> None:
+    stiff = Parameter("sigma", 1e5, 8e4, 2e3, 3e6, positive=True)
+    c = effect_coordinate(stiff, 0.0, 2.0)
+    assert c.value(1.0) == pytest.approx(1e5 * np.e)
+    assert c.theta(2e5) == pytest.approx(np.log(2))
