@@ -246,11 +246,21 @@ class Fitter:
         return solution
 
     def _renewed(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """Converged with columns of where it is: score tests and the covariance rest on them."""
-        columns = self.simulation.columns(start.point, start.residuals, cells, set(known.names))
-        solution = Solution(start.point, start.residuals, {**start.columns, **columns})
-        colour = self._colour(solution.residuals)
-        return descend(self._problem(cells, known), solution, colour, self.rules.settled)
+        """Converged with columns of where it is, on which score tests and the covariance rest; the
+        noise's colour follows.
+        """
+        solution = start
+        for _ in range(self.rules.renewals):
+            columns = self.simulation.columns(
+                solution.point, solution.residuals, cells, set(known.names)
+            )
+            at = Solution(solution.point, solution.residuals, {**solution.columns, **columns})
+            colour = self._colour(solution.residuals)
+            solution = descend(self._problem(cells, known), at, colour, self.rules.settled)
+            before, after = (self._cost(s, known, colour) for s in (at, solution))
+            if before - after < self.rules.entry:
+                break
+        return solution
 
     def _problem(self, cells: Collection[Cell], known: Parabola) -> Problem:
         return Problem(self.simulation, self.rules, tuple(cells), known, frozenset(known.names))

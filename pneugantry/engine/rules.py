@@ -26,6 +26,8 @@ class Rules:
     tolerance_weight: float = 8.0  # parameters that the description's own spread is worth
     iterations: int = 14  # Gauss-Newton steps of a fit, at most
     turns: int = 1  # of fits by view and jointly, after the first, at most
+    renewals: int = 4  # of colour and columns at the end of a fit, at most
+    finalists: int = 3  # effects that are fitted to the end at each step of the search
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
     difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
     stride: float = 0.3  # step of an effect's, in usual sizes

@@ -74,16 +74,18 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
         tried += fits
         if not fits:
             break
-        top = max(fits, key=lambda f: f.gain(best, fitter.rules.doubt))
-        if top.gain(best, fitter.rules.doubt) < bar:
+        doubt = fitter.rules.doubt
+        finals = _finals(fitter, best, fits)
+        tried += finals
+        top = max(finals, key=lambda f: f.gain(best, doubt), default=None)
+        if top is None or top.gain(best, doubt) < bar:
             break
         without = fitter.explore(best.hypothesis, top)
         if best.evidence - without.evidence > bar:  # the base had not reached its best
             best = fitter.again(without)
             tried.append(best)
-            if top.gain(best, fitter.rules.doubt) < bar:
+            if top.gain(best, doubt) < bar:
                 continue
-        top = fitter.again(top)
         steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
         best = _pruned(fitter, top, bar, steps, tried)
         tried.append(best)
@@ -97,6 +99,16 @@ def _fits(fitter: Fitter, base: Fit, promised: Sequence[Candidate], bar: float) 
     """What promises most, with the best in their other forms."""
     rough = [_added(fitter, base, c) for c in _chosen(fitter, promised, bar)]
     return rough + _other_forms(fitter, base, rough)
+
+
+def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """The best effects, each in its best form, fitted to the end."""
+    best: dict[str, Fit] = {}
+    least = fitter.rules.hopeful * max(base.evidence - f.evidence for f in fits)
+    for fit in sorted(fits, key=lambda f: f.evidence):
+        if base.evidence - fit.evidence > max(least, 0.0):
+            best.setdefault(fit.keys[-1], fit)
+    return [fitter.again(f) for f in list(best.values())[: fitter.rules.finalists]]
 
 
 def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list[Fit]) -> Fit:
