@@ -98,6 +98,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="of --board: these alone, as the board names them (default all)",
     )
     command.add_argument(
+        "--no-margins",
+        action="store_true",
+        help="of --board: scores alone; margins take a loop compiled and some 17 runs a controller",
+    )
+    command.add_argument(
         "--workers", metavar="N", type=int, default=2, help="processes (default 2)"
     )
     command.add_argument("--no-figures", action="store_true", help="numbers only")
@@ -196,6 +201,7 @@ def _board(options: argparse.Namespace, tell: Tell) -> Answer:
             tell=tell,
             plants=max(options.plants, 0),
             names=[*dict.fromkeys([*names, *JUDGED])] if names else (),
+            margins=not options.no_margins,
             store=store,
         )
     return board_report(board), list(board_lines(board)), 0 if board.met else 1

@@ -3,6 +3,7 @@
 import importlib.util
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,15 @@ def test_a_board_is_met_only_where_every_asked_structure_is():
     assert report["missed"] == {late.name: 1.6}
     assert report["rows"][0]["margins_cosimulated"]["gain"] is None  # JSON has no infinity
     assert any("MISSED" in line for line in board_lines(StructureBoard([bad, pi], chosen)))
+
+
+def test_a_board_without_margins_has_its_scores():
+    rows = [replace(row(n, **{NOMINAL.name: 0.9}), found=None) for n in ("robust_fv", "pi_fv")]
+    board = StructureBoard(rows, [NOMINAL])
+    report = board_report(board)
+    assert [r["margins_cosimulated"] for r in report["rows"]] == [None, None]
+    assert report["rows"][0]["nominal"] == 0.9
+    assert not any("Margins" in line for line in board_lines(board))
 
 
 def test_printed_gap_of_rmse_closes_with_the_measured_edge():
