@@ -29,7 +29,7 @@ COMMANDS = {  # name: the command, without --json
     "thesis_board": "pneugantry thesis --board --plants 5 --controllers pi_fv observer_fv "
     "robust_fv pi_fv_tuned pi_fv_pressure_tuned pi_fv_mbpm_tuned",
     "thesis_board_all": "pneugantry thesis --board --no-margins --plants 10 --controllers "
-    + " ".join(controller_names()),
+    + " ".join(name for name in controller_names() if name != "observer_fv"),
     "thesis_variants": "pneugantry thesis --variants --draws 3",
     "thesis_tuning": "pneugantry thesis --tuning --no-figures",
     "benchmark": "pneugantry benchmark --only-paths",
