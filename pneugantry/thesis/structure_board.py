@@ -26,7 +26,16 @@ from pneugantry.thesis.structures import (
 )
 from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["EDGES", "LIMIT", "NOMINAL_LIMIT", "PI_LIMIT", "BoardRow", "Outcome", "run_board"]
+__all__ = [
+    "EDGES",
+    "LIMIT",
+    "NOMINAL_LIMIT",
+    "PI_LIMIT",
+    "BoardRow",
+    "Outcome",
+    "Wanted",
+    "run_board",
+]
 
 EDGES = ("straight", "curved")
 LIMIT, NOMINAL_LIMIT = 1.5, 1.0  # N, RMSE f_n asked of the robust controller
@@ -153,17 +162,25 @@ def _outcome(runs: Sequence[Run], results: Results) -> Outcome:
     )
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """What a board holds."""
+
+    plants: int = PLANTS  # drawn
+    names: Sequence[str] = ()  # of entrants; none: all
+    margins: bool = True
+
+
 def run_board(
     fmu: Path,
+    wanted: Wanted,
     *,
     workers: int = 2,
     tell: Tell | None = None,
-    plants: int = PLANTS,
-    names: Sequence[str] = (),
-    margins: bool = True,
     store: RunStore | None = None,
 ) -> StructureBoard:
-    """All entrants, or the named ones, on every structure; margins: with them."""
+    """The wanted entrants on every structure."""
+    plants, names, margins = wanted.plants, wanted.names, wanted.margins
     chosen = [*structures(), *pairs(), *catalogue_structures(FmuFile.read(fmu))]
     field = [e for e in entrants() if not names or e.name in names]
     with Workers(fmu, workers, tell, store) as pool:
