@@ -43,6 +43,7 @@ struct Instance {
     Core c;
     double y[AT_LEAST_1(N_ALGEBRAICS)];
     int outputs_valid, locals_valid;
+    unsigned long taken; /* internal steps */
     CoreLog log;
     void *environment;
     History history[AT_LEAST_1(N_DELAYS)];
@@ -515,6 +516,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
         c->step = fmax(MIN_STEP, h * fmin(5, fmax(0.5, grow)));
         watch_stiffness(s, h, &trial);
     }
+    s->taken++;
     c->q.time = last ? end : time + h;
     memcpy(c->q.x, trial.x, sizeof trial.x);
     memcpy(c->dx, trial.dx, sizeof trial.dx);
@@ -615,6 +617,7 @@ void core_reset(Instance *s) {
     memcpy(s->c.q.u, model_input_starts, N_INPUTS * sizeof(double));
     for (int i = 0; i < N_DELAYS; i++) s->history[i].n = s->history[i].at = 0;
     s->c.step = HUGE_VAL;
+    s->taken = 0;
     s->c.parameters_changed = 1;
     prepare(s);
     model_loop_starts(&s->c.q, s->c.q.w);
@@ -742,6 +745,8 @@ CoreStatus core_initialise(Instance *s, double start_time) {
 }
 
 double core_time(const Instance *s) { return s->c.q.time; }
+
+unsigned long core_taken(const Instance *s) { return s->taken; }
 
 /* ---- model exchange ----------------------------------------------------------------------------------------------------------- */
 
