@@ -27,7 +27,7 @@ import fmpy
 import numpy as np
 import pandas as pd
 
-from benchmarks.textbook import ROUNDING, TOLERANCE, Outcome, models, size_of
+from benchmarks.textbook import ROUNDING, TOLERANCE, Outcome, models, size_of, without_folder
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.compiler import compile_model
 from modelica_fmu.errors import InputError
@@ -186,20 +186,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--references", type=Path, metavar="FOLDER")
     parser.add_argument("--within", action="append", metavar="PACKAGE")
     parser.add_argument("--only", metavar="TEXT", default="")
-    parser.add_argument("--out", type=Path, metavar="FILE.json")
+    parser.add_argument("--json", type=Path, metavar="FILE")
     options = parser.parse_args(arguments)
     within = [p.removeprefix("Modelica.") for p in options.within or WITHIN]
     outcomes: list[Outcome] = []
     for name in models(options.libraries / "Modelica", within):
         if options.only not in name:
             continue
-        outcomes.append(in_time(name, [options.libraries], options.references))
-        made = outcomes[-1]
+        made = in_time(name, [options.libraries], options.references)
+        made = without_folder(made, options.libraries)
+        outcomes.append(made)
         error = "" if made.error is None else f"{made.error:.1e}"
         print(f"{made.state:9} {error:8} {made.model}  {made.said}", flush=True)
     printed(outcomes, within)
-    if options.out is not None:
-        options.out.write_text(json.dumps([o._asdict() for o in outcomes], indent=1) + "\n")
+    if options.json is not None:
+        options.json.write_text(json.dumps([o._asdict() for o in outcomes], indent=1) + "\n")
     return 0
 
 

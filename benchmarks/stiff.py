@@ -1,6 +1,6 @@
 """Stiff and high-index models: errors and internal steps beside independent solutions.
 
-    python -m benchmarks.stiff [--only NAME] [--out FILE.json]
+    python -m benchmarks.stiff [--only NAME] [--json FILE]
 
 Van der Pol (mu = 1e6, time in units of mu: published values at t = 2, Hairer & Wanner), Robertson's
 kinetics (published values at t = 40 s), an RC chain of 200 (closed form by its eigenvalues), a
@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.compiler import compile_model
 from modelica_fmu.package import CSRC
 from modelica_fmu.toolchain import compile_library, find_compiler, host_platform
@@ -181,12 +182,9 @@ EXAMPLES: dict[str, Callable[[], Example]] = {
 
 
 class Counted:
-    """A compiled example whose runs count their internal steps."""
+    """A compiled model whose runs count their internal steps."""
 
-    def __init__(self, source: str, folder: Path) -> None:
-        file = folder / "M.mo"
-        file.write_text(source, encoding="utf-8")
-        compiled = compile_model(file, "M")
+    def __init__(self, compiled: CompiledModel, folder: Path) -> None:
         texts = {name: (CSRC / name).read_text(encoding="utf-8") for name in CORE}
         texts["stiff.c"] = Path(__file__).with_suffix(".c").read_text(encoding="utf-8")
         for name, text in (texts | compiled.sources).items():
@@ -201,14 +199,18 @@ class Counted:
         self.settings = [places["solver.tolerance"], places["solver.max_step"]]
         self.function = ctypes.CDLL(str(built)).run_counted
 
-    def run(self, times: np.ndarray, tolerance: float) -> tuple[np.ndarray, int, str]:
-        """States by time and name, internal steps, the solver's last message."""
+    def run(
+        self, times: np.ndarray, tolerance: float, longest: float = 1.0
+    ) -> tuple[np.ndarray, int, str]:
+        """States by time and name, internal steps, the solver's last message. longest: s, of the
+        internal steps.
+        """
         states = np.zeros((len(times), len(self.names)))
         steps, said = ctypes.c_ulong(), ctypes.create_string_buffer(256)
         double = ctypes.POINTER(ctypes.c_double)
         failed = self.function(
             (ctypes.c_uint * 2)(*self.settings),
-            (ctypes.c_double * 2)(tolerance, 1.0),
+            (ctypes.c_double * 2)(tolerance, longest),
             len(times),
             np.ascontiguousarray(times).ctypes.data_as(double),
             states.ctypes.data_as(double),
@@ -221,13 +223,20 @@ class Counted:
         return states, int(steps.value), text
 
 
+def counted_of(source: str, folder: Path) -> Counted:
+    """The model M of a Modelica text, compiled in a folder."""
+    file = folder / "M.mo"
+    file.write_text(source, encoding="utf-8")
+    return Counted(compile_model(file, "M"), folder)
+
+
 def measured(name: str, tolerances: Sequence[float] = TOLERANCES) -> list[Run]:
     example = EXAMPLES[name]()
     wanted = example.solution(example.times)
     needed = example.times[-1] / example.explicit_step if example.explicit_step else 0.0
     runs = []
     with TemporaryDirectory(prefix="stiff-") as folder:
-        counted = Counted(example.source, Path(folder))
+        counted = counted_of(example.source, Path(folder))
         for tolerance in tolerances:
             states, steps, said = counted.run(example.times, tolerance)
             size = np.abs(wanted[-1]) if example.last_only else np.ptp(wanted, axis=0)
@@ -240,7 +249,7 @@ def measured(name: str, tolerances: Sequence[float] = TOLERANCES) -> list[Run]:
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--only", choices=EXAMPLES)
-    parser.add_argument("--out", type=Path, metavar="FILE.json")
+    parser.add_argument("--json", type=Path, metavar="FILE")
     options = parser.parse_args(arguments)
     runs: list[Run] = []
     print("| model | tolerance | internal steps | stable explicit steps | error |")
@@ -251,8 +260,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             needed = f"{made.explicit_steps:.1e}" if made.explicit_steps else ""
             cells = f"{made.tolerance:.0e} | {made.steps} | {needed} | {made.error:.1e}"
             print(f"| {made.example} | {cells} |", flush=True)
-    if options.out is not None:
-        options.out.write_text(json.dumps([r._asdict() for r in runs], indent=1) + "\n")
+    if options.json is not None:
+        options.json.write_text(json.dumps([r._asdict() for r in runs], indent=1) + "\n")
     return 0
 
 

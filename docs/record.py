@@ -16,6 +16,9 @@ from controllers.catalogue import controller_names
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "docs" / "results" / "data"
 NOMINAL = "../shared/campaigns/nominal"  # another simulator's recording; not in this repository
+BOOK = "../ModelicaByExample"  # public sources, not in this repository either
+LIBRARY = "../ModelicaStandardLibrary"  # of version 4.1.0
+RESULTS = "../MAP-LIB_ReferenceResults"  # of the same version
 COMMANDS = {  # name: the command, without --json
     "rootlocus_none": "pneugantry rootlocus --axis z --lag none",
     "rootlocus_z": "pneugantry rootlocus --axis z --lag z",
@@ -33,6 +36,10 @@ COMMANDS = {  # name: the command, without --json
     "thesis_variants": "pneugantry thesis --variants --draws 3",
     "thesis_tuning": "pneugantry thesis --tuning --no-figures",
     "benchmark": "pneugantry benchmark --only-paths",
+    "stiff": "python -m benchmarks.stiff",
+    "compiler_times": "python -m benchmarks.compiler_times",
+    "textbook": f"python -m benchmarks.textbook {BOOK} --also {LIBRARY}",
+    "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS}",
 }
 
 

@@ -94,6 +94,7 @@ def compile_system(
         sources={"model.h": h, "model.c": c},
         switching=_switching(system, layout, expressions),
         files=model.files,
+        default_stop=model.stop_time or 1.0,
     )
 
 

@@ -4,8 +4,8 @@
  * Integer and enumeration exact); a value reference is an index into model_variables[]. Functions that can fail return a
  * CoreStatus; the message has then gone through the instance's logger.
  */
-#ifndef PNEUGANTRY_CORE_H
-#define PNEUGANTRY_CORE_H
+#ifndef MODELICA_FMU_CORE_H
+#define MODELICA_FMU_CORE_H
 
 #include <stddef.h>
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.stiff import Counted, measured
+from benchmarks.stiff import counted_of, measured
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ def test_errors_and_steps(name: str, error: float, steps: int) -> None:
 
 def test_an_event_is_located_within_an_implicit_step(tmp_path: Path) -> None:
     """x follows time 1 us behind; where it passes 0.5 the clock z starts."""
-    counted = Counted(
+    counted = counted_of(
         "model M\n  Real x(start = 0, fixed = true), z(start = 0, fixed = true);\nequation\n"
         "  der(x) = 1e6*(time - x);\n  der(z) = if x > 0.5 then 1 else 0;\nend M;\n",
         tmp_path,
@@ -42,7 +42,7 @@ def test_an_event_is_located_within_an_implicit_step(tmp_path: Path) -> None:
 
 def test_a_model_that_is_not_stiff_stays_explicit(tmp_path: Path) -> None:
     """10 rad/s for 500 internal steps: bound by accuracy."""
-    counted = Counted(
+    counted = counted_of(
         "model M\n  Real x(start = 1, fixed = true), v(start = 0, fixed = true);\nequation\n"
         "  der(x) = v;\n  der(v) = -100*x;\nend M;\n",
         tmp_path,

@@ -204,3 +204,12 @@ def test_a_bound_that_follows_a_variable_is_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match=r"m\.mo:3: .*a bound of x depends on a variable"):
         compile_model(file, "M")
+
+
+def test_the_experiment_of_a_model_is_the_default_of_its_fmu(tmp_path: Path) -> None:
+    file = tmp_path / "m.mo"
+    text = "model M\n  Real x = time;\n{}end M;\n"
+    for annotation, stop in (("", 1.0), ("  annotation(experiment(StopTime = 7.5));\n", 7.5)):
+        file.write_text(text.format(annotation))
+        made = compile_model(file, "M")
+        assert (made.default_stop, made.tool) == (stop, "modelica_fmu")
