@@ -79,7 +79,6 @@ GENERATED: dict[str, Callable[[], str]] = {
     "rootlocus": recorded.rootlocus,
     "solver_check": recorded.solver_check,
     "motor": recorded.motor,
-    "compiler_times": recorded.compiler_times,
     "standard_library": recorded.standard_library,
     "stiff": recorded.stiff,
     "textbook": recorded.textbook,

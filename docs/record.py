@@ -39,7 +39,9 @@ COMMANDS = {  # name: the command, without --json
     "stiff": "python -m benchmarks.stiff",
     "compiler_times": "python -m benchmarks.compiler_times",
     "textbook": f"python -m benchmarks.textbook {BOOK} --also {LIBRARY}",
-    "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS}",
+    "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS} "
+    "--within Blocks.Examples --within Math --within Mechanics.Translational.Examples "
+    "--within Mechanics.Rotational.Examples",
 }
 
 

@@ -10,7 +10,6 @@ from typing import Any
 DATA = Path(__file__).parent / "results" / "data"
 
 __all__ = [
-    "compiler_times",
     "motor",
     "replay",
     "rootlocus",
@@ -142,7 +141,6 @@ def standard_library() -> str:
         "Math",
         "Mechanics.Translational.Examples",
         "Mechanics.Rotational.Examples",
-        "Electrical.Analog.Examples",
     )
     others = [
         (o["model"].split(".", 1)[1], o["state"], o["said"].split(": ", 1)[-1].split(";")[0][:110])
@@ -167,14 +165,3 @@ def stiff() -> str:
     ]
     heads = ("model", "tolerance", "internal steps", "explicit ones, stable", "error")
     return f"{said}\n\n{_table(heads, rows)}"
-
-
-def compiler_times() -> str:
-    """CPU times of a build and of a step."""
-    said, found = _read("compiler_times")
-    same = "the same bytes" if found["same_bytes"] else "different bytes"
-    return (
-        f"{said} The gantry's FMU takes {found['cold_s']:.1f} s of CPU to build, "
-        f"{found['warm_s']:.1f} s to be found up to date (loading the libraries); two builds give "
-        f"{same}. A step of 1 ms of its core takes {found['step_us']:.2f} us."
-    )
