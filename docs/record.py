@@ -27,13 +27,13 @@ COMMANDS = {  # name: the command, without --json
     "replay": f"pneugantry replay {NOMINAL}",
     "solver_check": "python -m benchmarks.solver_check",
     "clean_install": "python -m benchmarks.clean_install --short",
-    "thesis": "pneugantry thesis --draws 8 --plants 10 --no-figures",
+    "thesis": "pneugantry thesis --draws 4 --plants 10 --no-figures",
     "thesis_gap": "pneugantry thesis --gap --draws 2 --no-figures",
     "thesis_board": "pneugantry thesis --board --plants 5 --controllers pi_fv observer_fv "
     "robust_fv pi_fv_tuned pi_fv_pressure_tuned pi_fv_mbpm_tuned",
     "thesis_board_all": "pneugantry thesis --board --no-margins --plants 10 --controllers "
     + " ".join(name for name in controller_names() if name != "observer_fv"),
-    "thesis_variants": "pneugantry thesis --variants --draws 3",
+    "thesis_variants": "pneugantry thesis --variants --draws 1",
     "thesis_tuning": "pneugantry thesis --tuning --no-figures",
     "benchmark": "pneugantry benchmark --only-paths",
     "stiff": "python -m benchmarks.stiff",

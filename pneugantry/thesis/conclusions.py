@@ -31,7 +31,7 @@ REASONS = {
     "straight edge the worst",
     4: "with a random angle it holds on the straight edge; on the inclines the error is one step "
     "of friction as the motion starts, and without the lag K_p K_z = 2 of the f_z loop divides it "
-    "by 3 at once. It hangs on the contact's damping and on how z breaks away (`--variants`)",
+    "by 3 at once. It hangs on how z breaks away from rest (`--variants`)",
     6: "with a random angle the turns of the friction come with the distance: a slower run meets "
     "them less often",
     9: "its span is 2 beta or more: a limit force drawn above 14 N overshoots Fig. 4.14",
