@@ -1,6 +1,6 @@
 """Textbook models: compiled / right / refused, each held against an independent solution.
 
-    python -m benchmarks.textbook LIBRARY [--within Package.Part ...] [--also LIBRARY] [--out FILE]
+    python -m benchmarks.textbook LIBRARY [--within Package.Part ...] [--also LIBRARY] [--json FILE]
 
 Takes a package folder (such as the public source of *Modelica by Example*), compiles each model and
 block in the named packages to an FMU and runs it. The independent solution is a second compiler's
@@ -93,6 +93,11 @@ def tried(name: str, libraries: Sequence[Path], reference: Reference, folder: Pa
         return Outcome(name, "failed", "", None, " ".join(str(error).split())[:200])
     found = {v: np.asarray(ran[v], float) for v in wanted}
     return compared(name, np.asarray(ran["time"]), found, reference.solution(name, stop))
+
+
+def without_folder(made: Outcome, folder: Path) -> Outcome:
+    """Files of its message by their place in the library."""
+    return made._replace(said=made.said.replace(f"{folder}/", ""))
 
 
 class Independent(NamedTuple):
@@ -201,7 +206,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--within", action="append", metavar="PACKAGE")
     parser.add_argument("--also", action="append", type=Path, default=[], metavar="LIBRARY")
     parser.add_argument("--only", metavar="TEXT", default="")
-    parser.add_argument("--out", type=Path, metavar="FILE.json")
+    parser.add_argument("--json", type=Path, metavar="FILE")
     options = parser.parse_args(arguments)
     outcomes: list[Outcome] = []
     with TemporaryDirectory(prefix="textbook-") as temporary:
@@ -210,13 +215,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if options.only not in name:
                 continue
             made = tried(name, [options.library, *options.also], reference, Path(temporary))
+            made = without_folder(made, options.library.parent)
             outcomes.append(made)
             error = "" if made.error is None else f"{made.error:.1e}"
             print(f"{made.state:9} {error:8} {made.model}  {made.against}  {made.said}", flush=True)
     counts = {s: sum(o.state == s for o in outcomes) for s in sorted({o.state for o in outcomes})}
     print(f"{len(outcomes)} models: " + ", ".join(f"{n} {s}" for s, n in counts.items()))
-    if options.out is not None:
-        options.out.write_text(json.dumps([o._asdict() for o in outcomes], indent=1) + "\n")
+    if options.json is not None:
+        options.json.write_text(json.dumps([o._asdict() for o in outcomes], indent=1) + "\n")
     return 0
 
 

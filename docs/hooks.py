@@ -79,6 +79,9 @@ GENERATED: dict[str, Callable[[], str]] = {
     "rootlocus": recorded.rootlocus,
     "solver_check": recorded.solver_check,
     "motor": recorded.motor,
+    "standard_library": recorded.standard_library,
+    "stiff": recorded.stiff,
+    "textbook": recorded.textbook,
     "decisions": decisions,
 }
 

@@ -11,9 +11,14 @@ import sys
 import tempfile
 from pathlib import Path
 
+from controllers.catalogue import controller_names
+
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "docs" / "results" / "data"
 NOMINAL = "../shared/campaigns/nominal"  # another simulator's recording; not in this repository
+BOOK = "../ModelicaByExample"  # public sources, not in this repository either
+LIBRARY = "../ModelicaStandardLibrary"  # of version 4.1.0
+RESULTS = "../MAP-LIB_ReferenceResults"  # of the same version
 COMMANDS = {  # name: the command, without --json
     "rootlocus_none": "pneugantry rootlocus --axis z --lag none",
     "rootlocus_z": "pneugantry rootlocus --axis z --lag z",
@@ -22,12 +27,21 @@ COMMANDS = {  # name: the command, without --json
     "replay": f"pneugantry replay {NOMINAL}",
     "solver_check": "python -m benchmarks.solver_check",
     "clean_install": "python -m benchmarks.clean_install --short",
-    "thesis": "pneugantry thesis --draws 8 --plants 10 --no-figures",
+    "thesis": "pneugantry thesis --draws 4 --plants 10 --no-figures",
     "thesis_gap": "pneugantry thesis --gap --draws 2 --no-figures",
-    "thesis_board": "pneugantry thesis --board --plants 10",
-    "thesis_variants": "pneugantry thesis --variants --draws 3",
+    "thesis_board": "pneugantry thesis --board --plants 5 --controllers pi_fv observer_fv "
+    "robust_fv pi_fv_tuned pi_fv_pressure_tuned pi_fv_mbpm_tuned",
+    "thesis_board_all": "pneugantry thesis --board --no-margins --plants 10 --controllers "
+    + " ".join(name for name in controller_names() if name != "observer_fv"),
+    "thesis_variants": "pneugantry thesis --variants --draws 1",
     "thesis_tuning": "pneugantry thesis --tuning --no-figures",
     "benchmark": "pneugantry benchmark --only-paths",
+    "stiff": "python -m benchmarks.stiff",
+    "compiler_times": "python -m benchmarks.compiler_times",
+    "textbook": f"python -m benchmarks.textbook {BOOK} --also {LIBRARY}",
+    "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS} "
+    "--within Blocks.Examples --within Math --within Mechanics.Translational.Examples "
+    "--within Mechanics.Rotational.Examples",
 }
 
 

@@ -9,7 +9,15 @@ from typing import Any
 
 DATA = Path(__file__).parent / "results" / "data"
 
-__all__ = ["motor", "replay", "rootlocus", "solver_check"]
+__all__ = [
+    "motor",
+    "replay",
+    "rootlocus",
+    "solver_check",
+    "standard_library",
+    "stiff",
+    "textbook",
+]
 
 
 def _read(name: str) -> tuple[str, Any]:
@@ -100,3 +108,60 @@ def motor() -> str:
         f"{gap['augmented']:.2f}, shrink {gap['shrink']:.3f}. Put in: tau_c 0.15, tau_o 0.06 N m."
     )
     return f"{said} {words}\n\n{_table(('cause', 'probability', 'parameter', 'value'), rows)}"
+
+
+def _counted(outcomes: Sequence[dict[str, Any]], parts: Sequence[str]) -> str:
+    """Outcomes by package and state."""
+    states = list(dict.fromkeys(o["state"] for o in outcomes))
+    rows = []
+    for part in parts:
+        inside = [o["state"] for o in outcomes if f".{part}." in o["model"]]
+        rows.append((part, len(inside), *(inside.count(s) for s in states)))
+    rows.append(("all", len(outcomes), *(sum(o["state"] == s for o in outcomes) for s in states)))
+    return _table(("package", "models", *states), rows)
+
+
+def textbook() -> str:
+    """Modelica by Example: compiled, run and right against independent solutions."""
+    said, found = _read("textbook")
+    parts = ("BasicEquations", "ArrayEquations", "DiscreteBehavior", "Functions")
+    others = [
+        (o["model"].split(".", 1)[1], o["state"], o["said"].split(": ", 1)[-1])
+        for o in found
+        if o["state"] != "right"
+    ]
+    return f"{said}\n\n{_counted(found, parts)}\n\n{_table(('model', '', 'said'), others)}"
+
+
+def standard_library() -> str:
+    """The Modelica Standard Library against the Association's reference results."""
+    said, found = _read("standard_library")
+    parts = (
+        "Blocks.Examples",
+        "Math",
+        "Mechanics.Translational.Examples",
+        "Mechanics.Rotational.Examples",
+    )
+    others = [
+        (o["model"].split(".", 1)[1], o["state"], o["said"].split(": ", 1)[-1].split(";")[0][:110])
+        for o in found
+        if o["state"] not in ("right", "compiled")
+    ]
+    return f"{said}\n\n{_counted(found, parts)}\n\n{_table(('model', '', 'said'), others)}"
+
+
+def stiff() -> str:
+    """Errors and steps of stiff and high-index models."""
+    said, found = _read("stiff")
+    rows = [
+        (
+            run["example"],
+            f"{run['tolerance']:.0e}",
+            run["steps"],
+            f"{run['explicit_steps']:.1e}" if run["explicit_steps"] else "",
+            f"{run['error']:.1e}",
+        )
+        for run in found
+    ]
+    heads = ("model", "tolerance", "internal steps", "explicit ones, stable", "error")
+    return f"{said}\n\n{_table(heads, rows)}"

@@ -86,47 +86,51 @@ def findings() -> str:
 
 def board() -> str:
     said, found = read("thesis_board")
+    margins = {
+        row["controller"]: (_margin(row["margins_linear"]), _margin(row["margins_cosimulated"]))
+        for row in found["rows"]
+    }
+    heads = ("gain, delay margin, python-control", "co-simulated")
+    return _board(said, found, heads, margins)
+
+
+def board_all() -> str:
+    said, found = read("thesis_board_all")
+    return _board(said, found, (), {})
+
+
+def _board(
+    said: str, found: dict[str, Any], heads: Sequence[str], more: dict[str, Sequence[str]]
+) -> str:
+    """more: further columns, by controller."""
     rows, worst = [], []
     for row in found["rows"]:
-        linear, cosim = row["margins_linear"], row["margins_cosimulated"]
-        shown = [row["nominal"], row["median"], row["worst"]]
-        drawn = row["drawn_plants"]
+        name, drawn = row["controller"], row["drawn_plants"]
         rows.append(
             (
-                f"`{row['controller']}`",
-                *(f"{v:.2f}" for v in shown),
+                f"`{name}`",
+                *(f"{row[key]:.2f}" for key in ("nominal", "median", "worst")),
                 row["worst_on"],
                 f"{row['command_noise']:.3f}",
                 f"{row['share_at_limits']:.0%}",
                 f"{drawn['median']:.2f} ({drawn['worst']:.2f})" if drawn else "",
-                _margin(linear),
-                _margin(cosim),
+                *more.get(name, ()),
             )
         )
         by = {f: [] for f in FAMILIES}
-        for name, outcome in row["outcomes"].items():
-            if found["structures"][name] in by:
-                by[found["structures"][name]].append(outcome["rmse_fn"])
-        worst.append((f"`{row['controller']}`", *(f"{max(v):.2f}" for v in by.values())))
+        for structure, outcome in row["outcomes"].items():
+            if found["structures"][structure] in by:
+                by[found["structures"][structure]].append(outcome["rmse_fn"])
+        worst.append((f"`{name}`", *(f"{max(v):.2f}" for v in by.values())))
     limits, missed = found["limits"], found["missed"]
     verdict = "met" if found["met"] else f"missed on {', '.join(missed)}"
-    heads = (
-        "controller",
-        "nominal",
-        "median",
-        "worst",
-        "on",
-        "command noise [V]",
-        "at limits",
-        "drawn plants",
-        "gain, delay margin, python-control",
-        "co-simulated",
-    )
+    first = ("controller", "nominal", "median", "worst", "on", "command noise [V]", "at limits")
     return (
         f"{said} RMSE f_n [N], the worse of straight and curved, over {len(found['structures'])} "
         f"structures. Asked of `robust_fv`: {limits['structure']} N wherever the thesis' PI stays "
         f"below {limits['where_pi_below']} N, {limits['nominal']} N on the nominal plant: "
-        f"**{verdict}**.\n\n{table(heads, rows)}\n\nWorst in each family of structures:\n\n"
+        f"**{verdict}**.\n\n{table((*first, 'drawn plants', *heads), rows)}\n\n"
+        "Worst in each family of structures:\n\n"
         f"{table(('controller', *FAMILIES), worst)}"
     )
 
@@ -253,6 +257,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "numbers": numbers,
     "findings": findings,
     "board": board,
+    "board_all": board_all,
     "variants": variants,
     "tuning": tuning,
     "gap": gap,

@@ -7,6 +7,7 @@ import json
 import logging
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -44,11 +45,13 @@ def build_class(
     force: bool = False,
     starts: Mapping[str, float] | None = None,
     libraries: Sequence[Path] = (),
+    tool: str = "modelica_fmu",
 ) -> BuildResult:
     """Builds the FMU of a Modelica class into the folder `out`, or `out(source_key)`.
 
     starts: values of parameters in place of the model's own. libraries: package folders or files in
-    which classes are looked up, those of MODELICAPATH behind them. It is rebuilt only if a Modelica
+    which classes are looked up, those of MODELICAPATH behind them. tool: what the FMU says made
+    it. It is rebuilt only if a Modelica
     file that was read, the compiler, its libraries, the C compiler, its flags or the platforms
     differ from those that the manifest beside it names. Raises InputError for unusable Modelica,
     an unknown parameter or platform and a missing C compiler.
@@ -64,7 +67,7 @@ def build_class(
 
         made = compile_model(model, class_name, starts, libraries)
         read.extend(made.files)
-        return made
+        return replace(made, tool=tool)
 
     def provenance() -> dict[str, Any]:
         found: dict[str, Any] = {"casadi": version("casadi")}

@@ -12,7 +12,7 @@ from modelica_fmu import ir
 from modelica_fmu.expressions import Translator, Value, choose, flatten
 from modelica_fmu.functions import Interpreter
 from modelica_fmu.hybrid import Assertion, Branch, HybridNames, HybridScope, HybridSystem
-from modelica_fmu.symbols import Table, targets
+from modelica_fmu.symbols import targets
 
 
 class AlgorithmScope(HybridNames):
@@ -79,7 +79,7 @@ def run_algorithm(system: HybridSystem, hybrid: HybridScope, algorithm: ir.Algor
     scope = AlgorithmScope(hybrid)
     names = list(dict.fromkeys(target.name for target in targets(algorithm.body)))
     for name in names:
-        scope.values[name] = _before(system.table, name)
+        scope.values[name] = _before(system, name)
     old = {name: flatten(scope.values[name]) for name in names}
     run = AlgorithmRun(system, scope, events=True)
     run.statements(algorithm.body)
@@ -95,8 +95,9 @@ def run_algorithm(system: HybridSystem, hybrid: HybridScope, algorithm: ir.Algor
                 system.residuals.append((symbol - value, algorithm))
 
 
-def _before(table: Table, name: str) -> Value:
+def _before(system: HybridSystem, name: str) -> Value:
     """What a variable is before its first assignment: at events its old value, else its start."""
+    table = system.table
 
     def of(value: Value) -> Value:
         if isinstance(value, list):
@@ -104,7 +105,11 @@ def _before(table: Table, name: str) -> Value:
         scalar = table.scalars[value.name()]
         if scalar.kind == "algebraic" and not scalar.discrete_valued:
             return scalar.value if scalar.value is not None else ca.SX(0)
-        return scalar.symbol
+        return (
+            system.pre.get(scalar.name, scalar.symbol)
+            if scalar.kind == "discrete"
+            else scalar.symbol
+        )
 
     return of(table.value(name, None))
 

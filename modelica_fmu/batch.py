@@ -176,7 +176,7 @@ def part_key(model: Path, what: str) -> str:
 
 def _compile(compiled: CompiledModel, folder: Path) -> None:
     target = host_platform()
-    core = ("core.c", "core.h", "newton.h")
+    core = ("core.c", "core.h", "implicit.h", "newton.h")
     sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in core}
     sources |= {"batch.c": (CSRC / "batch" / "batch.c").read_text(encoding="utf-8")}
     sources |= dict(compiled.sources)

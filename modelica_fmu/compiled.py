@@ -42,8 +42,8 @@ class CompiledModel:
     All references are value references (positions in `variables`).
     """
 
-    name: str  # Modelica class, "PneuGantry.Gantry"
-    identifier: str  # C and file name, "PneuGantry_Gantry"
+    name: str  # Modelica class, "Drive.Motor"
+    identifier: str  # C and file name, "Drive_Motor"
     description: str
     variables: tuple[Variable, ...]
     states: tuple[int, ...]
@@ -59,8 +59,8 @@ class CompiledModel:
     ]  # type -> ((literal, description), ...), values 1, 2, ...
     sources: dict[str, str]  # generated C: file name -> text ("model.h", "model.c")
     default_step: float = 1e-3  # s
-    default_stop: float = 45.0  # s
-    tool: str = "PneuGantry"
+    default_stop: float = 1.0  # s
+    tool: str = "modelica_fmu"  # that made it
     notes: tuple[str, ...] = field(default=())
     switching: tuple[str, ...] = ()  # states whose rate changes its form at events
     about: dict[str, str] = field(default_factory=dict)  # version, author, license, copyright, date

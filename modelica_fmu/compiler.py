@@ -14,6 +14,7 @@ from modelica_fmu.about import about_file
 from modelica_fmu.compiled import BaseType, CompiledModel, Variable
 from modelica_fmu.errors import InputError
 from modelica_fmu.expressions import Translator
+from modelica_fmu.expressions import flatten as flat_values
 from modelica_fmu.frontend import FlatModel, flatten
 from modelica_fmu.functions import FunctionLibrary
 from modelica_fmu.generate import Expressions, Layout
@@ -25,6 +26,8 @@ from modelica_fmu.symbols import PlainScope, Scalar, constant
 from modelica_fmu.units import rate_unit
 
 CORE = ("core.h", "core.c")
+PARAMETERS = ("parameter", "calculated", "constant")
+MOST_PARAMETERS = 100  # that a bound follows from, one by the other
 
 
 def compile_model(
@@ -91,6 +94,7 @@ def compile_system(
         sources={"model.h": h, "model.c": c},
         switching=_switching(system, layout, expressions),
         files=model.files,
+        default_stop=model.stop_time or 1.0,
     )
 
 
@@ -420,10 +424,8 @@ def _variable(
     start: float | None = None,
 ) -> Variable:
     v = s.variable
-    low, high, nominal = (
-        _bound(tree, s, translate)
-        for tree in (v.min, v.max, v.nominal if kind == "state" else None)
-    )
+    low, high = (_bound(tree, s, translate) for tree in (v.min, v.max))
+    nominal = _bound(v.nominal if kind == "state" else None, s, translate, at_start=True)
     for what, number in (("value", start), ("min", low), ("max", high), ("nominal", nominal)):
         if number is not None and not math.isfinite(number):
             raise translate.source.refuse(
@@ -448,18 +450,33 @@ def _variable(
     )
 
 
-def _bound(tree: ir.Expr | None, s: Scalar, translate: Translator) -> float | None:
+def _bound(
+    tree: ir.Expr | None, s: Scalar, translate: Translator, at_start: bool = False
+) -> float | None:
+    """The number that a bound is. One that depends on parameters is none; `at_start`: it is what
+    the parameters' own values make it. InputError for one that depends on a variable.
+    """
     if tree is None:
         return None
     value = translate(tree)
     for subscript in s.subscripts:
         value = value[subscript - 1] if isinstance(value, list) else value
     number = constant(value)
-    if number is None:
-        raise translate.source.refuse(
-            f"a bound of {s.name} is not constant", s.variable, hint="give a number"
-        )
-    return number
+    if number is not None:
+        return number
+    table = translate.scope.table
+    values = flat_values(value)
+    for _ in range(MOST_PARAMETERS):
+        symbols = [symbol for item in values for symbol in ca.symvar(item)]
+        if not symbols:
+            return float(values[0]) if at_start and len(values) == 1 else None
+        known = [table.scalars.get(symbol.name()) for symbol in symbols]
+        if any(k is None or k.kind not in PARAMETERS or k.value is None for k in known):
+            break
+        values = ca.substitute(values, symbols, [k.value for k in known])
+    raise translate.source.refuse(
+        f"a bound of {s.name} depends on a variable", s.variable, hint="give a number"
+    )
 
 
 def _dependencies(

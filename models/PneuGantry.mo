@@ -422,6 +422,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     f_n = contact.f_n;
     v_t = contact.v_t;
     theta = atan(workpiece.slope);
+    annotation(experiment(StopTime = 45));
   end Gantry;
 
   block Edge "Workpiece and contact as one block: positions and speeds in, contact force out"

@@ -23,6 +23,7 @@ __all__ = ["BuildResult", "build_controller_fmu", "build_fmu", "cache_folder", "
 HERE = Path(__file__).resolve().parents[1]  # of the checkout, or site-packages
 CONTROLLERS = HERE / "controllers"
 EXPORT = Path(__file__).parent / "export"
+TOOL = "PneuGantry"  # what the FMUs say made them
 CACHE_VARIABLE = "PNEUGANTRY_CACHE"
 
 
@@ -54,7 +55,9 @@ def build_fmu(
     """
     model = model or (None if libraries else default_model())
     folder = out or _cached
-    return build_class(class_name, model, folder, fmi, platforms, force, starts, libraries)
+    return build_class(
+        class_name, model, folder, fmi, platforms, force, starts, libraries, tool=TOOL
+    )
 
 
 def build_controller_fmu(

@@ -61,6 +61,7 @@ WRAPPED = {  # library: the files that may import it
         "pneugantry/speed/paths.py",
         "benchmarks/importers.py",
         "benchmarks/textbook.py",
+        "benchmarks/standard_library.py",
     },
     "matplotlib": {
         path.relative_to(ROOT).as_posix()

@@ -4,7 +4,8 @@
  * the end of a step, needed for the event indicators anyway, are the first stage of the next step and give an embedded third-order
  * estimate, (k4 - k5) h/10, which controls the step. A step in which an indicator contradicts its frozen relation is shortened to the
  * contradiction's earliest instant: a bracket on the step's length, narrowed by interpolation to EVENT_WIDTH. The step then ends on the
- * far side, where the event iteration finds the new modes. */
+ * far side, where the event iteration finds the new modes. Where stability alone keeps steps short an implicit method takes over
+ * (implicit.h). */
 #include "model.h"
 #include <math.h>
 #include <stdarg.h>
@@ -30,6 +31,7 @@ typedef struct {
     int started, rates_valid, parameters_changed, events_possible;
     int guessed;                  /* the initial system's first guess has been made */
     int loops_valid, loop_failed; /* 1 + the loop that could not be solved; 0: none */
+    int implicit, steps, stiff;   /* steps are implicit; explicit ones within this communication step; of these at the stability limit */
 } Core;
 
 typedef struct {
@@ -41,6 +43,7 @@ struct Instance {
     Core c;
     double y[AT_LEAST_1(N_ALGEBRAICS)];
     int outputs_valid, locals_valid;
+    unsigned long taken; /* internal steps */
     CoreLog log;
     void *environment;
     History history[AT_LEAST_1(N_DELAYS)];
@@ -48,6 +51,7 @@ struct Instance {
 #if N_CONSTRAINTS > 0
     double constraint[N_CONSTRAINTS * N_STATES], normal[N_CONSTRAINTS * N_CONSTRAINTS];
 #endif
+    double *jacobian, *factored, by_time[AT_LEAST_1(N_STATES)]; /* of the rates, by columns; W of implicit.h; both NULL until needed */
     double matrix[AT_LEAST_1(N_LARGEST * N_LARGEST)], unused[AT_LEAST_1(N_LARGEST * N_LARGEST)]; /* scratch of Newton's method, by columns */
 };
 
@@ -342,6 +346,7 @@ static double next_time_event(const Instance *s) {
 typedef struct {
     double x[AT_LEAST_1(N_STATES)], dx[AT_LEAST_1(N_STATES)], z[AT_LEAST_1(N_RELATIONS)];
     double error;       /* of the embedded estimate, in units of the tolerance */
+    double rate;        /* 1/s, how fast the rates change with the states, once that is looked for */
     int passed_through; /* an indicator contradicted its relation on the way but not at the end */
 } Trial;
 
@@ -356,8 +361,10 @@ static void evaluate(Instance *s, double time, const double *x, double *dx, doub
     model_rates(&s->c.q, dx, z);
 }
 
+#include "implicit.h"
+
 /* One Runge-Kutta step of length h from (time, x0, k1) with frozen modes. */
-static void attempt(Instance *s, double time, const double *x0, const double *k1, double h, Trial *trial) {
+static void attempt_explicit(Instance *s, double time, const double *x0, const double *k1, double h, Trial *trial) {
     double k2[AT_LEAST_1(N_STATES)], k3[AT_LEAST_1(N_STATES)], k4[AT_LEAST_1(N_STATES)], x[AT_LEAST_1(N_STATES)];
     const double tolerance = s->c.q.p[P_TOLERANCE];
     for (int i = 0; i < N_STATES; i++) x[i] = x0[i] + 0.5 * h * k1[i];
@@ -375,6 +382,20 @@ static void attempt(Instance *s, double time, const double *x0, const double *k1
         double error = fabs(h * 0.1 * (k4[i] - trial->dx[i])) / (tolerance * size);
         if (!(error <= trial->error)) trial->error = error; /* keeps a NaN */
     }
+    trial->rate = 0;
+    if (s->c.steps + 1 < STIFF_WATCH && h > MIN_STEP) return;
+    double far = 0, apart = 0; /* two points at the step's end, and their rates */
+    for (int i = 0; i < N_STATES; i++) {
+        const double size = scaled(trial, i);
+        far = fmax(far, fabs(trial->x[i] - x[i]) / size);
+        apart = fmax(apart, fabs(trial->dx[i] - k4[i]) / size);
+    }
+    trial->rate = far > 0 ? apart / far : 0;
+}
+
+static void attempt(Instance *s, double time, const double *x0, const double *k1, double h, Trial *trial) {
+    if (s->c.implicit) attempt_implicit(s, time, x0, k1, h, trial);
+    else attempt_explicit(s, time, x0, k1, h, trial);
 }
 
 /* Shortens the step that ends in a contradiction to the earliest one found: on return `trial` ends just behind it. */
@@ -454,6 +475,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     memcpy(x0, c->q.x, sizeof x0);
     memcpy(k1, c->dx, sizeof k1);
     memcpy(z0, c->z, sizeof z0);
+    if (c->implicit && !take_jacobian(s)) return say(s, CORE_FATAL, "logStatusFatal", "out of memory for the Jacobian");
     double h = c->step < longest ? c->step : longest;
     for (int i = 0; i < N_DELAYS; i++) /* a moving signal is not known further ahead than its delay; a held one is */
         if (s->c.delay_used[i] && history_moves(&s->history[i]) && h > s->delay[i]) h = s->delay[i] > 1e-5 ? s->delay[i] : 1e-5;
@@ -461,10 +483,22 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     double pieces = ceil(left / h * (1 - 1e-9));
     int last = pieces <= 1;
     h = last ? left : left / pieces;
+    const double wanted = h;
     Trial trial;
     for (;;) {
         attempt(s, time, x0, k1, h, &trial);
-        if (trial.error <= 1 || h <= MIN_STEP) break;
+        if (trial.error <= 1) break;
+        if (h <= MIN_STEP) {
+            if (c->implicit || !(h * trial.rate > STIFF_LIMIT)) break;
+            c->implicit = 1; /* too stiff even for the shortest explicit step */
+            c->q.time = time;
+            memcpy(c->q.x, x0, sizeof x0);
+            invalidate(s);
+            if (!take_jacobian(s)) return say(s, CORE_FATAL, "logStatusFatal", "out of memory for the Jacobian");
+            h = wanted;
+            last = pieces <= 1;
+            continue;
+        }
         h *= trial.error < 1e8 ? fmax(0.2, 0.9 / sqrt(sqrt(trial.error))) : 0.1;
         last = 0;
     }
@@ -480,7 +514,9 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     } else {
         double grow = trial.error > 1e-6 ? 0.9 / sqrt(sqrt(trial.error)) : 5;
         c->step = fmax(MIN_STEP, h * fmin(5, fmax(0.5, grow)));
+        watch_stiffness(s, h, &trial);
     }
+    s->taken++;
     c->q.time = last ? end : time + h;
     memcpy(c->q.x, trial.x, sizeof trial.x);
     memcpy(c->dx, trial.dx, sizeof trial.dx);
@@ -517,6 +553,7 @@ static CoreStatus settle_now(Instance *s) {
 CoreStatus core_step(Instance *s, double time, double step) {
     const double end = time + step, longest = s->c.q.p[P_MAX_STEP];
     double held = time; /* modes are kept until then */
+    s->c.steps = s->c.stiff = 0;
     int events = 0;
     if (!(end - (end - longest) > 0.5 * longest)) /* a sampled clock would tick for ever without getting there */
         return say(s, CORE_ERROR, "logStatusError", "a step to t = %g s: its end is no number that internal steps of %g s can reach", end, longest);
@@ -568,6 +605,8 @@ void core_free(Instance *s) {
         free(s->history[i].time);
         free(s->history[i].value);
     }
+    free(s->jacobian);
+    free(s->factored);
     free(s);
 }
 
@@ -578,6 +617,7 @@ void core_reset(Instance *s) {
     memcpy(s->c.q.u, model_input_starts, N_INPUTS * sizeof(double));
     for (int i = 0; i < N_DELAYS; i++) s->history[i].n = s->history[i].at = 0;
     s->c.step = HUGE_VAL;
+    s->taken = 0;
     s->c.parameters_changed = 1;
     prepare(s);
     model_loop_starts(&s->c.q, s->c.q.w);
@@ -705,6 +745,8 @@ CoreStatus core_initialise(Instance *s, double start_time) {
 }
 
 double core_time(const Instance *s) { return s->c.q.time; }
+
+unsigned long core_taken(const Instance *s) { return s->taken; }
 
 /* ---- model exchange ----------------------------------------------------------------------------------------------------------- */
 

@@ -4,8 +4,8 @@
  * Integer and enumeration exact); a value reference is an index into model_variables[]. Functions that can fail return a
  * CoreStatus; the message has then gone through the instance's logger.
  */
-#ifndef PNEUGANTRY_CORE_H
-#define PNEUGANTRY_CORE_H
+#ifndef MODELICA_FMU_CORE_H
+#define MODELICA_FMU_CORE_H
 
 #include <stddef.h>
 
@@ -46,6 +46,7 @@ CoreStatus core_initialise(Instance *s, double start_time);
  * last good internal step and core_time tells how far it came. */
 CoreStatus core_step(Instance *s, double time, double step);
 double core_time(const Instance *s);
+unsigned long core_taken(const Instance *s); /* internal steps since core_reset */
 
 /* Model exchange. */
 CoreStatus core_set_time(Instance *s, double time);

@@ -1,6 +1,6 @@
 /* Newton's method with the exact Jacobian: algebraic loops and the initial system. Included by core.c. */
-#ifndef PNEUGANTRY_NEWTON_H
-#define PNEUGANTRY_NEWTON_H
+#ifndef MODELICA_FMU_NEWTON_H
+#define MODELICA_FMU_NEWTON_H
 
 #define NEWTON_ROUNDS 100
 #define NEWTON_TOLERANCE 1e-11 /* of a step, relative to max(|unknown|, 1) */

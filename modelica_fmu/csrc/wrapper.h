@@ -3,8 +3,8 @@
  * fmu_config.h (written by package.py) defines FMU_TOKEN, the string that modelDescription.xml carries, FMU_BUILD, its
  * 64-bit hash, and FMU_NOMINALS, the initialiser of the nominal values of the continuous states.
  */
-#ifndef PNEUGANTRY_WRAPPER_H
-#define PNEUGANTRY_WRAPPER_H
+#ifndef MODELICA_FMU_WRAPPER_H
+#define MODELICA_FMU_WRAPPER_H
 
 #include "core.h"
 

@@ -11,7 +11,7 @@ from modelica_fmu.modelica.check import check
 from modelica_fmu.modelica.equations import Sections
 from modelica_fmu.modelica.evaluation import Evaluator, NotConstant
 from modelica_fmu.modelica.instances import Instance, Leaf, Node
-from modelica_fmu.modelica.library import Library
+from modelica_fmu.modelica.library import TABLES, Library
 from modelica_fmu.modelica.modifiers import Mod
 from modelica_fmu.modelica.resolve import Resolver
 from modelica_fmu.modelica.scope import Scope, refuse, root_scope
@@ -116,6 +116,9 @@ class Flattening:
     def _variable(self, leaf: Leaf, top: bool) -> ir.FlatVariable:
         if leaf.type in ("Clock", "ExternalObject"):
             raise refuse(f"not supported: a {leaf.type} ({leaf.name})", leaf.place)
+        binding = self.resolver.bound(leaf.binding) if leaf.binding is not None else None
+        if leaf.type == "String" and binding is not None and not leaf.dims:
+            binding = self._string(leaf, binding)
         unknown = [
             n
             for n in leaf.mods
@@ -135,7 +138,7 @@ class Flattening:
             variability.get(leaf.variability, "Continuous"),
             leaf.causality if top else "",
             leaf.dims,
-            self.resolver.bound(leaf.binding) if leaf.binding is not None else None,
+            binding,
             unit=unit,
             description=leaf.description or None,
             protected=leaf.protected,
@@ -144,6 +147,17 @@ class Flattening:
             prefer=self._prefer(leaf),
             **bound,
         )
+
+    def _string(self, leaf: Leaf, binding: ir.Expr) -> ir.Expr:
+        """A text where it is known; the parameters behind it can then change no more."""
+        try:
+            value = self.resolver.evaluator.value(binding)
+        except (NotConstant, ValueError, ZeroDivisionError, IndexError, TypeError):
+            value = None
+        if leaf.place.file == TABLES and leaf.name.endswith(".fileName") and value != "NoName":
+            hint = "write its rows into the model"
+            raise refuse(f"not supported: the table {leaf.name} of a file", leaf.place, hint=hint)
+        return ir.Text(leaf.place, value) if isinstance(value, str) else binding
 
     def _attribute(self, leaf: Leaf, name: str) -> ir.Expr | None:
         mod: Mod | None = leaf.mods.get(name)

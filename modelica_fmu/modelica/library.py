@@ -12,6 +12,7 @@ from modelica_fmu.modelica.grammar import parse
 from modelica_fmu.modelica.syntax import ClassDef, Import
 
 MODELICAPATH = "MODELICAPATH"
+TABLES = Path(__file__).with_name("tables.mo")  # classes that replace ones written in C
 
 
 class Library:
@@ -141,7 +142,25 @@ class Library:
             if names.count(made.name) > 1:
                 raise twice(made)
             _refuse_double_names(made)
+        if tuple(within) == ("Modelica", "Blocks"):
+            replacements = {c.name: c for c in parse(read_text(TABLES), TABLES)[1]}
+            for made in classes:
+                if made.name in replacements:
+                    _replace(made, replacements[made.name])
         return within, classes
+
+
+def _replace(made: ClassDef, by: ClassDef) -> None:
+    """Puts the classes of a package in the place of those of the same names in another one."""
+    ours = {e.name: e for e in by.elements if isinstance(e, ClassDef)}
+    for k, element in enumerate(made.elements):
+        if isinstance(element, ClassDef) and element.name in ours:
+            other = ours.pop(element.name)
+            if other.kind == "package":
+                _replace(element, other)
+            else:
+                made.elements[k] = other
+    made.elements += ours.values()
 
 
 def read_text(file: Path) -> str:

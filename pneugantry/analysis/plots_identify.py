@@ -58,10 +58,9 @@ def hysteresis_figure(found: Hysteresis) -> Figure:
     ax.plot(
         1e3 * part.displacement, part.friction, ".", color=MEASURED, label=f"{part.log}, measured"
     )
-    order = np.argsort(part.displacement)
     if found.presliding:
         law = f"Eq. 4-8, beta {found.beta:.1f} N, sigma {found.sigma:.2e} N/m"
-        ax.plot(1e3 * part.displacement[order], part.fitted[order], color=NOMINAL, label=law)
+        ax.plot(1e3 * part.grid, part.fitted, color=NOMINAL, label=law)
     else:
         ax.plot([], [], " ", label="no creep before sliding: beta and sigma are not identified")
     ax.set_title("friction of z behind a reversal (Fig. 4.17)")

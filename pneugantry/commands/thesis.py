@@ -98,6 +98,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="of --board: these alone, as the board names them (default all)",
     )
     command.add_argument(
+        "--no-margins",
+        action="store_true",
+        help="of --board: scores alone; margins take a loop compiled and some 17 runs a controller",
+    )
+    command.add_argument(
         "--workers", metavar="N", type=int, default=2, help="processes (default 2)"
     )
     command.add_argument("--no-figures", action="store_true", help="numbers only")
@@ -179,7 +184,7 @@ def _board(options: argparse.Namespace, tell: Tell) -> Answer:
     """Exit code 1 where the robust controller misses what is asked of it."""
     from pneugantry.thesis.board_report import board_lines, board_report
     from pneugantry.thesis.entrants import JUDGED, entrants
-    from pneugantry.thesis.structure_board import run_board
+    from pneugantry.thesis.structure_board import Wanted, run_board
 
     names = [*options.controllers]
     known = [entrant.name for entrant in entrants()]
@@ -188,14 +193,18 @@ def _board(options: argparse.Namespace, tell: Tell) -> Answer:
             near = get_close_matches(name, known, n=1, cutoff=0.0)[0]
             message = f"no controller {name!r} on the board"
             raise InputError(message, field="--controllers", hint=f"nearest is {near!r}")
+    wanted = Wanted(
+        max(options.plants, 0),
+        [*dict.fromkeys([*names, *JUDGED])] if names else (),
+        not options.no_margins,
+    )
     fmu = build_fmu().path
     with _store(options, fmu) as store:
         board = run_board(
             fmu,
+            wanted,
             workers=max(options.workers, 1),
             tell=tell,
-            plants=max(options.plants, 0),
-            names=[*dict.fromkeys([*names, *JUDGED])] if names else (),
             store=store,
         )
     return board_report(board), list(board_lines(board)), 0 if board.met else 1

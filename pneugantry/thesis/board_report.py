@@ -52,7 +52,7 @@ def _row(row: BoardRow) -> dict[str, Any]:
         if row.drawn
         else None,
         "margins_linear": linear,
-        "margins_cosimulated": _finite(asdict(row.found)),
+        "margins_cosimulated": None if row.found is None else _finite(asdict(row.found)),
         "outcomes": {name: asdict(outcome) for name, outcome in row.outcomes.items()},
     }
 
@@ -79,7 +79,8 @@ def board_lines(board: StructureBoard) -> Iterator[str]:
             f"{row.worst[1]:>8.2f} {row.worst[0]:<34}{row.noise:>7.3f}{row.limits:>8.0%}{drawn:>14}"
         )
     yield from _family_lines(board)
-    yield from _margin_lines(board)
+    if any(row.found is not None for row in board.rows):
+        yield from _margin_lines(board)
     yield from _asked_lines(board)
 
 
@@ -100,6 +101,8 @@ def _margin_lines(board: StructureBoard) -> Iterator[str]:
         "python-control; gain, delay from co-simulation"
     )
     for row in board.rows:
+        if row.found is None:
+            continue
         linear = "   arrays: no linear model   "
         if row.linear is not None:
             m = row.linear

@@ -31,12 +31,13 @@ REASONS = {
     "straight edge the worst",
     4: "with a random angle it holds on the straight edge; on the inclines the error is one step "
     "of friction as the motion starts, and without the lag K_p K_z = 2 of the f_z loop divides it "
-    "by 3 at once",
+    "by 3 at once. It hangs on how z breaks away from rest (`--variants`)",
     6: "with a random angle the turns of the friction come with the distance: a slower run meets "
     "them less often",
     9: "its span is 2 beta or more: a limit force drawn above 14 N overshoots Fig. 4.14",
-    8: "the x valve has to pull only where f_n sin(theta) + F_w exceeds F_d + C v, beyond "
-    "-15 degrees on the nominal plant",
+    8: "the x valve has to pull only where f_n sin(theta) + F_w exceeds F_d + C v: the steepest "
+    "angle without a pull stands among the numbers. The marks of Fig. 4.30's axis reach -20 "
+    "degrees, and F_w, which would bring it to -10, is not printed (`--variants`)",
     13: "EBPA rests on the start of its activation functions, which is not printed; at K_c 1e4 "
     "MBPM's k_v exceeds the limit gain and the curved edge makes it oscillate",
 }

@@ -26,7 +26,16 @@ from pneugantry.thesis.structures import (
 )
 from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["EDGES", "LIMIT", "NOMINAL_LIMIT", "PI_LIMIT", "BoardRow", "Outcome", "run_board"]
+__all__ = [
+    "EDGES",
+    "LIMIT",
+    "NOMINAL_LIMIT",
+    "PI_LIMIT",
+    "BoardRow",
+    "Outcome",
+    "Wanted",
+    "run_board",
+]
 
 EDGES = ("straight", "curved")
 LIMIT, NOMINAL_LIMIT = 1.5, 1.0  # N, RMSE f_n asked of the robust controller
@@ -51,7 +60,7 @@ class BoardRow:
     outcomes: dict[str, Outcome]  # by structure
     drawn: list[float]  # N, RMSE f_n on the drawn plants, both edges
     linear: LoopMargins | None
-    found: FoundMargins
+    found: FoundMargins | None  # None: margins were not asked for
 
     def of(self, chosen: Sequence[Structure]) -> list[float]:
         return [self.outcomes[s.name].rmse_fn for s in chosen if s.name in self.outcomes]
@@ -129,13 +138,15 @@ def entrant_margins(fmu: str, entrant: Entrant) -> dict[str, Any]:
 
 
 def board_row(
-    entrant: Entrant, chosen: list[Structure], plants: int, results: Results, margins: Any
+    entrant: Entrant, chosen: list[Structure], plants: int, results: Results, margins: Any = None
 ) -> BoardRow:
-    """From finished runs and what `entrant_margins` found."""
+    """From finished runs and what `entrant_margins` found; None: not asked for."""
     outcomes = {
         name: _outcome(runs, results) for name, runs in entrant_runs(entrant, chosen).items()
     }
     drawn = [_outcome([run], results).rmse_fn for run in drawn_for(entrant, plants)]
+    if margins is None:
+        return BoardRow(entrant.name, outcomes, drawn, None, None)
     linear = None if margins["linear"] is None else LoopMargins(**margins["linear"])
     return BoardRow(entrant.name, outcomes, drawn, linear, FoundMargins(**margins["found"]))
 
@@ -151,24 +162,37 @@ def _outcome(runs: Sequence[Run], results: Results) -> Outcome:
     )
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """What a board holds."""
+
+    plants: int = PLANTS  # drawn
+    names: Sequence[str] = ()  # of entrants; none: all
+    margins: bool = True
+
+
 def run_board(
     fmu: Path,
+    wanted: Wanted,
     *,
     workers: int = 2,
     tell: Tell | None = None,
-    plants: int = PLANTS,
-    names: Sequence[str] = (),
     store: RunStore | None = None,
 ) -> StructureBoard:
-    """All entrants, or the named ones, on every structure."""
+    """The wanted entrants on every structure."""
+    plants, names, margins = wanted.plants, wanted.names, wanted.margins
     chosen = [*structures(), *pairs(), *catalogue_structures(FmuFile.read(fmu))]
     field = [e for e in entrants() if not names or e.name in names]
     with Workers(fmu, workers, tell, store) as pool:
         runs = pool.start_runs(run for e in field for run in _all_runs(e, chosen, plants))
-        margins = [pool.keep(f"margins {e}", entrant_margins, str(fmu), e) for e in field]
+        jobs = {
+            e.name: pool.keep(f"margins {e}", entrant_margins, str(fmu), e)
+            for e in field
+            if margins
+        }
         results = pool.collect(runs)
         rows = [
-            board_row(e, chosen, plants, results, found.result())
-            for e, found in zip(field, margins, strict=True)
+            board_row(e, chosen, plants, results, jobs[e.name].result() if margins else None)
+            for e in field
         ]
     return StructureBoard(sorted(rows, key=lambda row: row.median), chosen)

@@ -24,6 +24,7 @@ from pyfmi_runner.export.kernel import is_symbolic, run_kernel
 __all__ = ["ENABLED", "compile_controller"]
 
 ENABLED = "enabled"
+STOP = 45.0  # s, of the thesis' experiments
 PERIOD = 1e-3  # s, where the controller has no dt of its own
 INPUTS: dict[str, tuple[str, str]] = {  # unit, description
     "x": ("m", "Measured x piston position"),
@@ -101,6 +102,8 @@ def compile_controller(name: str, controller: Controller) -> CompiledModel:
         n_indicators=0,
         enumerations={},
         sources={"model.h": h, "model.c": c},
+        default_stop=STOP,
+        tool="PneuGantry",
     )
 
 

@@ -794,9 +794,8 @@ REFUSED = {  # name: (text, line, a piece of the message)
         3,
         "start value of x",
     ),
-    "bound from a parameter": (
-        "model M\n  parameter Real q = 1;\n  parameter Real p(max = q) = 0;\n  Real "
-        "x;\nequation\n  x = p;\nend M;\n",
+    "bound from a variable": (
+        "model M\n  Real x;\n  parameter Real p(max = x) = 0;\nequation\n  x = p;\nend M;\n",
         3,
         "a bound of p",
     ),

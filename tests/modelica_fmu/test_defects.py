@@ -181,3 +181,35 @@ end M;
     assert seen == pytest.approx(0.1 * k)
     assert list(twice) == list(2 * k)
     assert last == pytest.approx([0.1 * (n - (n % 2 == 0)) if n else 0 for n in k])
+
+
+def test_bounds_that_follow_from_parameters(tmp_path: Path) -> None:
+    """nominal: at the parameters' own values; min and max, which would move with them: none."""
+    file = tmp_path / "m.mo"
+    file.write_text(
+        "model M\n  parameter Real a = 2;\n  parameter Real b = 3*a;\n"
+        "  Real x(start = 1, fixed = true, nominal = if b > 5 then b else 1, min = -b, max = 7);\n"
+        "equation\n  der(x) = -x;\nend M;\n"
+    )
+    compiled = compile_model(file, "M")
+    x = next(v for v in compiled.variables if v.name == "x")
+    assert (x.nominal, x.min, x.max) == (6.0, None, 7.0)
+
+
+def test_a_bound_that_follows_a_variable_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "m.mo"
+    file.write_text(
+        "model M\n  Real y = time;\n  Real x(start = 1, fixed = true, max = y);\n"
+        "equation\n  der(x) = -x;\nend M;\n"
+    )
+    with pytest.raises(InputError, match=r"m\.mo:3: .*a bound of x depends on a variable"):
+        compile_model(file, "M")
+
+
+def test_the_experiment_of_a_model_is_the_default_of_its_fmu(tmp_path: Path) -> None:
+    file = tmp_path / "m.mo"
+    text = "model M\n  Real x = time;\n{}end M;\n"
+    for annotation, stop in (("", 1.0), ("  annotation(experiment(StopTime = 7.5));\n", 7.5)):
+        file.write_text(text.format(annotation))
+        made = compile_model(file, "M")
+        assert (made.default_stop, made.tool) == (stop, "modelica_fmu")

@@ -32,17 +32,19 @@ FORCE_NOISE = 0.5  # N, of one point: 5 um of position on the steep part
 # m; a creep between half the limit force either way that is less is the smoothed position's own
 # error
 SEEN = 3e-5
+GRID = 500  # points of the drawn law
 
 
 @dataclass(frozen=True, eq=False)
 class Branch:
     """Friction [N] over displacement from the reversal [m], both in the direction of motion; and
-    the fitted law there.
+    the fitted law [N] on a grid of displacements [m], for a smooth curve.
     """
 
     log: str
     displacement: Array
     friction: Array
+    grid: Array
     fitted: Array
 
 
@@ -103,7 +105,7 @@ def hysteresis(campaign: Campaign, m: float, C: float, cable: float) -> Hysteres
         return None
     travel, friction = points
 
-    def law(p: Array) -> Array:
+    def law(p: Array, travel: Array = travel) -> Array:
         beta, sigma = np.exp(p[:2])
         first = min(p[2] / beta, 0.99)
         return np.asarray(
@@ -121,12 +123,12 @@ def hysteresis(campaign: Campaign, m: float, C: float, cable: float) -> Hysteres
         residual, np.clip(start, bounds[0] + 1e-3, bounds[1] - 1e-3), loss="soft_l1", bounds=bounds
     )
     beta, sigma = (float(v) for v in np.exp(found.x[:2]))
-    fitted = law(found.x)
-    rms = float(np.sqrt(np.mean((friction - fitted) ** 2)))
+    rms = float(np.sqrt(np.mean((friction - law(found.x)) ** 2)))
+    grid = np.linspace(0.0, float(travel.max()), GRID)
     return Hysteresis(
         beta,
         sigma,
         rms,
         beta / sigma * (2.0 - 2.0 / 3.0) > SEEN,
-        Branch(run.log.name, travel, friction, fitted),
+        Branch(run.log.name, travel, friction, grid, law(found.x, grid)),
     )

@@ -3,6 +3,7 @@
 import importlib.util
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from controllers.catalogue import make_controller
 from modelica_fmu.errors import InputError
-from pneugantry.thesis import figures, gap, tuning_report
+from pneugantry.thesis import figures, gap, structure_board, tuning_report
 from pneugantry.thesis.board_report import board_lines, board_report
 from pneugantry.thesis.contents import contents
 from pneugantry.thesis.entrants import Entrant, entrants
@@ -26,6 +27,7 @@ from pneugantry.thesis.gap import (
 )
 from pneugantry.thesis.loop_limits import FoundMargins, cosimulated_margins, linear_margins
 from pneugantry.thesis.robust_design import PEERS, design_plants, distances, needed
+from pneugantry.thesis.run_store import RunStore
 from pneugantry.thesis.runner import run_one
 from pneugantry.thesis.structure_board import (
     LIMIT,
@@ -33,7 +35,9 @@ from pneugantry.thesis.structure_board import (
     BoardRow,
     Outcome,
     StructureBoard,
+    Wanted,
     entrant_runs,
+    run_board,
 )
 from pneugantry.thesis.structures import NOMINAL, catalogue_structures, pairs, structures
 from pneugantry.thesis.tuned import TUNED
@@ -131,6 +135,29 @@ def test_a_board_is_met_only_where_every_asked_structure_is():
     assert report["missed"] == {late.name: 1.6}
     assert report["rows"][0]["margins_cosimulated"]["gain"] is None  # JSON has no infinity
     assert any("MISSED" in line for line in board_lines(StructureBoard([bad, pi], chosen)))
+
+
+def test_a_board_runs_from_end_to_end_and_nothing_twice(fmu, tmp_path, monkeypatch):
+    for name, found in (("structures", [NOMINAL]), ("pairs", [])):
+        monkeypatch.setattr(structure_board, name, lambda found=found: found)
+    monkeypatch.setattr(structure_board, "catalogue_structures", lambda _: [])
+    store = RunStore(tmp_path / "runs.sqlite", fmu.sha256)
+    wanted = Wanted(0, ("pi_fv", "robust_fv"), margins=False)
+    first, again = (run_board(fmu.path, wanted, workers=1, store=store) for _ in range(2))
+    store.close()
+    assert [r.name for r in first.rows] == ["robust_fv", "pi_fv"]  # best median first
+    assert first.met
+    assert first.rows == again.rows
+    assert store.taken == 4
+
+
+def test_a_board_without_margins_has_its_scores():
+    rows = [replace(row(n, **{NOMINAL.name: 0.9}), found=None) for n in ("robust_fv", "pi_fv")]
+    board = StructureBoard(rows, [NOMINAL])
+    report = board_report(board)
+    assert [r["margins_cosimulated"] for r in report["rows"]] == [None, None]
+    assert report["rows"][0]["nominal"] == 0.9
+    assert not any("Margins" in line for line in board_lines(board))
 
 
 def test_printed_gap_of_rmse_closes_with_the_measured_edge():
