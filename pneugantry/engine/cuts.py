@@ -13,7 +13,7 @@ import numpy as np
 
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.synthetic import noisy
+from pneugantry.engine.synthetic import changes_of, noisy
 from pneugantry.engine.views import SubsystemView, build_views
 
 __all__ = ["sharp_views"]
@@ -60,9 +60,9 @@ def _share(view: SubsystemView, records: Sequence[Record], name: str) -> float:
     """Noise that one known signal brings, in units of the quoted noise of what the view computes;
     rows that stand out are clipped, for an event that is moved is no noise.
     """
-    found = []
-    for record in records:
-        noisier = view.residuals(noisy(view.plant, record, name), [{}])[0]
-        change = (noisier - view.residuals(record, [{}])[0]) / np.array(view.sigmas)
-        found.append(np.clip(change, -CLIPPED, CLIPPED).ravel())
-    return float(np.sqrt(np.mean(np.concatenate(found) ** 2)))
+    found = [
+        np.clip(change / np.array(view.sigmas), -CLIPPED, CLIPPED).ravel()
+        for record in records
+        for change in changes_of(view, record, [noisy(view.plant, record, name)], {})
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(found) ** 2))) if found else 0.0

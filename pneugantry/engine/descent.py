@@ -6,7 +6,7 @@ back and a shorter step next time, so that one rough view does not stop the othe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,17 +105,12 @@ class Parabola:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is fitted, to which cells.
-
-    prior: what else is known of the coordinates. fresh: those whose columns are taken anew where
-    slopes change.
-    """
+    """What is fitted, to which cells; `prior`: what else is known of the coordinates."""
 
     simulation: Simulation
     rules: Rules
     cells: tuple[Cell, ...]
     prior: Parabola
-    fresh: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +128,8 @@ def descend(problem: Problem, start: Solution, of_views: Noise | None, settled: 
     of_views: the noise; None: white, as large as the residuals are at each step (the widest basin).
     settled: fall of the cost that ends it.
     """
-    sim, rules, state, theta = problem.simulation, problem.rules, start, start.point.theta
-    damping = np.full(len(theta), rules.damping)
+    sim, rules, state = problem.simulation, problem.rules, start
+    names, damping = set(problem.prior.names), np.full(len(problem.prior.names), rules.damping)
     new = False  # the columns are those of this point
     for _ in range(rules.iterations):
         weighing = Weighing(of_views or flat_noise(sim, state.residuals), rules)
@@ -149,7 +144,7 @@ def descend(problem: Problem, start: Solution, of_views: Noise | None, settled: 
                 break
             kept = KEPT[0] * promised < fall < KEPT[1] * promised
         if not kept:
-            made = sim.columns(state.point, state.residuals, problem.cells, set(problem.fresh))
+            made = sim.columns(state.point, state.residuals, problem.cells, names)
             state, new = Solution(state.point, state.residuals, {**state.columns, **made}), True
     return state
 
@@ -196,7 +191,8 @@ def _step(
     none is found. Renews `damping` in place.
     """
     point = state.point
-    cost = sum(weighing.costs(state.residuals).values()) + problem.prior.cost(point.theta)
+    costs = weighing.costs(state.residuals)
+    cost = sum(costs.values()) + problem.prior.cost(point.theta)
     normal, gradient = weighing.normal(point, state.residuals, state.columns)
     free = np.diag(normal) > 0
     normal += problem.prior.square
@@ -205,7 +201,7 @@ def _step(
         step = np.zeros(len(free))
         damped = normal + np.diag(damping * np.diag(normal))
         step[free] = -np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
-        trial, tried, moved, value = _tried(problem, state, weighing, step)
+        trial, tried, moved, value = _tried(problem, state, weighing, step, costs)
         damping[:] = np.where(moved, np.maximum(0.1 * damping, LEAST), 10 * damping)
         if value < cost and moved.any():
             made = np.where(moved, trial.theta - point.theta, 0.0)
@@ -216,15 +212,14 @@ def _step(
 
 
 def _tried(
-    problem: Problem, state: Solution, weighing: Weighing, step: Array
+    problem: Problem, state: Solution, weighing: Weighing, step: Array, costs: Mapping[str, float]
 ) -> tuple[Point, Residuals, Array, float]:
     """A step, less what makes views worse: first in what only they read, then in what several do.
-    Point, residuals, which coordinates moved, cost.
+    costs: of the views before it. Point, residuals, which coordinates moved, cost.
     """
     sim, point = problem.simulation, state.point
     views = {c[0] for c in problem.cells}
     readers = [sim.readers(c) & views for c in point.coordinates]
-    costs = weighing.costs(state.residuals)
     cost = sum(costs.values()) + problem.prior.cost(point.theta)
     moved, todo = np.ones(len(step), dtype=bool), list(problem.cells)
     trial, tried, value = point, dict(state.residuals), cost

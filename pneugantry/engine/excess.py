@@ -8,16 +8,15 @@ that the model lacks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.noise import LONGEST, Whitener, spread, whitener_of
-from pneugantry.engine.plant import Array, Plant, Record
-from pneugantry.engine.synthetic import noisy
-from pneugantry.engine.views import View
+from pneugantry.engine.plant import Array
+from pneugantry.engine.synthetic import changes_of, noisy
 
 __all__ = ["Channel", "Excess", "Floors", "excess_of", "floors_of"]
 
@@ -45,27 +44,18 @@ def floors_of(fitter: Fitter, fit: Fit) -> Floors:
     """Colour and size of the quoted noise in each view and record."""
     found: Floors = {}
     for name, record in fitter.simulation.cells:
-        view, values = fitter.simulation.views[name], [fit.values(record)]
-        changes = _changes(fitter.plant, view, fitter.simulation.records[record], values)
+        view, read = fitter.simulation.views[name], fitter.simulation.records[record]
+        others = [
+            noisy(fitter.plant, replace(read, name=f"{record}, draw {k}")) for k in range(DRAWS)
+        ]
+        changes = changes_of(view, read, others, fit.values(record))
+        changes = [r for r in changes if len(r) > 4 * LONGEST]
         for c, (signal, sigma) in enumerate(zip(view.signals, view.sigmas, strict=True)):
             # an event that one more draw of noise moves is no noise
             bound = CLIPPED * max(spread([r[:, c] for r in changes]), sigma) if changes else 0.0
             clipped = [np.clip(r[:, c], -bound, bound) for r in changes]
             if clipped:
                 found[(name, signal), record] = whitener_of(clipped, sigma)
-    return found
-
-
-def _changes(
-    plant: Plant, view: View, record: Record, values: Sequence[Mapping[str, float]]
-) -> list[Array]:
-    """What further draws of all sensors' noise change in a residual."""
-    quiet, found = view.residuals(record, values)[0], []
-    for draw in range(DRAWS):
-        other = noisy(plant, replace(record, name=f"{record.name}, draw {draw}"))
-        change = view.residuals(other, values)[0] - quiet if view.shows(other) else quiet[:0]
-        if len(change) > 4 * LONGEST and np.isfinite(change).all():
-            found.append(change)
     return found
 
 

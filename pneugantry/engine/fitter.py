@@ -263,7 +263,7 @@ class Fitter:
         return solution
 
     def _problem(self, cells: Collection[Cell], known: Parabola) -> Problem:
-        return Problem(self.simulation, self.rules, tuple(cells), known, frozenset(known.names))
+        return Problem(self.simulation, self.rules, tuple(cells), known)
 
     def _first(self, hypothesis: Hypothesis, base: Fit, starts: Mapping[str, float]) -> Point:
         coordinates = self.coordinates(hypothesis, base.scale)

@@ -21,6 +21,7 @@ from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
 from pneugantry.engine.noise import LONGEST, Whitener, whitener_of
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.simulation import Cell
+from pneugantry.engine.synthetic import changes_of
 
 __all__ = ["SEEN", "Information", "Sight", "Size", "gather", "score", "sights", "sizes"]
 
@@ -327,14 +328,10 @@ def _whiteners(
         for cell in fitter.simulation.cells:
             if cell[0] != name or len(own) == DRAWN:
                 continue
-            other = noisy(fitter.simulation.records[cell[1]])
-            if not view.shows(other):
-                continue
+            record = fitter.simulation.records[cell[1]]
             values = {**base.get(None, {}), **base.get(cell[1], {})}
-            clean = view.residuals(fitter.simulation.records[cell[1]], [values])[0]
-            change = view.residuals(other, [values])[0] - clean
-            if len(change) > 4 * LONGEST and not _lost(change):
-                own.append(change)
+            changes = changes_of(view, record, [noisy(record)], values)
+            own += [change for change in changes if len(change) > 4 * LONGEST]
         if own:
             found[name] = tuple(
                 whitener_of([r[:, c] for r in own], sigma) for c, sigma in enumerate(view.sigmas)

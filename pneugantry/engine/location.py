@@ -23,7 +23,7 @@ from pneugantry.engine.plant import Array
 from pneugantry.engine.regimes import regime_of
 from pneugantry.engine.search import Search
 from pneugantry.engine.simulation import Cell
-from pneugantry.engine.synthetic import noisy
+from pneugantry.engine.synthetic import changes_of, noisy
 
 __all__ = ["Floor", "Place", "floor_below", "where"]
 
@@ -134,13 +134,8 @@ def _drawn(fitter: Fitter, fit: Fit, levels: Mapping[str, float]) -> dict[Cell, 
     drawn: dict[Cell, Array] = {}
     for cell in sim.cells:
         view, record = sim.views[cell[0]], sim.records[cell[1]]
-        again = noisy(plant, record)
-        if not view.shows(again):
-            continue  # it knows its own records only
-        values = [fit.values(record.name)]
-        moved = view.residuals(again, values)[0] - view.residuals(record, values)[0]
-        if np.isfinite(moved).all():
-            drawn[cell] = moved
+        for change in changes_of(view, record, [noisy(plant, record)], fit.values(record.name)):
+            drawn[cell] = change
     return drawn
 
 

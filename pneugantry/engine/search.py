@@ -1,7 +1,8 @@
-"""Which effects the records need: forward selection by evidence, with a backward step and swaps.
+"""Which effects the records need: forward selection by evidence, with a backward step.
 
 Every start of every form is screened by a score test: a column of the Jacobian, or the difference
-that the start itself makes, beside the nuisances' columns. What promises most is fitted in full.
+that the start itself makes, beside the nuisances' columns. What promises most is fitted near the
+base, and the best of that with all views together.
 """
 
 from __future__ import annotations

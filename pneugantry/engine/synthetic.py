@@ -12,9 +12,9 @@ import numpy as np
 from modelica_fmu.batch import Subsystem
 from modelica_fmu.errors import RunError
 from pneugantry.engine.plant import Array, Plant, Record
-from pneugantry.engine.views import part_of
+from pneugantry.engine.views import View, part_of
 
-__all__ = ["Nominal", "noisy"]
+__all__ = ["Nominal", "changes_of", "noisy"]
 
 
 class Nominal:
@@ -58,3 +58,17 @@ def noisy(plant: Plant, record: Record, only: str | None = None) -> Record:
         for n, v in sorted(record.signals.items())
     }
     return replace(record, name=f"{record.name}, {only or 'all'} noisier", signals=signals)
+
+
+def changes_of(
+    view: View, record: Record, others: Sequence[Record], values: Mapping[str, float]
+) -> list[Array]:
+    """What other readings of a record change in a view's residual, (rows, signals) each; those that
+    the view does not show or cannot simulate are left out.
+    """
+    shown = [other for other in others if view.shows(other)]
+    if not shown:
+        return []
+    quiet = view.residuals(record, [values])[0]
+    changes = [view.residuals(other, [values])[0] - quiet for other in shown]
+    return [change for change in changes if np.isfinite(change).all()]
