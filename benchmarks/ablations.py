@@ -28,7 +28,6 @@ import pneugantry.diagnosis.evidence as evidence_module
 import pneugantry.diagnosis.search as search_module
 import pneugantry.diagnosis.tight_lead as tight_lead_module
 from pneugantry.diagnosis.bench import Bench, Choice
-from pneugantry.diagnosis.catalogue import Effect, read_catalogue
 from pneugantry.diagnosis.confirm import Augmented, replay_gap
 from pneugantry.diagnosis.decide import Decision, decide
 from pneugantry.diagnosis.diagnose import OF_VIEWS, split_campaign
@@ -36,6 +35,7 @@ from pneugantry.diagnosis.evidence import Search, Trial
 from pneugantry.diagnosis.held_out import examine
 from pneugantry.diagnosis.records import oddity
 from pneugantry.diagnosis.search import search
+from pneugantry.engine.catalogue import Effect, read_catalogue
 from pneugantry.truth.campaign import write
 from pneugantry.truth.case import draw_case
 from pyfmi_runner.build import build_fmu

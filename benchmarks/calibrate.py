@@ -20,12 +20,12 @@ from typing import Any
 from modelica_fmu.errors import InputError
 from pneugantry.blind.check import DEVELOPMENT_SEEDS
 from pneugantry.diagnosis.bench import Bench
-from pneugantry.diagnosis.catalogue import read_catalogue
 from pneugantry.diagnosis.decide import Decision, Weights, decide
 from pneugantry.diagnosis.diagnose import split_campaign
 from pneugantry.diagnosis.evidence import Search
 from pneugantry.diagnosis.held_out import examine
 from pneugantry.diagnosis.search import search
+from pneugantry.engine.catalogue import read_catalogue
 from pneugantry.truth.campaign import write
 from pneugantry.truth.case import draw_case
 from pyfmi_runner.build import build_fmu

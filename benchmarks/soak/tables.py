@@ -15,8 +15,8 @@ from typing import Any
 
 from benchmarks.soak.fuzz import Kinds, Read, with_bytes_changed
 from benchmarks.soak.logs import sound_csv
-from pneugantry.diagnosis.catalogue import read_catalogue
 from pneugantry.diagnosis.own_plant import is_own_plant, read_own_plant
+from pneugantry.engine.catalogue import read_catalogue
 from pneugantry.sweep.check import check_spec
 from pneugantry.sweep.spec import read_spec
 from pyfmi_runner.build import build_fmu

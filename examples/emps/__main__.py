@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from examples.emps import closed_loop, idim
-from pneugantry.diagnosis.catalogue import read_catalogue
 from pneugantry.diagnosis.own_diagnose import diagnose_own, own_json
 from pneugantry.diagnosis.own_plant import read_own_plant
+from pneugantry.engine.catalogue import read_catalogue
 
 PLANT = Path(__file__).parent / "plant.toml"
 DATA = Path(__file__).resolve().parents[3] / "shared" / "real" / "emps"

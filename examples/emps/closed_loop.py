@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from examples.emps.idim import Axis
-from pneugantry.diagnosis.catalogue import Effect
 from pneugantry.diagnosis.own_bench import Hypothesis, OwnBench, Trial
 from pneugantry.diagnosis.own_plant import OwnLog, OwnPlant
+from pneugantry.engine.catalogue import Effect
 from pyfmi_runner.block_fmu import BlockFmu
 
 __all__ = ["EFFECTS", "LoopRung", "ladder", "simulation_errors"]

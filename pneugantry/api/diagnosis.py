@@ -140,11 +140,11 @@ def diagnose(
     effects of one's own, a file or a folder. workers: processes. say: told the name of each stage.
     Raises InputError naming file, field and hint.
     """
-    from pneugantry.diagnosis.catalogue import read_catalogue
     from pneugantry.diagnosis.diagnose import diagnose as diagnose_gantry
     from pneugantry.diagnosis.diagnose import report_json
     from pneugantry.diagnosis.own_plant import is_own_plant
     from pneugantry.diagnosis.usable import long_enough
+    from pneugantry.engine.catalogue import read_catalogue
     from pyfmi_runner.campaign import with_controller
 
     if isinstance(source, str | Path) and is_own_plant(Path(source)):
@@ -165,9 +165,9 @@ def _diagnose_own(
     description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say | None
 ) -> Diagnosis:
     """A plant of one's own with a catalogue of one's own."""
-    from pneugantry.diagnosis.catalogue import read_catalogue
     from pneugantry.diagnosis.own_diagnose import diagnose_own, own_json
     from pneugantry.diagnosis.own_plant import read_own_plant
+    from pneugantry.engine.catalogue import read_catalogue
     from pyfmi_runner.fmu import FmuFile
 
     path = fmu.path if isinstance(fmu, FmuFile) else None if fmu is None else Path(fmu)

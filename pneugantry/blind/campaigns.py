@@ -12,10 +12,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pneugantry.diagnosis.catalogue import FOLDER, read_catalogue
 from pneugantry.diagnosis.diagnose import diagnose, report_json
 from pneugantry.diagnosis.report import write_report
 from pneugantry.diagnosis.usable import long_enough
+from pneugantry.engine.catalogue import FOLDER, read_catalogue
 from pneugantry.jobs.job import Function, Job
 from pneugantry.jobs.run import run_jobs
 from pyfmi_runner.campaign import read_campaign

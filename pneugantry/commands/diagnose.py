@@ -106,7 +106,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     """A folder of campaigns, in worker processes."""
     from pneugantry.blind.campaigns import diagnose_campaigns
-    from pneugantry.diagnosis.catalogue import read_catalogue
+    from pneugantry.engine.catalogue import read_catalogue
 
     for option, target in (("--html", options.html), ("--augmented", options.augmented)):
         if target is not None:

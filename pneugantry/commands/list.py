@@ -73,7 +73,7 @@ def _parameters(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _effects(options: argparse.Namespace) -> list[dict[str, Any]]:
-    from pneugantry.diagnosis.catalogue import read_catalogue
+    from pneugantry.engine.catalogue import read_catalogue
 
     return [
         {"name": key, "block": effect.block, "about": effect.summary}

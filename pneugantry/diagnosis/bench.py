@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneugantry.diagnosis.catalogue import Effect, Form
 from pneugantry.diagnosis.fit import (
     Coordinate,
     Fit,
@@ -39,6 +38,7 @@ from pneugantry.diagnosis.views import (
     View,
 )
 from pneugantry.diagnosis.whitening import correlation_length, innovations, robust_segments
+from pneugantry.engine.catalogue import Effect, Form
 from pyfmi_runner.block_fmu import BlockFmu
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign

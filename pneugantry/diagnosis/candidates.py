@@ -9,12 +9,12 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pneugantry.diagnosis.bench import Bench, Choice, Outcome
-from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
 from pneugantry.diagnosis.delays import estimate_delays
 from pneugantry.diagnosis.evidence import QUIET, Search, Trial, rough
 from pneugantry.diagnosis.fit import Fit
 from pneugantry.diagnosis.parallel import each
 from pneugantry.diagnosis.waviness import estimate_waviness
+from pneugantry.engine.catalogue import Effect, Form, Parameter
 
 __all__ = [
     "Candidate",

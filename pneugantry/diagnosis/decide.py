@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pneugantry.diagnosis.bench import Choice, Outcome
-from pneugantry.diagnosis.catalogue import Effect
 from pneugantry.diagnosis.evidence import (
     QUIET,
     Search,
@@ -22,6 +21,7 @@ from pneugantry.diagnosis.evidence import (
     steady_strength,
     strength,
 )
+from pneugantry.engine.catalogue import Effect
 
 __all__ = ["Decision", "Hypothesis", "Weights", "decide"]
 

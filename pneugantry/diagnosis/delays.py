@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from pneugantry.diagnosis.bench import Bench
-from pneugantry.diagnosis.catalogue import Form, Parameter
 from pneugantry.diagnosis.views import TimingView
+from pneugantry.engine.catalogue import Form, Parameter
 from pyfmi_runner.log import PERIOD
 
 __all__ = ["estimate_delays"]

@@ -13,7 +13,6 @@ import numpy as np
 
 from modelica_fmu.errors import InputError, RunError
 from pneugantry.diagnosis.bench import Bench, Choice, Outcome
-from pneugantry.diagnosis.catalogue import Effect
 from pneugantry.diagnosis.confirm import Augmented, GapResult, closed_loop, replay_gap
 from pneugantry.diagnosis.converter import converter_step
 from pneugantry.diagnosis.decide import Decision, Hypothesis, contributions, decide
@@ -24,6 +23,7 @@ from pneugantry.diagnosis.next_experiment import next_experiment
 from pneugantry.diagnosis.records import oddity
 from pneugantry.diagnosis.regimes import regime_of
 from pneugantry.diagnosis.search import search
+from pneugantry.engine.catalogue import Effect
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import COLUMNS, SIGMA, log_warnings

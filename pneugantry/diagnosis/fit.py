@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pneugantry.diagnosis.catalogue import Parameter
+from pneugantry.engine.catalogue import Parameter
 
 __all__ = [
     "Coordinate",

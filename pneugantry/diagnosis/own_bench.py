@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from scipy.signal import firwin, upfirdn
 
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.diagnosis.autoregression import LONGEST, Whitener, whitener_of
-from pneugantry.diagnosis.catalogue import Effect, Form
 from pneugantry.diagnosis.fit import (
     Coordinate,
     Fit,
@@ -26,6 +24,8 @@ from pneugantry.diagnosis.fit import (
     tolerance_coordinate,
 )
 from pneugantry.diagnosis.own_plant import OwnLog, OwnPlant
+from pneugantry.engine.autoregression import LONGEST, Whitener, whitener_of
+from pneugantry.engine.catalogue import Effect, Form
 from pyfmi_runner.block_fmu import BlockFmu
 from pyfmi_runner.log import PERIOD
 

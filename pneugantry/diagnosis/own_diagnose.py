@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from modelica_fmu.errors import InputError
-from pneugantry.diagnosis.catalogue import Effect
 from pneugantry.diagnosis.own_bench import OwnBench
 from pneugantry.diagnosis.own_limits import at_bounds, intervals, shrink, shrink_interval, untold
 from pneugantry.diagnosis.own_plant import OwnLog, OwnPlant
 from pneugantry.diagnosis.own_search import OwnSearch, Step, search
+from pneugantry.engine.catalogue import Effect
 
 __all__ = ["OwnDiagnosis", "diagnose_own", "own_json"]
 

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pneugantry.diagnosis.catalogue import Effect
 from pneugantry.diagnosis.own_bench import BLOCK, OwnBench, Trial
 from pneugantry.diagnosis.own_plant import OwnLog
+from pneugantry.engine.catalogue import Effect
 
 __all__ = ["at_bounds", "intervals", "shrink", "shrink_interval", "untold"]
 

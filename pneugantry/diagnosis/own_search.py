@@ -19,8 +19,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pneugantry.diagnosis.catalogue import Effect, Parameter
 from pneugantry.diagnosis.own_bench import Hypothesis, OwnBench, Trial
+from pneugantry.engine.catalogue import Effect, Parameter
 
 __all__ = ["OwnSearch", "Step", "search"]
 

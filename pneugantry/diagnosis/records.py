@@ -9,8 +9,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pneugantry.diagnosis.catalogue import Effect
 from pneugantry.diagnosis.signals import Table
+from pneugantry.engine.catalogue import Effect
 from pyfmi_runner.log import PERIOD, SIGMA
 
 __all__ = ["clock_excess", "holds", "noise_ratio", "oddity"]

@@ -18,7 +18,6 @@ from pneugantry.diagnosis.candidates import (
     strained_in,
     weigh,
 )
-from pneugantry.diagnosis.catalogue import Effect
 from pneugantry.diagnosis.evidence import (
     QUIET,
     Search,
@@ -33,6 +32,7 @@ from pneugantry.diagnosis.evidence import (
 )
 from pneugantry.diagnosis.parallel import each
 from pneugantry.diagnosis.tight_lead import first_fit, is_of, large_misfits, tightly_led
+from pneugantry.engine.catalogue import Effect
 
 __all__ = ["search"]
 

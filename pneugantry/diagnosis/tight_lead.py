@@ -9,9 +9,9 @@ from dataclasses import replace
 
 from pneugantry.diagnosis.bench import Bench, Choice, Outcome
 from pneugantry.diagnosis.candidates import Candidate, clash
-from pneugantry.diagnosis.catalogue import Form
 from pneugantry.diagnosis.evidence import Trial
 from pneugantry.diagnosis.parallel import each
+from pneugantry.engine.catalogue import Form
 
 __all__ = ["first_fit", "is_of", "large_misfits", "tightly_led"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneugantry.diagnosis.bench import Bench
-from pneugantry.diagnosis.catalogue import Form, Parameter
+from pneugantry.engine.catalogue import Form, Parameter
 
 __all__ = ["estimate_waviness", "sines"]
 

@@ -111,6 +111,7 @@ class Problem:
     rules: Rules
     cells: tuple[Cell, ...]
     prior: Parabola
+    fine: bool = True  # columns by small steps: exact between events; else they look over them
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +145,7 @@ def descend(problem: Problem, start: Solution, of_views: Noise | None, settled: 
                 break
             kept = KEPT[0] * promised < fall < KEPT[1] * promised
         if not kept:
-            made = sim.columns(state.point, state.residuals, problem.cells, names)
+            made = sim.columns(state.point, state.residuals, problem.cells, names, problem.fine)
             state, new = Solution(state.point, state.residuals, {**state.columns, **made}), True
     return state
 

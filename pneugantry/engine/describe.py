@@ -30,7 +30,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
-from pneugantry.diagnosis.catalogue import Effect, Form, Parameter, read_catalogue
+from pneugantry.engine.catalogue import Effect, Form, Parameter, read_catalogue
 from pneugantry.engine.cuts import sharp_views
 from pneugantry.engine.foreign import ForeignFmu, ForeignPlant, foreign_views
 from pneugantry.engine.plan import Case

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
+from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Nuisance
 
 __all__ = ["Coordinate", "Hypothesis", "effect_coordinate", "nuisance_coordinate"]

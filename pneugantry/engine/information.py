@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pneugantry.diagnosis.catalogue import Effect, Form
+from pneugantry.engine.catalogue import Effect, Form
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
 from pneugantry.engine.noise import LONGEST, Whitener, whitener_of

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pneugantry.diagnosis.autoregression import LONGEST, Whitener, whitener_of
+from pneugantry.engine.autoregression import LONGEST, Whitener, whitener_of
 from pneugantry.engine.plant import Array
 
 __all__ = [

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.diagnosis.catalogue import Effect
+from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.information import Information, Sight, Size, gather, score, sights, sizes
 from pneugantry.engine.plant import Plant, Record, Signal

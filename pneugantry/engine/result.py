@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pneugantry.diagnosis.catalogue import Effect
+from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.confirm import Gap
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.location import Place

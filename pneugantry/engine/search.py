@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
+from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.descent import Weighing
 from pneugantry.engine.fitter import Fit, Fitter
-from pneugantry.engine.hypothesis import effect_coordinate
+from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
 from pneugantry.engine.noise import Noise, doubted, loss, weights
 from pneugantry.engine.plant import Array
 from pneugantry.engine.simulation import Cell
@@ -142,7 +142,7 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
             hypothesis = base.hypothesis.plus(effect, form)
             made.append(
                 min(
-                    (fitter.explore(hypothesis, base, s) for s in _starts(fitter, form)[:2]),
+                    (fitter.explore(hypothesis, base, s) for s in _starts(fitter, base, form)[:2]),
                     key=lambda f: f.evidence,
                 )
             )
@@ -171,7 +171,7 @@ def screen(
         (effect, form, i, starts)
         for effect in effects.values()
         for form in [next(f for f in effect.forms if fitter.readable(f))]
-        for i, starts in enumerate(_starts(fitter, form))
+        for i, starts in enumerate(_starts(fitter, base, form))
     ]
     _trace(fitter, base, trials, known)
     tests = (
@@ -209,9 +209,18 @@ def _trace(
             if (effect.key, i, cell) in known or not any(view.depends_on(n) for n in names):
                 continue
             own = jobs.setdefault(cell, [])
+            shared = _shared(fitter, base, form) if not starts else None
+            if shared is not None:
+                known[effect.key, i, cell] = [
+                    ratio * base.columns[cell, name]
+                    if (cell, name) in base.columns
+                    else np.zeros_like(base.residuals[cell])
+                    for name, ratio in shared
+                ]
+                continue
             owners.append(((effect.key, i, cell), len(own), points))
             own += [{**base.values(cell[1]), **moved} for moved, _ in points]
-    found = fitter.simulation.run(jobs)
+    found = fitter.simulation.run({cell: own for cell, own in jobs.items() if own})
     for key, at, points in owners:
         runs = found[key[2]][at : at + len(points)]
         first = [runs[0] - base.residuals[key[2]]] if points[0][1] else []
@@ -243,14 +252,40 @@ def _points(
     return points
 
 
-def _starts(fitter: Fitter, form: Form) -> list[dict[str, float]]:
-    """Combinations of the starts that a form lists; one, empty, where it lists none."""
+def _shared(fitter: Fitter, base: Fit, form: Form) -> list[tuple[str, float]] | None:
+    """Where the base fits all parameters of a form as nuisances: their names, and what theta of the
+    effect is in theta of the nuisance. Their columns are then exact: the effect only has a wider
+    prior. None where it does not.
+    """
+    if form.settings:
+        return None
+    at = {c.name: (c, t) for c, t in zip(base.point.coordinates, base.point.theta, strict=True)}
+    found = []
+    for p in form.parameters:
+        if p.name not in at:
+            return None
+        own, theta = at[p.name]
+        effect = effect_coordinate(p, fitter.neutral(p.name), fitter.rules.effect_prior)
+        found.append((p.name, _slope(effect, effect.theta(own.value(theta))) / _slope(own, theta)))
+    return found
+
+
+def _slope(c: Coordinate, theta: float) -> float:
+    """d value / d theta."""
+    return c.unit * c.value(theta) if c.logarithmic else c.unit
+
+
+def _starts(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
+    """Combinations of the starts that a form lists; an empty one where it lists none, and where the
+    base fits the same parameters as nuisances.
+    """
 
     def value(p: Parameter, start: float) -> float:
         return start * abs(fitter.neutral(p.name)) if p.relative else start
 
     listed = [[(p.name, value(p, s)) for s in p.starts] for p in form.parameters if p.starts]
-    return [dict(chosen) for chosen in itertools.product(*listed)]
+    found = [dict(chosen) for chosen in itertools.product(*listed)]
+    return [{}, *found] if found[0] and _shared(fitter, base, form) else found
 
 
 SHARES = (1.0, 0.5, 0.25)  # of a promised step that are tried on paper

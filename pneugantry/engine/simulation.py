@@ -49,7 +49,7 @@ class Simulation:
         self.views = {v.name: v for v in views}
         self.records = {r.name: r for r in records}
         self.cells = [(v.name, r.name) for v in views for r in records if v.shows(r)]
-        self.difference, self.stride = rules.difference, rules.stride
+        self.rules = rules
         self.seconds = 0.0  # of records, simulated so far
         self._idle: set[tuple[Cell, str]] = set()
         self._pool = ThreadPoolExecutor(2)
@@ -88,15 +88,20 @@ class Simulation:
         return {c: r[0] for c, r in self.run({c: [point.values(c[1])] for c in cells}).items()}
 
     def linearised(
-        self, point: Point, cells: Sequence[Cell], wanted: set[str]
+        self, point: Point, cells: Sequence[Cell], wanted: set[str], fine: bool = True
     ) -> tuple[Residuals, Columns]:
         """Residuals and columns at a point."""
         found = self.run({cell: [point.values(cell[1])] for cell in cells})
         residuals = {cell: r[0] for cell, r in found.items()}
-        return residuals, self.columns(point, residuals, cells, wanted)
+        return residuals, self.columns(point, residuals, cells, wanted, fine)
 
     def columns(
-        self, point: Point, residuals: Residuals, cells: Sequence[Cell], wanted: set[str]
+        self,
+        point: Point,
+        residuals: Residuals,
+        cells: Sequence[Cell],
+        wanted: set[str],
+        fine: bool = True,
     ) -> Columns:
         """Columns of the coordinates named, about the residuals at a point; a nuisance that once
         changed no bit of a cell (it acts through an effect that is not there) is left out there
@@ -109,7 +114,7 @@ class Simulation:
             jobs[cell], moved[cell] = [], []
             for c, theta in zip(point.coordinates, point.theta, strict=True):
                 if c.name in wanted and self.in_cell(c, cell) and (cell, c.name) not in self._idle:
-                    step = self.step(c, theta)
+                    step = self.step(c, theta, fine)
                     jobs[cell].append({**base, c.parameter: c.value(theta + step)})
                     moved[cell].append((c, step))
         found = self.run({cell: job for cell, job in jobs.items() if job})
@@ -127,9 +132,10 @@ class Simulation:
         """Nuisances that changed no bit of a view are simulated again from now on."""
         self._idle.clear()
 
-    def step(self, c: Coordinate, theta: float) -> float:
+    def step(self, c: Coordinate, theta: float, fine: bool) -> float:
         """Step of a difference quotient, away from a bound."""
-        size = self.stride if c.effect else self.difference
+        size = self.rules.stride if c.effect else self.rules.difference
+        size *= self.rules.fine if fine else 1.0
         return size if c.value(theta + size) != c.value(theta) else -size
 
     def in_cell(self, c: Coordinate, cell: Cell) -> bool:

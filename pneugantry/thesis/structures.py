@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pneugantry.diagnosis.catalogue import Effect, Parameter, read_catalogue
+from pneugantry.engine.catalogue import Effect, Parameter, read_catalogue
 from pneugantry.thesis.conditions import CHOICE, SOFT, Choice, Run
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.sensors import SIGMA, SensorParams, converter_steps

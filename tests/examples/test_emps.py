@@ -10,9 +10,9 @@ import pytest
 
 from examples.emps import closed_loop, idim
 from examples.emps.__main__ import DATA, PLANT, PUBLISHED_PARAMETERS
-from pneugantry.diagnosis.catalogue import read_catalogue
 from pneugantry.diagnosis.own_diagnose import diagnose_own, own_json
 from pneugantry.diagnosis.own_plant import read_own_plant
+from pneugantry.engine.catalogue import read_catalogue
 from pyfmi_runner.block_fmu import BlockFmu
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile

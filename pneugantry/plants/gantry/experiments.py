@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.diagnosis.catalogue import Effect, read_catalogue
 from pneugantry.diagnosis.next_experiment import candidates
+from pneugantry.engine.catalogue import Effect, read_catalogue
 from pneugantry.engine.plan import Case, Experiment
 from pneugantry.engine.plant import Plant, Record, Signal, thinned
 from pneugantry.engine.rules import Rules

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pneugantry.diagnosis.autoregression import LONGEST, whitener_of
+from pneugantry.engine.autoregression import LONGEST, whitener_of
 
 NOISE = np.random.default_rng(5).normal(0, 3.0, (3, 4000))
 

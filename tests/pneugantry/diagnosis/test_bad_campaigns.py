@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from modelica_fmu.errors import InputError
-from pneugantry.diagnosis.catalogue import read_catalogue
 from pneugantry.diagnosis.diagnose import diagnose, report_json, sound_logs
+from pneugantry.engine.catalogue import read_catalogue
 from pneugantry.truth.campaign import Campaign, write
 from pneugantry.truth.case import draw_case
 from pyfmi_runner.build import build_fmu

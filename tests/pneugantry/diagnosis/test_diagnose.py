@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from pneugantry.blind.score import score
-from pneugantry.diagnosis.catalogue import read_catalogue
 from pneugantry.diagnosis.diagnose import diagnose, report_json
+from pneugantry.engine.catalogue import read_catalogue
 from pneugantry.truth.campaign import write
 from pneugantry.truth.case import draw_case, plan_case, run_case
 from pyfmi_runner.build import build_fmu

@@ -7,7 +7,6 @@ import pytest
 from numpy.typing import NDArray
 
 from pneugantry.diagnosis.bench import BLOCK, Choice, Outcome
-from pneugantry.diagnosis.catalogue import Effect, read_catalogue
 from pneugantry.diagnosis.decide import Hypothesis, Weights, _answers, _left_views, contest, decide
 from pneugantry.diagnosis.evidence import (
     QUIET,
@@ -21,6 +20,7 @@ from pneugantry.diagnosis.evidence import (
     trouble,
 )
 from pneugantry.diagnosis.fit import Fit, tolerance_coordinate
+from pneugantry.engine.catalogue import Effect, read_catalogue
 
 Array = NDArray[np.float64]
 CATALOGUE = read_catalogue()

@@ -16,10 +16,10 @@ from scipy.io import savemat
 
 from modelica_fmu.errors import InputError
 from pneugantry.cli import main
-from pneugantry.diagnosis.catalogue import read_catalogue
 from pneugantry.diagnosis.mat_file import read_mat
 from pneugantry.diagnosis.own_diagnose import diagnose_own, own_json
 from pneugantry.diagnosis.own_plant import is_own_plant, read_own_plant
+from pneugantry.engine.catalogue import read_catalogue
 
 MODEL = """
 model Cart "A mass on a guide"

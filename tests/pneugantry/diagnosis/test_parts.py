@@ -12,12 +12,12 @@ import pytest
 from numpy.typing import NDArray
 
 from modelica_fmu.errors import InputError
-from pneugantry.diagnosis.catalogue import Parameter, read_catalogue
 from pneugantry.diagnosis.converter import converter_step
 from pneugantry.diagnosis.fit import balanced, effect_coordinate, fit, predict, tolerance_coordinate
 from pneugantry.diagnosis.parallel import each
 from pneugantry.diagnosis.waviness import sines
 from pneugantry.diagnosis.whitening import correlation_length, innovations, robust_segments
+from pneugantry.engine.catalogue import Parameter, read_catalogue
 
 Array = NDArray[np.float64]
 

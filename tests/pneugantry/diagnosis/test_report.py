@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from pneugantry.commands.diagnose import print_diagnosis
 from pneugantry.diagnosis.bench import Choice, Outcome
-from pneugantry.diagnosis.catalogue import Effect, read_catalogue
 from pneugantry.diagnosis.confirm import GapResult
 from pneugantry.diagnosis.decide import Decision, Hypothesis
 from pneugantry.diagnosis.diagnose import Diagnosis, report_json
@@ -41,6 +40,7 @@ from pneugantry.diagnosis.headline import (
 )
 from pneugantry.diagnosis.report import write_report
 from pneugantry.diagnosis.report_pictures import SAMPLES, gap_svg, packed, plant_svg, ticks
+from pneugantry.engine.catalogue import Effect, read_catalogue
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup
 from pyfmi_runner.fmu import FmuFile

@@ -18,11 +18,11 @@ from pneugantry.diagnosis.candidates import (
     joining,
     most_promising,
 )
-from pneugantry.diagnosis.catalogue import read_catalogue
 from pneugantry.diagnosis.diagnose import split_campaign
 from pneugantry.diagnosis.evidence import Search, Trial
 from pneugantry.diagnosis.fit import Fit
 from pneugantry.diagnosis.tight_lead import first_fit, large_misfits, tightly_led
+from pneugantry.engine.catalogue import read_catalogue
 from pneugantry.truth.campaign import write
 from pneugantry.truth.case import plan_case, run_case
 from pyfmi_runner.build import build_fmu

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
+from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Nuisance, Plant, Record, Signal
 
 MODEL = """package Toy

@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 from modelica_fmu.errors import RunError
 from pneugantry.blind.score import judged
 from pneugantry.commands.diagnose import print_diagnosis
-from pneugantry.diagnosis.catalogue import Effect
+from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.confirm import (
     Gap,
     Replay,

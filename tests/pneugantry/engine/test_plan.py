@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneugantry.diagnosis.catalogue import Effect
+from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.plan import Case, Experiment, Plan, make_plan
 from pneugantry.engine.plan_report import as_html, as_json, as_text
 from pneugantry.engine.plant import Plant, Record, Signal

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pneugantry.diagnosis.catalogue import Effect, Form, Parameter
+from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.cuts import sharp_views
 from pneugantry.engine.excess import excess_of, floors_of
 from pneugantry.engine.fitter import Fitter

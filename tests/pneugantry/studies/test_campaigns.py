@@ -14,7 +14,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.blind import campaigns
 from pneugantry.blind.campaigns import RESULT, campaign_folders, diagnose_campaigns
 from pneugantry.cli import main
-from pneugantry.diagnosis.catalogue import FOLDER
+from pneugantry.engine.catalogue import FOLDER
 from pneugantry.jobs.job import Ended, Factory, Job, answer
 from pyfmi_runner.build import build_fmu
 

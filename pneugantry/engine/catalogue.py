@@ -27,7 +27,7 @@ from pyfmi_runner.scenario import Fields, parse_toml
 
 __all__ = ["AXIS_BLOCKS", "Effect", "Form", "Parameter", "read_catalogue"]
 
-FOLDER = Path(__file__).parent / "effects"
+FOLDER = Path(__file__).parents[1] / "diagnosis" / "effects"
 AXIS_BLOCKS = ("valve", "friction")  # blocks that each axis has of its own
 EFFECT_KEYS = ("name", "block", "axes", "summary", "refines", "outside", "form")
 FORM_KEYS = ("name", "parameters", "settings", "estimator")

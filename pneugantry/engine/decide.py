@@ -1,0 +1,101 @@
+"""From fits to probabilities and a verdict.
+
+Evidence of simulations is overconfident: a model that is a little wrong everywhere misfits a little
+in every row, and the rows agree. So evidence counts by a share of it (`Chances.temper`), and what
+no catalogue explains is judged by how far residuals stand out of the sensors' noise. These few
+numbers are fitted to campaigns whose truth is known (`pneugantry calibrate`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneugantry.engine.excess import Channel, Excess
+from pneugantry.engine.fitter import Fit
+from pneugantry.engine.result import Answer
+
+__all__ = ["UNKNOWN", "Chances", "Decision", "Evidence", "decide", "unknown_score"]
+
+UNKNOWN = "unknown"
+SURE = 0.5  # probability from which a verdict claims something
+CLEAR = 0.8  # probability of its hypothesis from which an answer is identified
+
+
+@dataclass(frozen=True)
+class Chances:
+    """Weights of the decision, fitted per plant; their defaults are the gantry's."""
+
+    temper: float = 12.0  # -2 log evidence that makes a hypothesis e^(1/2) times less likely
+    entry: float = 20.0  # -2 log evidence that an effect must bring to be as likely as none
+    unknown_at: float = 0.3  # excess (see `unknown_score`) at which unknown is as likely as not
+    unknown_per: float = 0.05  # excess that makes it e times likelier
+    usual: Mapping[Channel, float] | None = None  # excess ratio of a sound rig's channel
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """A fit and what speaks for it: -2 log evidence, the record that no fit saw included."""
+
+    fit: Fit
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """Hypotheses by their probability, the likeliest first."""
+
+    verdict: str
+    answers: tuple[Answer, ...]
+    chosen: tuple[str, ...]  # effects that the verdict claims
+    none: float  # probability that nothing is wrong
+    unknown: float  # probability that something is that the catalogue lacks
+    best: Fit  # of the likeliest hypothesis
+
+
+def unknown_score(excess: Excess, usual: Mapping[Channel, float] | None) -> float:
+    """How far the channel that stands out most does so: log of its ratio to the usual one."""
+    return max(
+        (math.log(max(excess.ratio(c), 1e-9) / (usual or {}).get(c, 1.0)) for c in excess.whole),
+        default=0.0,
+    )
+
+
+def decide(
+    found: Sequence[Evidence], score: float, chances: Chances, *, worse: bool = False
+) -> Decision:
+    """score: of what the likeliest fit leaves (`unknown_score`). worse: whether its replay leaves a
+    larger gap than the nominal one, so that it explains nothing.
+    """
+    by_keys: dict[tuple[str, ...], Evidence] = {}
+    for e in found:
+        name = tuple(sorted(e.fit.keys))
+        if name not in by_keys or e.cost < by_keys[name].cost:
+            by_keys[name] = e
+    kept = list(by_keys.values())
+    costs = np.array([e.cost + chances.entry * len(e.fit.keys) for e in kept])
+    weights = np.exp(-(costs - costs.min()) / (2 * chances.temper))
+    weights /= weights.sum()
+    unknown = 1 / (1 + math.exp(min((chances.unknown_at - score) / chances.unknown_per, 700.0)))
+    if worse:
+        unknown = max(unknown, CLEAR)
+    order = np.argsort(-weights)
+    best = kept[int(order[0])].fit
+    answers: list[Answer] = []
+    for i in order:
+        fit, share = kept[int(i)].fit, float(weights[i])
+        answers.append(Answer(fit.keys, share * (1 - unknown), fit))
+        answers.append(Answer((*fit.keys, UNKNOWN), share * unknown, fit))
+    answers.sort(key=lambda a: -a.probability)
+    known = float(weights[order[0]])
+    none = next((a.probability for a in answers if not a.keys), 0.0)
+    if unknown > SURE:
+        verdict = UNKNOWN
+    elif not best.keys:
+        verdict = "none"
+    else:
+        verdict = "identified" if known >= CLEAR else "ambiguous"
+    return Decision(verdict, tuple(answers), best.keys, none, unknown, best)

@@ -1,0 +1,176 @@
+"""One diagnosis: from a plant, its views and its records to an answer.
+
+Data flow one way: null fit -> search -> evidence on the record that no fit saw -> decision ->
+where, and how far the gap shrinks.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from modelica_fmu.errors import RunError
+from pneugantry.engine.catalogue import Effect
+from pneugantry.engine.confirm import (
+    Gap,
+    Replay,
+    draws,
+    floor_of,
+    gap_of,
+    noise_levels,
+    replays,
+    values_on,
+)
+from pneugantry.engine.decide import Chances, Decision, Evidence, decide, unknown_score
+from pneugantry.engine.excess import Excess, excess_of, floors_of
+from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.location import where
+from pneugantry.engine.plant import Data, Plant
+from pneugantry.engine.predict import Foretelling
+from pneugantry.engine.result import Diagnosis, answer_set, causes_of
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.search import Search, search
+from pneugantry.engine.views import View
+
+__all__ = ["Found", "Task", "run"]
+
+Say = Callable[[str], None]
+RIVALS = 4  # fits that are also judged by the record that no fit saw
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a diagnosis is made of."""
+
+    plant: Plant
+    views: Sequence[View]
+    data: Data
+    catalogue: Mapping[str, Effect]
+    cache: Path  # of the parts of the model
+    chances: Chances = field(default_factory=Chances)
+    notes: tuple[str, ...] = ()
+    limits: tuple[str, ...] = ()  # what the records cannot show
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The answer, and what pictures and further experiments need of its making."""
+
+    task: Task
+    diagnosis: Diagnosis
+    search: Search
+    decision: Decision
+    excess: Excess  # of what the answer leaves
+    nominal: Replay | None  # of the record that no fit saw (else of the last one)
+    augmented: Replay | None
+    gap: Gap | None
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The augmented plant's, of no record in particular."""
+        return self.decision.best.values(None)
+
+
+def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
+    """Diagnoses the records of a task. say: told the name of each stage as it begins."""
+    clock = _Clock()
+    fitter = Fitter(task.plant, task.views, task.data.fitted, rules)
+    try:
+        say("tolerance")
+        null = fitter.null()
+        clock.lap("tolerance")
+        say("search")
+        found = search(fitter, null, task.catalogue)
+        clock.lap("search")
+        say("held-out record")
+        evidence = _evidence(fitter, task, found)
+        clock.lap("held-out record")
+        say("confirmation")
+        return _answer(fitter, task, found, evidence, clock)
+    finally:
+        fitter.close()
+
+
+class _Clock:
+    """Wall time by stage, s."""
+
+    def __init__(self) -> None:
+        self.start = self.last = time.perf_counter()
+        self.stages: dict[str, float] = {}
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.stages[stage], self.last = now - self.last, now
+
+    @property
+    def seconds(self) -> float:
+        return time.perf_counter() - self.start
+
+
+def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
+    """All that was tried; the best few with what the held-out record says of them, beside the
+    nuisances alone.
+    """
+    fits: dict[tuple[str, ...], Fit] = {}
+    for fit in sorted((*found.tried, found.null, found.best), key=lambda f: f.evidence):
+        fits.setdefault(tuple(sorted(fit.keys)), fit)
+    null, doubt = found.null, fitter.rules.doubt
+    costs = {k: -f.gain(null, doubt) for k, f in fits.items()}
+    held = task.data.held_out
+    if held is not None:
+        foretelling = Foretelling(fitter, task.views, held)
+        try:
+            base = foretelling.cost(null)
+            for k in sorted(costs, key=lambda k: costs[k])[:RIVALS]:
+                if k:
+                    costs[k] -= foretelling.gain(fits[k], base)
+        finally:
+            foretelling.close()
+    return [Evidence(fit, costs[k]) for k, fit in fits.items()]
+
+
+def _answer(
+    fitter: Fitter, task: Task, found: Search, evidence: Sequence[Evidence], clock: _Clock
+) -> Found:
+    likeliest = decide(evidence, 0.0, task.chances).best
+    excess = excess_of(fitter, likeliest, floors_of(fitter, likeliest))
+    nominal, augmented, gap, note = _confirmed(fitter, task, likeliest)
+    worse = bool(likeliest.keys) and gap is not None and gap.augmented > gap.nominal
+    score = unknown_score(excess, task.chances.usual)
+    decision = decide(evidence, score, task.chances, worse=worse)
+    claimed = decision.best if not worse else found.null
+    places = where(fitter, found, claimed) if decision.verdict != "none" else ()
+    clock.lap("confirmation")
+    diagnosis = Diagnosis(
+        verdict=decision.verdict,
+        where=places,
+        causes=causes_of(decision.answers, task.catalogue, decision.chosen),
+        answer_set=answer_set(decision.answers),
+        gap=gap,
+        notes=(*task.notes, *note),
+        limits=task.limits,
+        seconds=clock.seconds,
+        steps=found.steps,
+        probabilities={"none": decision.none, "unknown": decision.unknown},
+        stages=clock.stages,
+    )
+    return Found(task, diagnosis, found, decision, excess, nominal, augmented, gap)
+
+
+def _confirmed(
+    fitter: Fitter, task: Task, fit: Fit
+) -> tuple[Replay | None, Replay | None, Gap | None, tuple[str, ...]]:
+    """The record that no fit saw, replayed nominal and augmented."""
+    record = task.data.held_out or task.data.fitted[-1]
+    try:
+        own = [{}, values_on(fit, record), *draws(fit, record)]
+        nominal, augmented, *others = replays(task.plant, record, own, task.cache)
+    except RunError as error:
+        return None, None, None, (str(error),)
+    if nominal is None or augmented is None:
+        return nominal, augmented, None, (f"{record.name} could not be replayed",)
+    floor = floor_of(noise_levels(task.plant, record, fitter.rules))
+    gap = gap_of(nominal, augmented, fitter.rules, record.period, floor=floor, others=others)
+    return nominal, augmented, gap, ()
