@@ -15,7 +15,7 @@ from pneugantry.api.inputs import CampaignSource, FmuSource, PathLike, campaign_
 from pneugantry.diagnosis.headline import cause_name
 
 if TYPE_CHECKING:
-    from pneugantry.diagnosis.diagnose import Diagnosis as GantryDiagnosis
+    from pneugantry.engine.run import Found
     from pyfmi_runner.fmu import FmuFile
 
 __all__ = ["Diagnosis", "Gap", "diagnose"]
@@ -38,8 +38,8 @@ class Diagnosis:
     """Where plant and model differ, which effects cause it, how far the gap shrinks with them."""
 
     json: dict[str, Any]  # "gap/1", as `pneugantry diagnose --json` writes it
-    gantry: GantryDiagnosis | None = None  # None for a plant of one's own
-    fmu: FmuFile | None = None
+    found: Found  # how it was found
+    fmu: FmuFile | None = None  # of the gantry; None for a plant of one's own
 
     @property
     def verdict(self) -> str:
@@ -137,43 +137,25 @@ def diagnose(
     source: a campaign folder, a log file, a `Log`, a pandas table with a log's columns, or the TOML
     description of a plant of one's own. setup: how a single log was taken (keys as in
     campaign.toml). controller: the rig's own, a Python file, for the closed-loop check. catalogue:
-    effects of one's own, a file or a folder. workers: processes. say: told the name of each stage.
-    Raises InputError naming file, field and hint.
+    effects of one's own, a file (beside the gantry's) or a folder (instead of them). fmu: the
+    nominal gantry with other parameters. workers: no longer used, one diagnosis is one process.
+    say: told the name of each stage. Raises InputError naming file, field and hint.
     """
-    from pneugantry.diagnosis.diagnose import diagnose as diagnose_gantry
-    from pneugantry.diagnosis.diagnose import report_json
-    from pneugantry.diagnosis.own_plant import is_own_plant
-    from pneugantry.diagnosis.usable import long_enough
-    from pneugantry.engine.catalogue import read_catalogue
-    from pyfmi_runner.campaign import with_controller
+    from pneugantry.plants.gantry.catalogue import catalogue_of
+    from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
+    from pneugantry.plants.own import is_own_plant
+    from pyfmi_runner.campaign import DRIVEN, with_controller
 
+    say = say or (lambda stage: None)
     if isinstance(source, str | Path) and is_own_plant(Path(source)):
         return _diagnose_own(Path(source), catalogue, fmu, say)
-    effects = read_catalogue(None if catalogue is None else Path(catalogue))
-    campaign = long_enough(campaign_from(source, setup, strict=False))
+    effects = catalogue_of(None if catalogue is None else Path(catalogue))
+    campaign = campaign_from(source, setup, strict=False, needs=DRIVEN)
     if controller is not None:
         campaign = with_controller(campaign, Path(controller))
     for note in campaign.notes:
-        if say is not None and "pneugantry log init" in note:
+        if "pneugantry log init" in note:
             say(f"note: {note}")  # before the answer that rests on it
-    gantry = fmu_from(fmu)
-    found = diagnose_gantry(campaign, gantry, effects, say, workers)
-    return Diagnosis(report_json(found), found, gantry)
-
-
-def _diagnose_own(
-    description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say | None
-) -> Diagnosis:
-    """A plant of one's own with a catalogue of one's own."""
-    from pneugantry.diagnosis.own_diagnose import diagnose_own, own_json
-    from pneugantry.diagnosis.own_plant import read_own_plant
-    from pneugantry.engine.catalogue import read_catalogue
-    from pyfmi_runner.fmu import FmuFile
-
-    path = fmu.path if isinstance(fmu, FmuFile) else None if fmu is None else Path(fmu)
-    plant = read_own_plant(description, path)
-    source = catalogue or plant.catalogue
-    if source is None:
-        hint = "write catalogue = ..., or give --catalogue"
-        raise InputError("names no catalogue", file=description, field="plant", hint=hint)
-    return Diagnosis(own_json(diagnose_own(plant, read_catalogue(Path(source)), say)))
+    nominal = None if fmu is None else fmu_from(fmu)
+    found = diagnose_gantry(campaign, effects, fmu=nominal, say=say)
+    return Diagnosis(to_json(found.diagnosis), found, fmu_from(nominal))

@@ -4,8 +4,16 @@ should make it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
+
+from pyfmi_runner.campaign import Campaign, LoggedRun
+from pyfmi_runner.log import MEASURED, SIGMA
+
+__all__ = ["coarse_channels", "converter_step", "rounded"]
 
 __all__ = ["COARSE", "converter_step"]
 
@@ -43,3 +51,36 @@ def converter_step(values: Array, sigma: float) -> float:
     if resting and np.diff(used).min() < CLOSER * step:
         return 0.0
     return step if step > COARSE * sigma else 0.0
+
+
+def coarse_channels(campaign: Campaign) -> dict[str, float]:
+    """Steps of the coarse converters by channel, of all logs together."""
+    found = {}
+    for channel in MEASURED:
+        logs = [run.log[channel] for run in campaign if channel in run.log]
+        if logs and (step := converter_step(np.concatenate(logs), SIGMA[channel])):
+            found[channel] = step
+    return found
+
+
+def rounded(campaign: Campaign, steps: Mapping[str, float]) -> Campaign:
+    """The campaign as converters that round would have read it. One that cuts off reads half a step
+    too little: a clamped axis' speed shows it.
+    """
+    if not any(_cut(run, steps) for run in campaign):
+        return campaign
+    logs = {}
+    for name, run in campaign.logs.items():
+        moved = {c: run.log[c] + 0.5 * q for c, q in steps.items() if c in run.log}
+        logs[name] = replace(run, log=replace(run.log, table=run.log.table.assign(**moved)))
+    return replace(campaign, logs=logs)
+
+
+def _cut(run: LoggedRun, steps: Mapping[str, float]) -> bool:
+    """Whether a clamped axis' coarse tachometer reads less than nothing."""
+    for axis in "xz":
+        step, held = steps.get(f"v_{axis}", 0.0), run.setup.clamp_signal(axis, run.log.time)
+        if step and held.any() and f"v_{axis}" in run.log:
+            if float(np.mean(run.log[f"v_{axis}"][held])) < -0.25 * step:
+                return True
+    return False

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pyfmi_runner.campaign import LoggedRun
-from pyfmi_runner.log import STROKE_X, STROKE_Z
+from pyfmi_runner.log import PERIOD, STROKE_X, STROKE_Z, Log
 
 __all__ = ["not_excited"]
 
@@ -32,22 +32,31 @@ class _Motion:
         log, setup = run.log, run.setup
         self.closed = setup.loop == "closed" and setup.controller is not None
         self.workpiece = setup.workpiece if setup.workpiece != "none" else ""
-        force = np.hypot(log["f_x"], log["f_z"])
+        felt = [log[c] for c in ("f_x", "f_z") if c in log]
+        self.measures_force = bool(felt)
+        force = np.hypot.reduce([np.zeros(len(log)), *felt])
         self.touching = bool((_mean(force) > TOUCHING).any())
-        self.forward, self.back, self.dragged, self.range, self.command = {}, {}, {}, {}, {}
+        self.forward, self.back, self.dragged, self.command = {}, {}, {}, {}
+        self.range: dict[str, tuple[float, float]] = {}
         for axis in "xz":
             free = ~setup.clamp_signal(axis, log.time)
-            speed = np.where(free, _mean(log[f"v_{axis}"]), 0.0)
+            speed = np.where(free, _speed(log, axis), 0.0)
             self.forward[axis], self.back[axis] = (
                 bool((speed > MOVING).any()),
                 bool((speed < -MOVING).any()),
             )
             self.dragged[axis] = bool(((np.abs(speed) > MOVING) & (_mean(force) > TOUCHING)).any())
-            self.range[axis] = (
-                float(np.quantile(log[axis], 0.02)),
-                float(np.quantile(log[axis], 0.98)),
-            )
+            if axis in log:
+                low, high = np.quantile(log[axis], (0.02, 0.98))
+                self.range[axis] = float(low), float(high)
             self.command[axis] = float(np.ptp(log[f"u_{axis}"])) > COMMANDED
+
+
+def _speed(log: Log, axis: str) -> Any:
+    """Mean speed over 20 rows [m/s], of the position where no speed is measured; 0 without both."""
+    if f"v_{axis}" in log:
+        return _mean(log[f"v_{axis}"])
+    return _mean(np.gradient(_mean(log[axis]), PERIOD)) if axis in log else np.zeros(len(log))
 
 
 def _mean(values: Any) -> Any:
@@ -70,16 +79,15 @@ def _gaps(facts: list[_Motion]) -> Iterator[str]:
                 f"{axis} moves towards {sign}{axis} only: level, direction and offset of its "
                 f"friction cannot be told apart"
             )
-        if (
-            facts
-            and (max(f.range[axis][1] for f in facts) - min(f.range[axis][0] for f in facts))
-            < 0.3 * stroke
-        ):
+        spans = [f.range[axis] for f in facts if axis in f.range]
+        if spans and max(s[1] for s in spans) - min(s[0] for s in spans) < 0.3 * stroke:
             yield (
                 f"{axis} stays within 30 % of its stroke: effects that vary along it "
                 f"(valve_lag_position, friction_position) cannot show"
             )
-    if not any(f.touching for f in facts):
+    if not any(f.measures_force for f in facts):
+        yield "no contact force is measured: little can be said of the contact"
+    elif not any(f.touching for f in facts):
         yield (
             f"no contact force above {TOUCHING:g} N: nothing can be said of the contact, of "
             f"force_gain, of friction_load"

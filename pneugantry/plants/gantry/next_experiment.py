@@ -4,19 +4,24 @@ which their plants differ most.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.diagnosis.confirm import Augmented, sensed_outputs
-from pyfmi_runner.campaign import Campaign, LogSetup, scenario_setup
+from pneugantry.engine.confirm import replays
+from pneugantry.engine.decide import UNKNOWN
+from pneugantry.engine.fitter import Fit
+from pneugantry.engine.plant import thinned
+from pneugantry.engine.run import Found
+from pneugantry.plants.gantry.closed_loop import augmented_of
+from pneugantry.plants.gantry.describe import record_of
+from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup, scenario_setup
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import STROKE_Z
+from pyfmi_runner.log import SIGMA, STROKE_Z
 from pyfmi_runner.own_controller import is_known_controller
-from pyfmi_runner.replay import SIGMAS, Replayer
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario, scenario_text, short_phases
 from pyfmi_runner.sensors import SensorParams
@@ -31,37 +36,39 @@ TELLING = 1.2  # separation below which an experiment is not worth its time
 
 
 def next_experiment(
-    campaign: Campaign,
-    gantry: FmuFile,
-    first: Mapping[str, float],
-    second: Mapping[str, float],
-    keys: Sequence[Sequence[str]],
+    found: Found, campaign: Campaign, fmu: FmuFile, thinning: int
 ) -> dict[str, Any] | None:
-    """The candidate in which the two fitted plants differ most (docs/reference/gap.md); None
-    where none of them tells.
+    """The candidate in which the plants of the two likeliest hypotheses differ most
+    (docs/reference/gap.md); None where there are no two, or none of the candidates tells.
 
-    `first`, `second`: fitted values by name; `keys`: the effects of each. The separation is the RMS
-    over channels and time of the difference of what the sensors would say for the same commands, in
-    units of their noise, no more than MOST of them at any instant.
+    The separation is the RMS over channels and time of the difference of what the sensors would say
+    for the same commands, in units of their noise, no more than MOST of them at any instant.
     """
-    plants = [Augmented.of(values) for values in (first, second)]
+    pair = _rivals(found)
+    if len(pair) < 2:
+        return None
     best: tuple[float, str, Scenario] | None = None
-    with Replayer(gantry) as replayer:
-        for what, scenario in candidates(campaign):
-            separation = _separation(gantry, replayer, scenario, plants)
-            if separation is not None and (best is None or separation > best[0]):
-                best = separation, what, scenario
+    for what, scenario in candidates(campaign):
+        separation = _separation(found, fmu, scenario, pair, thinning)
+        if separation is not None and (best is None or separation > best[0]):
+            best = separation, what, scenario
     if best is None or best[0] < TELLING:
         return None
     separation, what, scenario = best
-    names = " and ".join(" + ".join(k) or "no effect" for k in keys)
+    names = " and ".join(" + ".join(fit.keys) or "no effect" for fit in pair)
     return {
         "what": f"{what}: {names} then differ by {separation:.2g} times the sensors' noise (RMS "
         f"over all channels)",
         "scenario": scenario_text(replace(scenario, sensors=SensorParams())),
-        "separates": [list(k) for k in keys],
+        "separates": [list(fit.keys) for fit in pair],
         "separation": separation,
     }
+
+
+def _rivals(found: Found) -> list[Fit]:
+    """Fits of the two likeliest hypotheses within the catalogue."""
+    known = (a.fit for a in found.decision.answers if UNKNOWN not in a.keys)
+    return [fit for fit in known if fit is not None][:2]
 
 
 def candidates(campaign: Campaign) -> Iterator[tuple[str, Scenario]]:
@@ -133,23 +140,24 @@ def _with_controller(base: Scenario, setup: LogSetup) -> Scenario:
 
 
 def _separation(
-    gantry: FmuFile, replayer: Replayer, scenario: Scenario, plants: Sequence[Augmented]
+    found: Found, fmu: FmuFile, scenario: Scenario, pair: Sequence[Fit], thinning: int
 ) -> float | None:
     """RMS difference of the two plants for the commands that the first one sees; None where the
     experiment cannot be done.
     """
+    values = [fit.values(None) for fit in pair]
+    first = dict(augmented_of(fmu, values[0]).plant)
+    task = found.task
     try:
-        run = run_scenario(replace(scenario, plant=dict(plants[0].plant)), gantry)
+        run = run_scenario(replace(scenario, plant=first), fmu)
         if run.outcome != "done" or np.hypot(run.log["f_x"], run.log["f_z"]).max() > MOST_FORCE:
             return None
-        commands, setup = (
-            np.column_stack([run.log["u_x"], run.log["u_z"]]),
-            scenario_setup(scenario),
-        )
-        said = [
-            sensed_outputs(replayer.drive(setup, commands, run.log.time, p.plant), p.sensors)
-            for p in plants
-        ]
+        logged = LoggedRun(scenario_setup(scenario), run.log)
+        record = thinned(record_of("next", logged), thinning)
+        one, other = replays(task.plant, record, values, task.cache)
     except (InputError, RunError):
         return None
-    return float(np.sqrt(np.mean(np.minimum(np.abs(said[0] - said[1]) / SIGMAS, MOST) ** 2)))
+    if one is None or other is None:
+        return None
+    apart = np.abs(one.simulated - other.simulated) / np.array([SIGMA[c] for c in one.signals])
+    return float(np.sqrt(np.mean(np.minimum(apart, MOST) ** 2)))
