@@ -16,6 +16,7 @@ import numpy as np
 from modelica_fmu.batch import Subsystem
 from modelica_fmu.errors import RunError
 from pneugantry.engine.fitter import Fit
+from pneugantry.engine.foreign import ForeignPlant, foreign_signals
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, sensed
@@ -111,6 +112,20 @@ def replays(
     set of values; None where the model stops. Values that are none of the model's (a controller's)
     change nothing. skip: s at the start that do not count; None: as the record says.
     """
+    names, true = _simulated(plant, record, values, cache)
+    first = round((record.skip if skip is None else skip) / record.period)
+    return [
+        _beside(plant, record, names, given, true[i], first) if np.isfinite(true[i]).all() else None
+        for i, given in enumerate(values)
+    ]
+
+
+def _simulated(
+    plant: Plant, record: Record, values: Sequence[Values], cache: Path
+) -> tuple[tuple[str, ...], Array]:
+    """Signals of a record, and what the whole plant makes of them (len(values), rows, signals)."""
+    if isinstance(plant, ForeignPlant):
+        return foreign_signals(plant, record, values)
     signals = [s for s in plant.signals if s.name in record.signals]
     outputs = list(dict.fromkeys(s.variable for s in signals))
     part = part_of(plant, outputs, (), cache)
@@ -122,21 +137,16 @@ def replays(
     inputs = {n: np.asarray(record.inputs[n], dtype=float) for n in part.of("input")}
     true = Subsystem(part).run(names, table, inputs, outputs, record.period)
     columns = [outputs.index(s.variable) for s in signals]
-    first = round((record.skip if skip is None else skip) / record.period)
-    return [
-        _beside(plant, record, given, true[i][:, columns], first)
-        if np.isfinite(true[i]).all()
-        else None
-        for i, given in enumerate(values)
-    ]
+    return tuple(s.name for s in signals), true[:, :, columns]
 
 
-def _beside(plant: Plant, record: Record, values: Values, true: Array, first: int) -> Replay:
-    signals = [s for s in plant.signals if s.name in record.signals]
-    names = tuple(s.name for s in signals)
+def _beside(
+    plant: Plant, record: Record, names: tuple[str, ...], values: Values, true: Array, first: int
+) -> Replay:
+    quoted = {s.name: s.sigma for s in plant.signals}
     simulated = _readings(names, true, record, values)
     measured = np.column_stack([record.signals[n] for n in names])
-    residuals = (measured - simulated) / np.array([s.sigma for s in signals])
+    residuals = (measured - simulated) / np.array([quoted[n] for n in names])
     residuals[:first] = np.nan
     return Replay(record.name, names, simulated, residuals)
 

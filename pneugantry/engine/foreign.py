@@ -12,13 +12,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modelica_fmu.batch import Correction, Part, PartVariable, Subsystem
-from modelica_fmu.errors import InputError
-from pneugantry.engine.plant import Array, Plant
+from modelica_fmu.errors import InputError, RunError
+from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.views import SubsystemView
 from pyfmi_runner.driven import DrivenFmu
 from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["ForeignFmu", "ForeignPlant", "ForeignSubsystem", "foreign_views", "parameters_read"]
+__all__ = [
+    "ForeignFmu",
+    "ForeignPlant",
+    "ForeignSubsystem",
+    "foreign_signals",
+    "foreign_views",
+    "parameters_read",
+]
 
 Inputs = Mapping[str, Array | tuple[Array, Array]]
 
@@ -219,6 +226,63 @@ def _view(
         observer=0.0,
         _subsystem=ForeignSubsystem(series),
     )
+
+
+def foreign_signals(
+    plant: ForeignPlant, record: Record, values: Sequence[Mapping[str, float]]
+) -> tuple[tuple[str, ...], Array]:
+    """Signals of a record that some FMU makes, and what all FMUs together make of them when the
+    record's inputs alone drive them: (len(values), rows, signals), NaN from where a run failed on.
+    Raises RunError where an FMU's input is made by nobody, or FMUs feed each other in a ring.
+    """
+    makers = {signal: f for f in plant.fmus for signal in f.outputs.values()}
+    signals = tuple(s.name for s in plant.signals if s.name in record.signals and s.name in makers)
+    driven = {id(f): DrivenFmu(f.file, f.step) for f in plant.fmus}
+    stages: dict[int, _Stage] = {}
+    for signal in signals:
+        try:
+            for stage in _series(plant, makers[signal], (), driven):
+                stages.setdefault(id(stage.fmu), stage)
+        except _Unfed as missing:
+            raise RunError(
+                f"{record.name} cannot be replayed: nothing but the logs makes the input "
+                f"{missing} of an FMU before {makers[signal].file.path.name}"
+            ) from None
+    read = {s for stage in stages.values() for s in stage.fed.values()} | set(signals)
+    series = [
+        _Stage(s.fmu, s.driven, tuple(o for o, n in s.fmu.outputs.items() if n in read), s.fed)
+        for s in stages.values()
+    ]
+    names, table = _set_table(plant, series, record, values)
+    inputs: Inputs = {
+        f"{i}.{n}": np.asarray(record.inputs[source], dtype=float)
+        for i, stage in enumerate(series)
+        for n, source in stage.fmu.inputs.items()
+        if n not in stage.fed
+    }
+    found = ForeignSubsystem(series).run(names, table, inputs, signals, record.period)
+    for own in driven.values():
+        own.close()
+    return signals, found
+
+
+def _set_table(
+    plant: Plant, series: Sequence[_Stage], record: Record, values: Sequence[Mapping[str, float]]
+) -> tuple[list[str], Array]:
+    """What is set before the start: names, and a row for each of `values`."""
+    base = {**plant.settings, **plant.parameters, **record.parameters}
+    names, starts = [], []
+    for name in sorted({*base, *(n for given in values for n in given)}):
+        for stage in series:
+            own = _own_name(stage.fmu, name)
+            if own is not None and name not in names:
+                names.append(name)
+                starts.append(base.get(name, stage.fmu.file.variables[own].start or 0.0))
+    rows = [
+        [float(given.get(n, start)) for n, start in zip(names, starts, strict=True)]
+        for given in values
+    ]
+    return names, np.array(rows, dtype=float).reshape(len(values), len(names))
 
 
 def _check(fmu: ForeignFmu) -> None:

@@ -1,0 +1,211 @@
+"""A user's plant from its description (see `engine.describe`): to an answer, and to the plant with
+that answer in it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from modelica_fmu.errors import InputError
+from modelica_fmu.files import write_atomically
+from pneugantry.engine.catalogue import Effect
+from pneugantry.engine.describe import Described, described, views_of
+from pneugantry.engine.foreign import ForeignPlant
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import Found, Task, run
+from pneugantry.engine.sensors import PREFIX
+from pneugantry.engine.views import View
+from pyfmi_runner.build import build_fmu, cache_folder
+from pyfmi_runner.fmu import FmuFile, FmuVariable
+from pyfmi_runner.scenario import parse_toml
+
+__all__ = ["diagnose_own", "is_own_plant", "own_task", "write_augmented"]
+
+
+def is_own_plant(path: Path) -> bool:
+    """A TOML file with a [plant] table."""
+    return path.suffix == ".toml" and os.path.isfile(path) and "plant" in parse_toml(path)
+
+
+def diagnose_own(
+    path: Path,
+    catalogue: Path | None = None,
+    cache: Path | None = None,
+    rules: Rules | None = None,
+    say: Callable[[str], None] = lambda stage: None,
+) -> Found:
+    """The diagnosis of a described plant. catalogue: folder or file, read instead of the one that
+    the description names; cache: folder of the model's parts. Raises InputError naming file, field
+    and hint.
+    """
+    say("model and logs")
+    found, task = own_task(path, catalogue, cache, rules)
+    return run(task, found.rules, say)
+
+
+def own_task(
+    path: Path,
+    catalogue: Path | None = None,
+    cache: Path | None = None,
+    rules: Rules | None = None,
+) -> tuple[Described, Task]:
+    """What a diagnosis is made of, as read; arguments and errors as of `diagnose_own`."""
+    found = described(path, cache or cache_folder() / "parts", catalogue, rules)
+    views, notes = views_of(found)
+    if not views:
+        hint = "; ".join(notes) or "name what was measured under [outputs]"
+        raise InputError("no measured signal can be judged", file=path, field="outputs", hint=hint)
+    _check(found, views, path)
+    if found.data.held_out is None:
+        notes.append("no log is held out: the gap before and after is that of a fitted log")
+    task = Task(
+        found.plant,
+        views,
+        found.data,
+        found.catalogue,
+        found.cache,
+        notes=(*found.notes, *notes),
+        limits=_unseen(found, views),
+    )
+    return found, task
+
+
+def _check(found: Described, views: list[View], path: Path) -> None:
+    """Refuses a catalogue that speaks of another plant."""
+    own = {k: e for k, e in found.catalogue.items() if not _of_a_sensor(e)}
+    if not own:
+        hint = 'write catalogue = "effects" under [plant], or give --catalogue'
+        raise InputError("names no catalogue", file=path, field="plant.catalogue", hint=hint)
+    known = {n for v in _files(found) for n in v}
+    names = {e.name for e in own.values()}
+    for effect in own.values():
+        for form in effect.forms:
+            for name in (*form.settings, *(p.name for p in form.parameters)):
+                if name not in known and not name.startswith(PREFIX):
+                    raise InputError(
+                        "the plant has no such parameter",
+                        file=path,
+                        field=f"{effect.name}: {name}",
+                        hint="correct the name, or give the plant's own catalogue with --catalogue",
+                    )
+        if unknown := set(effect.refines) - names:
+            raise InputError(
+                f"refines {unknown.pop()!r}, which the catalogue lacks",
+                file=path,
+                field=effect.name,
+                hint="correct the name",
+            )
+
+
+def _of_a_sensor(effect: Effect) -> bool:
+    return all(p.name.startswith(PREFIX) for f in effect.forms for p in f.parameters)
+
+
+def _files(found: Described) -> list[Mapping[str, FmuVariable]]:
+    """Variables of the plant's model, or of its FMUs under their prefixes."""
+    plant = found.plant
+    if isinstance(plant, ForeignPlant):
+        return [{f.prefix + n: v for n, v in f.file.variables.items()} for f in plant.fmus]
+    return [FmuFile.read(build_fmu(plant.class_name, plant.model).path).variables]
+
+
+def _unseen(found: Described, views: list[View]) -> tuple[str, ...]:
+    """What these logs cannot show: signals that no view judges, effects that no view reads."""
+    shown = [v for v in views if any(v.shows(r) for r in found.data.fitted)]
+    judged = {s for v in shown for s in v.signals}
+    said = [f"{s.name} is not judged" for s in found.plant.signals if s.name not in judged]
+    for key, effect in found.catalogue.items():
+        names = [p.name for form in effect.forms for p in form.parameters]
+        if not any(v.depends_on(n) for v in shown for n in names) and not _of_a_sensor(effect):
+            said.append(f"{key} cannot be seen: no fitted log measures what it acts on")
+    return tuple(said)
+
+
+# ---- the plant with the answer in it
+
+
+def write_augmented(folder: Path, found: Found) -> tuple[Path, Path]:
+    """Writes a Modelica model that extends the plant's with what was fitted, and the FMU built from
+    it; returns both paths. Sensor errors are no part of a plant: they stand in comments. Raises
+    InputError for a plant of FMUs without source, and where the folder cannot be written.
+    """
+    plant = found.task.plant
+    if isinstance(plant, ForeignPlant):
+        raise InputError(
+            "an FMU without source cannot be extended",
+            field="--augmented",
+            hint="set the fitted parameters of --json in the tool that made the FMU",
+        )
+    variables = FmuFile.read(build_fmu(plant.class_name, plant.model).path).variables
+    values = {**plant.parameters, **found.values}
+    changed = {
+        n: v
+        for n, v in sorted(values.items())
+        if n in variables and variables[n].causality == "parameter" and variables[n].start != v
+    }
+    name = f"Augmented{plant.class_name.rsplit('.', 1)[-1]}"
+    text = _extended(name, found, variables, changed)
+    path = folder / f"{name}.mo"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    except OSError as error:
+        hint = "name a folder that can"
+        raise InputError(f"cannot be written ({error.strerror})", file=folder, hint=hint) from None
+    with TemporaryDirectory() as temporary:
+        whole = Path(temporary) / path.name  # the compiler takes one file
+        base = plant.model.read_text(encoding="utf-8")
+        whole.write_text(f"{base}\n{_extended(name, found, variables, {})}", encoding="utf-8")
+        starts = {n: float(v) for n, v in changed.items()}
+        return path, build_fmu(name, whole, out=folder, starts=starts).path
+
+
+def _extended(
+    name: str, found: Found, variables: Mapping[str, FmuVariable], values: Mapping[str, float]
+) -> str:
+    """Modelica text of the class under other values; those that are no plain numbers in Modelica
+    stand in comments, and reach the FMU all the same.
+    """
+    plain = {n: v for n, v in values.items() if _plain(n, variables)}
+    said = [f"{c.key}: probability {c.probability:.2f}" for c in found.diagnosis.causes]
+    said += [f"{n} = {v:.6g}" for n, v in sorted(found.values.items()) if n.startswith(PREFIX)]
+    said += [f"{n} = {v:g} in the FMU" for n, v in values.items() if n not in plain]
+    comments = "".join(f"  // {line}\n" for line in said)
+    plant = found.task.plant
+    return (
+        f'model {name} "{plant.class_name} as fitted to the logs of {plant.name}"\n{comments}'
+        f"  extends {plant.class_name}{_modifiers(_tree(plain, variables), 4)};\nend {name};\n"
+    )
+
+
+def _plain(name: str, variables: Mapping[str, FmuVariable]) -> bool:
+    return "[" not in name and variables[name].type in ("Real", "Integer", "Boolean")
+
+
+def _tree(values: Mapping[str, float], variables: Mapping[str, FmuVariable]) -> dict[str, object]:
+    """Values by the components that they lie in, as Modelica writes them."""
+    tree: dict[str, object] = {}
+    for path, value in values.items():
+        *parents, leaf = path.split(".")
+        node = tree
+        for parent in parents:
+            node = node.setdefault(parent, {})  # type: ignore[assignment]
+        kind = variables[path].type
+        node[leaf] = {"Boolean": str(bool(value)).lower(), "Integer": str(round(value))}.get(
+            kind, repr(float(value))
+        )
+    return tree
+
+
+def _modifiers(tree: Mapping[str, object], indent: int) -> str:
+    if not tree:
+        return ""
+    texts = {
+        name: _modifiers(sub, indent + 2) if isinstance(sub, Mapping) else f" = {sub}"
+        for name, sub in tree.items()
+    }
+    entries = [f"{' ' * indent}{name}{text}" for name, text in texts.items()]
+    return "(\n" + ",\n".join(entries) + ")"
