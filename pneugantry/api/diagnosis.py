@@ -12,10 +12,10 @@ import pandas as pd
 from modelica_fmu.errors import InputError
 from pneugantry.api.html import html_page, html_table
 from pneugantry.api.inputs import CampaignSource, FmuSource, PathLike, campaign_from, fmu_from
-from pneugantry.diagnosis.headline import cause_name
 
 if TYPE_CHECKING:
     from pneugantry.engine.run import Found
+    from pyfmi_runner.campaign import Campaign
     from pyfmi_runner.fmu import FmuFile
 
 __all__ = ["Diagnosis", "Gap", "diagnose"]
@@ -39,7 +39,8 @@ class Diagnosis:
 
     json: dict[str, Any]  # "gap/1", as `pneugantry diagnose --json` writes it
     found: Found  # how it was found
-    fmu: FmuFile | None = None  # of the gantry; None for a plant of one's own
+    campaign: Campaign | None = None  # of the gantry; None for a plant of one's own
+    fmu: FmuFile | None = None
 
     @property
     def verdict(self) -> str:
@@ -77,32 +78,25 @@ class Diagnosis:
         return found and Gap(**{key: found[key] for key in Gap.__dataclass_fields__})
 
     def write_html(self, path: PathLike) -> Path:
-        """The report as one self-contained page. Raises InputError for a plant of one's own, which
-        has no page yet.
-        """
-        if self.gantry is None:
-            raise InputError(
-                "the page shows the gantry",
-                field="--html",
-                hint="use --json for a plant of your own",
-            )
-        from pneugantry.diagnosis.report import write_report
+        """The report as one self-contained page."""
+        from pneugantry.plants.gantry.page import extras_of
+        from pneugantry.report.page import write_page
 
-        return write_report(self.gantry, Path(path), self.fmu)
+        extras = None if self.campaign is None else extras_of(self.campaign, self.found)
+        return write_page(self.found, Path(path), extras)
 
     def write_augmented(self, folder: PathLike) -> tuple[Path, Path]:
-        """The plant with the causes added, as Modelica and as FMU; returns both paths."""
-        if self.gantry is None or self.fmu is None:
-            raise InputError(
-                "is for the gantry", field="--augmented", hint="leave it out for your own plant"
-            )
-        from pneugantry.diagnosis.augmented import write_augmented
+        """The plant with the causes added, as Modelica and as FMU; returns both paths. Raises
+        InputError for a plant of FMUs without source.
+        """
+        if self.fmu is None:
+            from pneugantry.plants.own import write_augmented as write_own
 
-        remarks = [
-            f"{cause_name(cause)}: probability {cause['probability']:.2f}"
-            for cause in self.json["causes"]
-        ]
-        return write_augmented(Path(folder), self.fmu, self.gantry.values, remarks)
+            return write_own(Path(folder), self.found)
+        from pneugantry.plants.gantry.augmented import write_augmented
+
+        remarks = [f"{c.key}: probability {c.probability:.2f}" for c in self.found.diagnosis.causes]
+        return write_augmented(Path(folder), self.fmu, self.found.values, remarks)
 
     def _repr_html_(self) -> str:
         shares = html_table(
@@ -141,6 +135,7 @@ def diagnose(
     nominal gantry with other parameters. workers: no longer used, one diagnosis is one process.
     say: told the name of each stage. Raises InputError naming file, field and hint.
     """
+    from pneugantry.engine.result import to_json
     from pneugantry.plants.gantry.catalogue import catalogue_of
     from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
     from pneugantry.plants.own import is_own_plant
@@ -158,4 +153,18 @@ def diagnose(
             say(f"note: {note}")  # before the answer that rests on it
     nominal = None if fmu is None else fmu_from(fmu)
     found = diagnose_gantry(campaign, effects, fmu=nominal, say=say)
-    return Diagnosis(to_json(found.diagnosis), found, fmu_from(nominal))
+    return Diagnosis(to_json(found.diagnosis), found, campaign, fmu_from(nominal))
+
+
+def _diagnose_own(
+    description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say
+) -> Diagnosis:
+    """A plant of one's own with a catalogue of one's own."""
+    from pneugantry.engine.result import to_json
+    from pneugantry.plants.own import diagnose_own
+
+    if fmu is not None:
+        hint = "name the model or the FMUs in the description"
+        raise InputError("is for the gantry", field="--fmu", hint=hint)
+    found = diagnose_own(description, None if catalogue is None else Path(catalogue), say=say)
+    return Diagnosis(to_json(found.diagnosis), found)

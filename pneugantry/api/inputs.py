@@ -36,7 +36,9 @@ def campaign_from(
     if isinstance(source, Campaign):
         return source
     if isinstance(source, pd.DataFrame):
-        source = Log(check_table(source, needs=needs), "table", dict(source.attrs.get("provenance", {})))
+        source = Log(
+            check_table(source, needs=needs), "table", dict(source.attrs.get("provenance", {}))
+        )
     if isinstance(source, Log):
         return campaign_of_log(source, setup)
     return read_campaign(source, strict=strict, setup=setup, needs=needs)

@@ -4,7 +4,7 @@ file.
     name = "valve_delay"
     block = "valve_{axis}"          where it sits
     axes = ["x", "z"]               one effect for each; without them "{axis}" stands nowhere
-    refines = ["viscous_friction"]  optional: effects that it shapes, and without which it is nothing
+    refines = ["viscous_friction"]  optional: effects without which it is nothing
     [[form]]                        one or several functional forms; the best one stands for it
     [form.settings]
     "axis_{axis}.friction.law" = 3  switched on with the form
@@ -88,18 +88,15 @@ class Effect:
 
 
 def read_catalogue(source: Path) -> dict[str, Effect]:
-    """Effects by key from a folder of TOML files, or from one file with [[effect]] tables (or with
-    the keys of one).
+    """Effects by key from a TOML file, of one effect or of [[effect]] tables, or from a folder of
+    such files.
 
     Raises InputError naming file, field and hint.
     """
     effects: dict[str, Effect] = {}
-    if source.is_dir():
-        for path in sorted(source.glob("*.toml")):
-            effects.update(_effects(path, [parse_toml(path)]))
-    else:
-        tables = parse_toml(source)
-        effects = _effects(source, tables.get("effect", [tables]))
+    for path in sorted(source.glob("*.toml")) if source.is_dir() else [source]:
+        tables = parse_toml(path)
+        effects.update(_effects(path, tables.get("effect", [tables])))
     if not effects:
         raise InputError("holds no effect", file=source, hint="add one TOML file per effect")
     return effects

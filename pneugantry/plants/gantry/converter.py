@@ -80,7 +80,7 @@ def _cut(run: LoggedRun, steps: Mapping[str, float]) -> bool:
     """Whether a clamped axis' coarse tachometer reads less than nothing."""
     for axis in "xz":
         step, held = steps.get(f"v_{axis}", 0.0), run.setup.clamp_signal(axis, run.log.time)
-        if step and held.any() and f"v_{axis}" in run.log:
-            if float(np.mean(run.log[f"v_{axis}"][held])) < -0.25 * step:
-                return True
+        speed = run.log[f"v_{axis}"][held] if step and f"v_{axis}" in run.log else np.zeros(0)
+        if len(speed) and float(np.mean(speed)) < -0.25 * step:
+            return True
     return False

@@ -11,6 +11,14 @@ from typing import Any
 
 from modelica_fmu.errors import InputError, RunError
 from pneugantry.engine.catalogue import Effect
+from pneugantry.engine.confirm import (
+    draws,
+    floor_of,
+    gap_of,
+    noise_levels,
+    replays,
+    values_on,
+)
 from pneugantry.engine.decide import UNKNOWN
 from pneugantry.engine.location import Place
 from pneugantry.engine.plant import Plant
@@ -20,9 +28,9 @@ from pneugantry.engine.run import Found, Task, run
 from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of
 from pneugantry.plants.gantry.closed_loop import left_out, rerun
 from pneugantry.plants.gantry.converter import coarse_channels, rounded
-from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, views_of
+from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, record_of, views_of
 from pneugantry.plants.gantry.excitation import not_excited
-from pneugantry.plants.gantry.next_experiment import next_experiment
+from pneugantry.plants.gantry.next_experiment import next_experiment, rivals
 from pneugantry.plants.gantry.nominal import parameters_of
 from pneugantry.plants.gantry.usable import long_enough, sound_logs
 from pyfmi_runner.build import build_fmu, cache_folder
@@ -63,10 +71,11 @@ def diagnose(
     say("closed loop")
     found = _with(found, _coarse(found.diagnosis, quanta))
     held = _held(campaign, found)
+    found = _at_full_rate(found, held, rules)
     found = _in_loop(found, held, fmu or own)
     if found.diagnosis.verdict == "ambiguous":
         say("next experiment")
-        best = next_experiment(found, campaign, fmu or own, rules.thinning)
+        best = next_experiment(task, campaign, fmu or own, rivals(found.decision))
         found = _with(found, replace(found.diagnosis, next_experiment=best))
     return _with(found, replace(found.diagnosis, seconds=time.perf_counter() - began))
 
@@ -119,13 +128,33 @@ def _with(found: Found, diagnosis: Diagnosis) -> Found:
     return replace(found, diagnosis=diagnosis)
 
 
+def _at_full_rate(found: Found, held: LoggedRun, rules: Rules) -> Found:
+    """With the gap of the log as it was recorded, so that the sensors' noise alone leaves 1 and
+    `pneugantry replay` says the same; the fits see averages of rows.
+    """
+    if found.gap is None:
+        return found
+    plant = plant_of([s.name for s in found.task.plant.signals], thinning=1)
+    plant = replace(plant, parameters=found.task.plant.parameters)
+    record, best = record_of(held.log.name, held), found.decision.best
+    own = [{}, values_on(best, record), *draws(best, record)]
+    nominal, augmented, *others = replays(plant, record, own, found.task.cache)
+    if nominal is None or augmented is None:
+        return found
+    floor = floor_of(noise_levels(plant, record, rules))
+    gap = gap_of(nominal, augmented, rules, record.period, floor=floor, others=others)
+    d = replace(found.diagnosis, gap=gap)
+    return replace(found, diagnosis=d, nominal=nominal, augmented=augmented, gap=gap)
+
+
 def _in_loop(found: Found, held: LoggedRun, fmu: FmuFile) -> Found:
     """With the held-out log's experiment run again, its controller in the loop."""
     began = time.perf_counter()
     closed: Mapping[str, float] | None = None
     d, notes = found.diagnosis, []
     try:
-        closed = rerun(fmu, held, found.values)
+        values = values_on(found.decision.best, record_of(held.log.name, held))
+        closed = rerun(fmu, held, values)
     except (RunError, ValueError) as error:
         notes.append(f"the closed loop could not be run again: {error}")
     claimed = {p for c in d.causes if c.key in found.decision.chosen for p in c.parameters}

@@ -4,7 +4,7 @@ which their plants differ most.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,10 +12,9 @@ import numpy as np
 
 from modelica_fmu.errors import InputError, RunError
 from pneugantry.engine.confirm import replays
-from pneugantry.engine.decide import UNKNOWN
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.decide import UNKNOWN, Decision
 from pneugantry.engine.plant import thinned
-from pneugantry.engine.run import Found
+from pneugantry.engine.run import Task
 from pneugantry.plants.gantry.closed_loop import augmented_of
 from pneugantry.plants.gantry.describe import record_of
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup, scenario_setup
@@ -26,49 +25,52 @@ from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario, scenario_text, short_phases
 from pyfmi_runner.sensors import SensorParams
 
-__all__ = ["candidates", "next_experiment"]
+__all__ = ["Rival", "candidates", "next_experiment", "rivals"]
+
+Rival = tuple[tuple[str, ...], Mapping[str, float]]  # effects of a hypothesis, fitted values
 
 MOST_FORCE = 150.0  # N, contact force that the rig may see
 OPEN = 8.0  # s
 # times the noise: beyond it a difference counts no more, or one missed break-away would choose
 MOST = 10.0
+THINNING = 2  # rows of an experiment that are averaged into one
 TELLING = 1.2  # separation below which an experiment is not worth its time
 
 
 def next_experiment(
-    found: Found, campaign: Campaign, fmu: FmuFile, thinning: int
+    task: Task, campaign: Campaign, fmu: FmuFile, pair: Sequence[Rival]
 ) -> dict[str, Any] | None:
-    """The candidate in which the plants of the two likeliest hypotheses differ most
-    (docs/reference/gap.md); None where there are no two, or none of the candidates tells.
+    """The candidate in which the plants of two hypotheses differ most (docs/reference/gap.md); None
+    where there are no two, or none of the candidates tells.
 
     The separation is the RMS over channels and time of the difference of what the sensors would say
     for the same commands, in units of their noise, no more than MOST of them at any instant.
     """
-    pair = _rivals(found)
     if len(pair) < 2:
         return None
+    values = [fitted for _, fitted in pair]
     best: tuple[float, str, Scenario] | None = None
     for what, scenario in candidates(campaign):
-        separation = _separation(found, fmu, scenario, pair, thinning)
+        separation = _separation(task, fmu, scenario, values)
         if separation is not None and (best is None or separation > best[0]):
             best = separation, what, scenario
     if best is None or best[0] < TELLING:
         return None
     separation, what, scenario = best
-    names = " and ".join(" + ".join(fit.keys) or "no effect" for fit in pair)
+    names = " and ".join(" + ".join(keys) or "no effect" for keys, _ in pair)
     return {
         "what": f"{what}: {names} then differ by {separation:.2g} times the sensors' noise (RMS "
         f"over all channels)",
         "scenario": scenario_text(replace(scenario, sensors=SensorParams())),
-        "separates": [list(fit.keys) for fit in pair],
+        "separates": [list(keys) for keys, _ in pair],
         "separation": separation,
     }
 
 
-def _rivals(found: Found) -> list[Fit]:
-    """Fits of the two likeliest hypotheses within the catalogue."""
-    known = (a.fit for a in found.decision.answers if UNKNOWN not in a.keys)
-    return [fit for fit in known if fit is not None][:2]
+def rivals(decision: Decision) -> list[Rival]:
+    """The two likeliest hypotheses within the catalogue."""
+    known = [a for a in decision.answers if UNKNOWN not in a.keys and a.fit is not None]
+    return [(a.keys, a.fit.values(None)) for a in known[:2] if a.fit is not None]
 
 
 def candidates(campaign: Campaign) -> Iterator[tuple[str, Scenario]]:
@@ -140,20 +142,18 @@ def _with_controller(base: Scenario, setup: LogSetup) -> Scenario:
 
 
 def _separation(
-    found: Found, fmu: FmuFile, scenario: Scenario, pair: Sequence[Fit], thinning: int
+    task: Task, fmu: FmuFile, scenario: Scenario, values: Sequence[Mapping[str, float]]
 ) -> float | None:
     """RMS difference of the two plants for the commands that the first one sees; None where the
     experiment cannot be done.
     """
-    values = [fit.values(None) for fit in pair]
     first = dict(augmented_of(fmu, values[0]).plant)
-    task = found.task
     try:
         run = run_scenario(replace(scenario, plant=first), fmu)
         if run.outcome != "done" or np.hypot(run.log["f_x"], run.log["f_z"]).max() > MOST_FORCE:
             return None
         logged = LoggedRun(scenario_setup(scenario), run.log)
-        record = thinned(record_of("next", logged), thinning)
+        record = thinned(record_of("next", logged), THINNING)
         one, other = replays(task.plant, record, values, task.cache)
     except (InputError, RunError):
         return None

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from modelica_fmu.errors import InputError
-from pneugantry.diagnosis.usable import LEAST_ROWS, long_enough
+from pneugantry.plants.gantry.usable import LEAST_ROWS, long_enough
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup
 from pyfmi_runner.log import REQUIRED, Log
 

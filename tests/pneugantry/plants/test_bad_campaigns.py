@@ -11,13 +11,12 @@ import pandas as pd
 import pytest
 
 from modelica_fmu.errors import InputError
-from pneugantry.diagnosis.diagnose import diagnose, report_json, sound_logs
-from pneugantry.engine.catalogue import read_catalogue
+from pneugantry.engine.result import to_json
+from pneugantry.plants.gantry.diagnosis import diagnose
+from pneugantry.plants.gantry.usable import sound_logs
 from pneugantry.truth.campaign import Campaign, write
 from pneugantry.truth.case import draw_case
-from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
-from pyfmi_runner.fmu import FmuFile
 
 Fault = Callable[[pd.DataFrame], pd.DataFrame]
 
@@ -97,17 +96,14 @@ def test_a_campaign_whose_every_log_has_a_fault_is_refused(drawn: Campaign, tmp_
         sound_logs(campaign)
 
 
+@pytest.mark.slow
 def test_what_is_left_of_a_bad_campaign_names_no_wrong_cause(
     drawn: Campaign, tmp_path: Path
 ) -> None:
     folder = with_fault(drawn, tmp_path, contour_curved=swapped, free_motion=stuck)
     (folder / "valve_steps_500.parquet").unlink(missing_ok=True)
     (folder / "valve_steps_500.csv").unlink(missing_ok=True)
-    result = report_json(
-        diagnose(
-            read_campaign(folder, strict=False), FmuFile.read(build_fmu().path), read_catalogue()
-        )
-    )
+    result = to_json(diagnose(read_campaign(folder, strict=False)).diagnosis)
     assert result["verdict"] == "none"
     assert {note.split()[0] for note in result["notes"] if "left out" in note} == {
         "valve_steps_500",

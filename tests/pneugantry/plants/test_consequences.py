@@ -1,5 +1,5 @@
-"""What follows from a diagnosis: the augmented plant for other tools, the next experiment, a loop's
-delay by trying.
+"""What follows from a diagnosis: the augmented plant for other tools, the next experiment,
+readings of coarse converters.
 """
 
 from __future__ import annotations
@@ -13,12 +13,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pneugantry.diagnosis.augmented import augmented_model, outside_the_plant, write_augmented
-from pneugantry.diagnosis.bench import Bench
-from pneugantry.diagnosis.delays import estimate_delays
-from pneugantry.diagnosis.next_experiment import candidates, next_experiment
-from pneugantry.diagnosis.signals import corrected, sensed_forces, table_of
-from pyfmi_runner.build import build_fmu
+from pneugantry.engine.plant import Data
+from pneugantry.engine.run import Task
+from pneugantry.plants.gantry.augmented import (
+    augmented_model,
+    outside_the_plant,
+    write_augmented,
+)
+from pneugantry.plants.gantry.converter import coarse_channels, rounded
+from pneugantry.plants.gantry.describe import plant_of
+from pneugantry.plants.gantry.next_experiment import candidates, next_experiment
+from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.campaign import Campaign, LoggedRun, scenario_setup
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.run import run_scenario
@@ -32,12 +37,13 @@ FITTED = {
     "axis_x.m": 7.41,
     "valve_x.play_centred": 1.0,
     "coupling": 0.5,
-    "sensors.bias_f_x": 2.0,
+    "sensors.f_x.bias": 2.0,
     "timing.delay": 0.004,
     "valve_z.K": 100.0,
 }
 
-SENSOR_ERRORS = {"bias": 1.5, "gain": 0.9, "crosstalk": 0.06, "drift": 0.1, "curve": 0.15}
+
+TASK = Task(plant_of(), (), Data((), None), {}, cache_folder() / "parts")
 
 
 @pytest.fixture(scope="module")
@@ -107,20 +113,16 @@ def test_a_plant_with_a_modified_array_compiles_to_the_fitted_one(
 
 
 def test_what_is_no_part_of_a_plant_is_said_in_comments(gantry: FmuFile) -> None:
-    assert outside_the_plant(FITTED) == ["sensor: bias_f_x = 2", "controller: loop delay of 4 ms"]
-    assert "// sensor: bias_f_x = 2" in augmented_model(gantry, FITTED)
+    assert outside_the_plant(FITTED) == ["sensor: f_x.bias = 2", "controller: loop delay of 4 ms"]
+    assert "// sensor: f_x.bias = 2" in augmented_model(gantry, FITTED)
 
 
 def test_the_next_experiment_tells_two_plants_apart_and_can_be_run(
     gantry: FmuFile, late: Campaign
 ) -> None:
-    found = next_experiment(
-        late,
-        gantry,
-        {"contact.mu": 0.05},
-        {"axis_x.friction.load": 0.05},
-        [["bearing_drag"], ["friction_load/x"]],
-    )
+    pair = ((("bearing_drag",), {"contact.mu": 0.05}),)
+    pair += ((("friction_load/x",), {"axis_x.friction.load": 0.05}),)
+    found = next_experiment(TASK, late, gantry, pair)
     assert found is not None
     assert found["separates"] == [["bearing_drag"], ["friction_load/x"]]
     assert found["separation"] > 1.2
@@ -130,22 +132,8 @@ def test_the_next_experiment_tells_two_plants_apart_and_can_be_run(
 
 
 def test_no_experiment_tells_a_plant_from_itself(gantry: FmuFile, late: Campaign) -> None:
-    assert next_experiment(late, gantry, {}, {}, [[], []]) is None
+    assert next_experiment(TASK, late, gantry, (((), {}), ((), {}))) is None
     assert len(list(candidates(late))) > 10
-
-
-def test_a_loops_delay_is_found_by_trying(gantry: FmuFile, late: Campaign) -> None:
-    with Bench(late, gantry) as bench:
-        form = estimate_delays(bench)
-        assert form is not None
-        (delay,) = form.parameters
-        total = delay.starts[0] + form.settings["timing.sense_delay"]
-        assert total == pytest.approx(0.007)
-        settled = bench.white(
-            bench.all["timing"], {"timing.delay": delay.starts[0], **form.settings}
-        )
-        untouched = bench.white(bench.all["timing"], {})
-    assert np.sqrt(np.mean(settled**2)) < 0.05 * np.sqrt(np.mean(untouched**2))
 
 
 @pytest.mark.parametrize("cuts", [True, False])
@@ -157,39 +145,8 @@ def test_readings_that_were_cut_off_are_taken_in_the_middle_of_their_step(
     true = run.log["v_x"]
     coarse = step * np.floor(true / step + (0.0 if cuts else 0.5))
     log = replace(run.log, table=run.log.table.assign(v_x=coarse))
-    table = table_of(
-        Campaign("coarse", Path("coarse"), {"contour_curved": LoggedRun(run.setup, log)})
-    )
-    assert table.quanta["v_x"] == pytest.approx(step)
-    assert abs(np.mean(table.columns["v_x"] - true)) < 0.25 * step
-
-
-def test_opposite_offsets_of_two_force_channels_do_not_cancel(
-    gantry: FmuFile, late: Campaign
-) -> None:
-    run = late.logs["contour_curved"]
-    noise = 0.05 * np.random.default_rng(3).standard_normal((2, len(run.log)))
-    free = replace(run.log, table=run.log.table.assign(f_x=noise[0] + 0.1, f_z=noise[1] - 0.1))
-    biased = Campaign(
-        "biased",
-        Path("biased"),
-        {"free_motion": LoggedRun(replace(run.setup, workpiece="none"), free)},
-    )
-    with Bench(biased, gantry) as bench:
-        sensors, offsets = bench.all["sensors"], {"sensors.bias_f_x": 0.1, "sensors.bias_f_z": -0.1}
-        left, gone = (bench.white(sensors, values) for values in ({}, offsets))
-    assert np.mean(gone**2) == pytest.approx(1.0, abs=0.1)
-    # two standard deviations on two channels, and five samples folded to one
-    assert np.sum(left**2) - np.sum(gone**2) == pytest.approx(2.0**2 * 2 * len(run.log), rel=0.05)
-
-
-def test_a_force_channels_errors_are_undone(late: Campaign) -> None:
-    """Bias, drift, gain, crosstalk and curve of both channels: the inverse of what they do."""
-    sensors = {f"sensors.{what}_f_{a}": size for a in "xz" for what, size in SENSOR_ERRORS.items()}
-    table = table_of(late)
-    true = np.column_stack([table.columns["f_x"], table.columns["f_z"]])
-    read = sensed_forces(true, table.columns["time"], sensors)
-    force = corrected(
-        replace(table, columns={**table.columns, "f_x": read[:, 0], "f_z": read[:, 1]}), sensors
-    ).force
-    assert np.allclose(np.column_stack([force["x"], force["z"]]), true, atol=1e-3)
+    campaign = Campaign("coarse", Path("c"), {"contour_curved": LoggedRun(run.setup, log)})
+    quanta = coarse_channels(campaign)
+    assert quanta == {"v_x": pytest.approx(step)}
+    (read,) = rounded(campaign, quanta)
+    assert abs(np.mean(read.log["v_x"] - true)) < 0.25 * step
