@@ -12,7 +12,7 @@ import pandas as pd
 from modelica_fmu.errors import InputError
 from pneugantry.api.html import html_page, html_table
 from pneugantry.api.inputs import CampaignSource, FmuSource, PathLike, campaign_from, fmu_from
-from pneugantry.diagnosis.headline import cause_name
+from pneugantry.report.headline import cause_name
 
 if TYPE_CHECKING:
     from pneugantry.diagnosis.diagnose import Diagnosis as GantryDiagnosis

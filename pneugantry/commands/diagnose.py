@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.diagnosis.headline import (
+from pneugantry.report.headline import (
     cause_name,
     headline,
     interval,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneugantry.diagnosis.diagnose import Diagnosis, report_json
-from pneugantry.diagnosis.headline import (
+from pneugantry.report.headline import (
     confirmed,
     headline,
     interval,

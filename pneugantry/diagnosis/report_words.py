@@ -10,7 +10,7 @@ from pneugantry.diagnosis.bench import FLOOR
 from pneugantry.diagnosis.decide import Decision, Hypothesis
 from pneugantry.diagnosis.diagnose import Diagnosis
 from pneugantry.diagnosis.evidence import Trial
-from pneugantry.diagnosis.headline import number, percent
+from pneugantry.report.headline import number, percent
 
 __all__ = ["gain_of", "label", "rivals", "runner_up", "summaries"]
 

@@ -30,7 +30,7 @@ from pneugantry.diagnosis.diagnose import Diagnosis, report_json
 from pneugantry.diagnosis.evidence import Search, Trial
 from pneugantry.diagnosis.excitation import not_excited
 from pneugantry.diagnosis.fit import Fit, tolerance_coordinate
-from pneugantry.diagnosis.headline import (
+from pneugantry.report.headline import (
     confirmed,
     headline,
     interval,

@@ -1,0 +1,1 @@
+"""The answer of a diagnosis for a reader: a sentence, and one page with pictures."""
