@@ -130,23 +130,37 @@ def headline(found: dict[str, Any], summaries: dict[str, str] | None = None) -> 
     if verdict == "unknown":
         unknown = found.get("unknown_probability") or math.nan
         like = found.get("resembles")
+        beside = " and ".join(_named(c, summaries or {}) for c in _beside(found))
         return (
             f"A real effect{where} that no entry of the catalogue explains (probability "
-            f"{percent(unknown)}){f'; it behaves like {like}' if like else ''}; with what could "
-            f"be fitted, {far}."
+            f"{percent(unknown)}){f'; it behaves like {like}' if like else ''}"
+            f"{f'; beside it {beside}' if beside else ''}; with what could be fitted, {far}."
         )
     if verdict == "ambiguous":
-        answers = [" + ".join(keys) or "no effect" for keys in found["answer_set"]] or ["–"]
+        answers = [_words(keys) for keys in found["answer_set"]] or ["–"]
         text = f"These logs do not settle which effect it is{where}: {', or '.join(answers)}"
         return f"{text}; with the first one, {far}.{_doubt(found)}"
     named = [_named(cause, summaries or {}) for cause in _best(found)]
-    return f"{' and '.join(named) or 'An effect'} explains the fitted logs; {far}.{_doubt(found)}"
+    verb = "explain" if len(named) > 1 else "explains"
+    return f"{' and '.join(named) or 'An effect'} {verb} the fitted logs; {far}.{_doubt(found)}"
 
 
 def _best(found: dict[str, Any]) -> list[dict[str, Any]]:
     """The causes that make up the answer."""
     first = found["answer_set"][0] if found["answer_set"] else []
     return [c for c in found["causes"] if cause_name(c) in first] or found["causes"][:1]
+
+
+def _beside(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """Causes that stand in the answer beside something unknown."""
+    first = found["answer_set"][0] if found["answer_set"] else []
+    return [c for c in found["causes"] if cause_name(c) in first]
+
+
+def _words(keys: list[str]) -> str:
+    """A hypothesis."""
+    known = ["something that the catalogue lacks" if k == "unknown" else k for k in keys]
+    return " + ".join(known) or "no effect"
 
 
 def _named(cause: dict[str, Any], summaries: dict[str, str]) -> str:

@@ -14,7 +14,7 @@ addEventListener("load", function () {
   const words = ["--ink", "--faint", "--flag", "--line"].map(function (v) { return contrast(v, "--paper"); });
   const curves = ["--blue", "--orange", "--measured"].map(function (v) { return contrast(v, "--paper"); });
   const choice = document.getElementById("log"), before = document.documentElement.dataset.window;
-  choice.focus(); choice.value = "free_motion"; choice.dispatchEvent(new Event("change"));
+  choice.focus(); choice.value = choice.options[1].value; choice.dispatchEvent(new Event("change"));
   const canvas = document.querySelector("canvas"); canvas.focus();
   canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "+", bubbles: true }));
   setTimeout(function () {

@@ -1,0 +1,237 @@
+"""The diagnosis of any plant as one self-contained page: verdict, where, which, how far, every
+record's signals, tolerance, what is left, limits, next experiment.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from modelica_fmu.files import write_atomically
+from pneugantry.engine.result import to_json
+from pneugantry.engine.run import Found
+from pneugantry.report.headline import (
+    confirmed,
+    headline,
+    number,
+    percent,
+    shrink_words,
+    shrinkable,
+    verdict_word,
+)
+from pneugantry.report.logs import Shot, shots
+from pneugantry.report.pictures import (
+    CURVES,
+    SAMPLES,
+    Phase,
+    Shown,
+    gap_svg,
+    packed,
+    panel_svg,
+    strip_svg,
+)
+from pneugantry.report.words import (
+    label,
+    left_over,
+    made,
+    next_steps,
+    parameter_rows,
+    rivals,
+    runner_up,
+    summaries,
+    tolerance,
+)
+
+__all__ = ["Extras", "write_page"]
+
+TEMPLATE = Path(__file__).with_name("page.html")
+OTHER_SAMPLES = 4000  # per curve of a record that is not shown first
+FEW = 6  # nuisances that are shown without being asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Extras:
+    """What a plant's own package adds to the page."""
+
+    drawing: str | None = None  # of the plant, SVG; blocks by their share
+    closed_loop: Mapping[str, float] | None = None  # nominal, augmented, floor, shrink
+    next_experiment: Mapping[str, Any] | None = None  # what, scenario, separates, separation
+    phases: Mapping[str, Sequence[Phase]] = field(default_factory=dict)  # by record
+    setups: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # by record: head, words
+    source: str = "FOLDER"  # what `pneugantry diagnose` was given
+
+
+def write_page(found: Found, path: Path, extras: Extras | None = None) -> Path:
+    """Writes the page, whole or not at all; returns its path. Every record is replayed for it.
+    Raises InputError where the file system refuses.
+    """
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    environment.filters |= {"number": number, "percent": percent}
+    template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
+    text = template.render(_context(found, extras or Extras()))
+    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    return path
+
+
+def _context(found: Found, extras: Extras) -> dict[str, Any]:
+    facts = to_json(found.diagnosis)
+    seen, unseen = shots(found)
+    after = "tolerance fitted" if found.diagnosis.verdict == "none" else "augmented"
+    doubted = confirmed(facts) is False
+    return {
+        "plant": found.task.plant.name,
+        "verdict": found.diagnosis.verdict,
+        "word": verdict_word(facts),
+        "doubted": doubted,
+        "sentence": headline(facts, summaries(found)),
+        "steps": next_steps(found.diagnosis.verdict, doubted=doubted, source=extras.source),
+        "after": after,
+        "drawing": extras.drawing,
+        **_where(found),
+        **_which(found, facts),
+        **_how_far(found, facts, after),
+        **_signals(found, seen, extras, after),
+        "closed": extras.closed_loop or facts["closed_loop"],
+        "next": extras.next_experiment or facts["next_experiment"],
+        **_rest(found, facts, unseen),
+        "logs": _logs(found, extras),
+        "heads": list(dict.fromkeys(h for own in extras.setups.values() for h in own)),
+        "made": made(found),
+        "stages": facts["stages"],
+        "seconds": facts["seconds"],
+        "styles": CURVES,
+    }
+
+
+def _where(found: Found) -> dict[str, Any]:
+    rows = []
+    for place in found.diagnosis.where:
+        whole = place.explained + place.left
+        share = place.explained / whole if whole > 0 else math.nan
+        rows.append({"place": place, "explained": share})
+    return {"where": rows}
+
+
+def _which(found: Found, facts: Mapping[str, Any]) -> dict[str, Any]:
+    chosen = found.decision.chosen
+    catalogue = found.task.catalogue
+    causes = [
+        {
+            "key": c.key,
+            "probability": c.probability,
+            "chosen": c.key in chosen,
+            "summary": catalogue[c.key].summary if c.key in catalogue else "",
+        }
+        for c in found.diagnosis.causes
+    ]
+    return {
+        "causes": causes,
+        "sound": found.decision.none,
+        "outside": found.decision.unknown,
+        "rivals": rivals(found),
+        "runner_up": runner_up(found),
+        "answer_set": [label(keys) for keys in found.diagnosis.answer_set],
+        "parameters": parameter_rows(facts["causes"], chosen),
+        "search": [
+            {"effect": s.effect, "gain": s.gain, "dropped": s.dropped}
+            for s in found.diagnosis.steps
+        ],
+    }
+
+
+def _how_far(found: Found, facts: Mapping[str, Any], after: str) -> dict[str, Any]:
+    gap = found.gap
+    held = found.task.data.held_out
+    shown = {s.name: Shown.of(s.name, s.unit, s.sigma) for s in found.task.plant.signals}
+    by = {} if gap is None else gap.by_signal
+    rows = [(name, *pair) for name, pair in by.items()]
+    if gap is not None and len(rows) > 1:
+        rows.append(("all", gap.nominal, gap.augmented))
+    return {
+        "gap": facts["gap"],
+        "shrinks": shrinkable(facts["gap"]),
+        "shrink_words": shrink_words(facts["gap"]),
+        "unheld": held is None,
+        "channels": [
+            {"signal": shown[name], "nominal": pair[0], "augmented": pair[1]}
+            for name, pair in by.items()
+        ],
+        "gap_picture": "" if gap is None else gap_svg(rows, gap.floor, after),
+    }
+
+
+def _signals(found: Found, seen: Sequence[Shot], extras: Extras, after: str) -> dict[str, Any]:
+    """Strips and data of every record; static panels of the first."""
+    views = []
+    for i, shot in enumerate(seen):
+        phases = list(extras.phases.get(shot.record.name, ()))
+        name = shot.record.name
+        words = f"Residual of each signal of {name} over time, nominal above {after}"
+        views.append(
+            {
+                "name": name,
+                "held_out": shot.held_out,
+                "gap": (shot.nominal.gap, shot.augmented.gap),
+                "strip": strip_svg(shot.residuals, shot.curves.end, phases, words),
+                "data": _json(packed(shot.curves, phases, OTHER_SAMPLES if i else SAMPLES)),
+            }
+        )
+    every = dict.fromkeys(n for shot in seen for n in shot.nominal.signals)
+    first = seen[0] if seen else None
+    panels = []
+    for name in every:
+        picture = ""
+        if first is not None and name in first.nominal.signals:
+            phases = list(extras.phases.get(first.record.name, ()))
+            picture = panel_svg(first.curves, first.nominal.signals.index(name), phases)
+        panels.append((name, picture))
+    return {"views": views, "panels": panels, "curves": list(CURVES)}
+
+
+def _json(data: dict[str, Any]) -> str:
+    return json.dumps(data, allow_nan=False).replace("<", "\\u003c")
+
+
+def _rest(found: Found, facts: Mapping[str, Any], unseen: Sequence[str]) -> dict[str, Any]:
+    """Tolerance, what is left, limits and notes, each once."""
+    rows = tolerance(found)
+    few = [d for i, d in enumerate(rows) if d.strained or i < FEW]
+    limits = found.diagnosis.limits
+    return {
+        "tolerance": few,
+        "tolerance_rest": [d for d in rows if d not in few],
+        "tolerance_scale": found.decision.best.scale,
+        "left": left_over(found),
+        "noise_level": found.excess.level,
+        "limits": list(limits),
+        "notes": list(dict.fromkeys(n for n in (*facts["notes"], *unseen) if n not in limits)),
+    }
+
+
+def _logs(found: Found, extras: Extras) -> list[dict[str, Any]]:
+    data = found.task.data
+    held = data.held_out
+    rows = []
+    for record in (*data.fitted, *([held] if held is not None else [])):
+        use = "held out: gap" if record is held else "fit"
+        if held is None and found.gap is not None and found.gap.record == record.name:
+            use = "fit and gap"
+        rows.append(
+            {
+                "name": record.name,
+                "seconds": record.rows * record.period,
+                "period": record.period,
+                "signals": ", ".join(record.signals),
+                "use": use,
+                "setup": extras.setups.get(record.name, {}),
+            }
+        )
+    return rows

@@ -1,0 +1,98 @@
+"""Diagnoses of a small plant, made once: what the pages of these tests show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneugantry.engine.catalogue import Effect, Form, Parameter
+from pneugantry.engine.cuts import sharp_views
+from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import Found, Task, run
+from pneugantry.engine.synthetic import Nominal
+
+MODEL = """package Toy
+  model Cart
+    parameter Real tau = 0.1;
+    parameter Real K = 2.0;
+    parameter Real m = 1.0;
+    parameter Real c = 0.5;
+    parameter Real spring = 0.0;
+    input Real u;
+    output Real f(start = 0.0, fixed = true);
+    output Real v(start = 0.0, fixed = true);
+    output Real s(start = 0.0, fixed = true);
+  equation
+    tau * der(f) = K * u - f;
+    m * der(v) = f - c * v - spring * s;
+    der(s) = v;
+  end Cart;
+end Toy;
+"""
+SIGNALS = (Signal("force", "f", 0.01, "N"), Signal("speed", "v", 2e-3, "m/s"))
+PERIOD, ROWS = 4e-3, 800
+RULES = Rules(band=125.0, thinning=1)
+
+
+def effect(name: str, parameter: str, scale: float, summary: str, *, relative: bool) -> Effect:
+    own = Parameter(parameter, 0.0, scale, -1e3, 1e3, "N/m", relative=relative)
+    return Effect(name, "", "cart", summary, (Form("linear", (own,)),))
+
+
+CATALOGUE = {
+    e.key: e
+    for e in (
+        effect("spring", "spring", 0.5, "a spring <that> pulls back", relative=False),
+        effect("drag", "c", 0.3, "more friction", relative=True),
+    )
+}
+
+
+def plant_of(folder: Path) -> Plant:
+    """The cart, its model written to a folder."""
+    model = folder / "Toy.mo"
+    model.write_text(MODEL, encoding="utf-8")
+    shares = [Nuisance(p, 0.02, relative=True, scales=True) for p in ("tau", "K", "m", "c")]
+    return Plant("cart <7> & co", model, "Toy.Cart", ("u",), SIGNALS, {}, tuple(shares), {})
+
+
+def recorded(plant: Plant, cache: Path, name: str, seed: int, **rig: float) -> Record:
+    """A rig with other parameters under a sweep, with noise as quoted."""
+    time = PERIOD * np.arange(ROWS)
+    bare = Record(name, PERIOD, {"u": np.sin((2 + seed) * time * (1 + time))}, {}, {})
+    whole = Nominal(replace(plant, parameters=rig), ["f", "v"], cache).record(bare)
+    draw = np.random.default_rng(seed)
+    sigma = {s.name: s.sigma for s in SIGNALS}
+    noisy = {n: v + sigma[n] * draw.standard_normal(ROWS) for n, v in whole.signals.items()}
+    return replace(whole, signals=noisy)
+
+
+def diagnosed(folder: Path, cache: Path, **rig: float) -> Found:
+    """Two records fitted, one held out; the rig's parameters are off by `rig`."""
+    plant = plant_of(folder)
+    names = ("sweep", "slow", "other")
+    first, second, held = (recorded(plant, cache, n, i, **rig) for i, n in enumerate(names))
+    views = sharp_views(plant, ["force", "speed"], cache, [first, second], RULES)
+    data = Data((first, second), held)
+    return run(Task(plant, views, data, CATALOGUE, cache, notes=("a note with <b>",)), RULES)
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("parts")
+
+
+@pytest.fixture(scope="session")
+def found(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Found:
+    """A spring that the catalogue has."""
+    return diagnosed(tmp_path_factory.mktemp("spring"), cache, spring=0.8, m=1.01)
+
+
+@pytest.fixture(scope="session")
+def sound(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Found:
+    """Nothing wrong."""
+    return diagnosed(tmp_path_factory.mktemp("sound"), cache, m=1.01, K=1.99)
