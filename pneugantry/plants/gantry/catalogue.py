@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
+from modelica_fmu.errors import InputError
 from pneugantry.engine.catalogue import Effect, read_catalogue
+from pneugantry.engine.sensors import PREFIX, signal_of
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import MEASURED
 
-__all__ = ["FOLDER", "QUANTISATION", "catalogue_of"]
+__all__ = ["FOLDER", "QUANTISATION", "catalogue_of", "check_names"]
 
 FOLDER = Path(__file__).parent / "effects"
 # read off the readings themselves (`converter`): nothing of it is fitted
@@ -21,3 +26,18 @@ def catalogue_of(source: Path | None = None) -> dict[str, Effect]:
         return read_catalogue(FOLDER)
     own = read_catalogue(source)
     return own if source.is_dir() else {**read_catalogue(FOLDER), **own}
+
+
+def check_names(catalogue: Mapping[str, Effect], fmu: FmuFile) -> None:
+    """Raises InputError for an effect that names what the gantry does not have."""
+    for effect in catalogue.values():
+        for form in effect.forms:
+            for name in (*form.settings, *(p.name for p in form.parameters)):
+                if name.startswith(PREFIX):
+                    known = name.count(".") >= 2 and signal_of(name) in MEASURED
+                else:
+                    known = name in fmu.variables or name == "timing.delay"
+                if not known:
+                    hint = "see `pneugantry list parameters`; a sensor's are as sensors.f_x.scale"
+                    text = "the gantry has no such parameter"
+                    raise InputError(text, field=f"{effect.key}: {name}", hint=hint)

@@ -25,7 +25,7 @@ from pneugantry.engine.plant import Plant
 from pneugantry.engine.result import Cause, Diagnosis, Size
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
-from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of
+from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of, check_names
 from pneugantry.plants.gantry.closed_loop import left_out, rerun
 from pneugantry.plants.gantry.converter import coarse_channels, rounded
 from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, record_of, views_of
@@ -61,6 +61,8 @@ def diagnose(
     began = time.perf_counter()
     rules = rules or Rules()
     own = FmuFile.read(build_fmu().path)
+    catalogue = catalogue_of() if catalogue is None else catalogue
+    check_names(catalogue, own)
     campaign = _checked(campaign)
     say("model")
     parameters = parameters_of(fmu, own, next(iter(campaign))) if fmu is not None else {}
@@ -82,7 +84,7 @@ def diagnose(
 
 def task_of(
     campaign: Campaign,
-    catalogue: Mapping[str, Effect] | None,
+    catalogue: Mapping[str, Effect],
     rules: Rules,
     parameters: Mapping[str, float] | None = None,
     quanta: Mapping[str, float] | None = None,
@@ -103,7 +105,7 @@ def task_of(
         plant,
         views_of(plant, campaign, cache, rules),
         data,
-        catalogue_of() if catalogue is None else catalogue,
+        catalogue,
         cache,
         notes=(*campaign.notes, *(() if data.held_out else (ONE_LOG,)), *_coarse_notes(quanta)),
         limits=tuple(not_excited(r for n, r in campaign.logs.items() if n in fitted)),

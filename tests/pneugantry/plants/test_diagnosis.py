@@ -78,7 +78,7 @@ def test_one_short_log_is_diagnosed_and_run_again(late: Campaign) -> None:
 
 def test_channels_that_no_sensor_has_are_left_out(late: Campaign) -> None:
     fewer = without(late, "f_ax", "f_az", "v_x")
-    task = task_of(fewer, None, Rules())
+    task = task_of(fewer, {}, Rules())
     assert [s.name for s in task.plant.signals] == ["x", "z", "v_z", "f_x", "f_z"]
     assert not any("f_a" in n.parameter or "v_x" in n.parameter for n in task.plant.nuisances)
     assert log_warnings(fewer.logs["one"].log) == []
@@ -86,12 +86,12 @@ def test_channels_that_no_sensor_has_are_left_out(late: Campaign) -> None:
     assert any("no contact force is measured" in text for text in felt)
     bare = without(late, "x", "z", "v_x", "v_z", "f_x", "f_z", "f_ax", "f_az")
     with pytest.raises(InputError, match="no log measures anything"):
-        task_of(bare, None, Rules())
+        task_of(bare, {}, Rules())
 
 
 def test_a_coarse_converter_is_a_cause_without_a_fit(late: Campaign) -> None:
     quanta = {"v_x": 0.02}
-    task = task_of(late, None, Rules(), quanta=quanta)
+    task = task_of(late, {}, Rules(), quanta=quanta)
     widths = {s.name: s.sigma for s in task.plant.signals}
     assert widths["v_x"] == pytest.approx(np.hypot(1e-3 / np.sqrt(2), 0.02 / np.sqrt(12)))
     assert any(note.startswith("v_x is read on a grid of 0.02 m/s") for note in task.notes)
