@@ -25,7 +25,7 @@ class Rules:
     tolerance: float = 1.5  # a rig's deviations at first, in units of what its description gives
     tolerance_weight: float = 8.0  # parameters that the description's own spread is worth
     iterations: int = 14  # Gauss-Newton steps of a fit, at most
-    turns: int = 1  # of fits by view and jointly, after the first, at most
+    turns: int = 4  # of probing about the end of a fit, at most
     renewals: int = 4  # of colour and columns at the end of a fit, at most
     finalists: int = 3  # effects that are fitted to the end at each step of the search
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
