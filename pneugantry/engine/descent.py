@@ -37,7 +37,7 @@ LEAST = 1e-9  # damping; more would keep combinations that the data leave open f
 LARGE = 5.0  # standard deviations of what stands out
 PROBES = (-30.0, -10.0, -3.0, 3.0, 10.0, 30.0)  # standard deviations
 FIRST = 1e-3  # damping after a step that failed
-KEPT = (0.6, 2.5)  # share of a step's promise within which its columns serve for the next one
+KEPT = (0.3, 4.0)  # share of a step's promise within which its columns serve for the next one
 
 
 class Weighing:

@@ -36,7 +36,7 @@ from pneugantry.engine.views import View
 
 __all__ = ["Fit", "Fitter"]
 
-ROUGH = 2.0  # fall of -2 log posterior that ends a descent of which another follows
+ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,13 +195,16 @@ class Fitter:
         solution = self._jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
 
-    def again(self, fit: Fit) -> Fit:
-        """The same hypothesis from where a fit ended, all views together."""
+    def again(self, fit: Fit, thorough: bool = False) -> Fit:
+        """The same hypothesis from where a fit ended, all views together. thorough: points about
+        the end are tried, too.
+        """
         self.simulation.forget()
         cells = tuple(self.simulation.cells)
         whole = prior(fit.point.coordinates)
         residuals = self.simulation.residuals(fit.point, cells)
-        solution = self._settled(Solution(fit.point, residuals, fit.columns), whole, cells)
+        solution = Solution(fit.point, residuals, fit.columns)
+        solution = (self._settled if thorough else self._jointly)(solution, whole, cells)
         solution = self._renewed(solution, whole, cells)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 

@@ -32,7 +32,7 @@ class Rules:
     difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
     fine: float = 0.005  # of these steps near an end (measured: decision 0104)
     stride: float = 0.3  # step of an effect's, in usual sizes
-    settled: float = 0.5  # fall of -2 log posterior below which a fit has converged
+    settled: float = 2.0  # fall of -2 log posterior below which a fit has converged
     screened: int = 3  # effects that are fitted at each step, in each of two orders of promise
     hopeful: float = 0.3  # share of the best promise from which on an effect is fitted
     reformed: int = 2  # effects that are then tried in their other forms
