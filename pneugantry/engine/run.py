@@ -61,6 +61,7 @@ class Found:
     task: Task
     diagnosis: Diagnosis
     search: Search
+    evidence: tuple[Evidence, ...]  # all that was weighed
     decision: Decision
     excess: Excess  # of what the answer leaves
     nominal: Replay | None  # of the record that no fit saw (else of the last one)
@@ -155,8 +156,10 @@ def _answer(
         steps=found.steps,
         probabilities={"none": decision.none, "unknown": decision.unknown},
         stages=clock.stages,
+        weighed=tuple((e.fit.keys, e.cost) for e in evidence),
+        stands_out=score,
     )
-    return Found(task, diagnosis, found, decision, excess, nominal, augmented, gap)
+    return Found(task, diagnosis, found, tuple(evidence), decision, excess, nominal, augmented, gap)
 
 
 def _confirmed(
