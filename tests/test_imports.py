@@ -20,7 +20,9 @@ ALLOWED = {
     "pneugantry.truth": set(),  # the independent truth plant shares no line with the product
     "pneugantry.analysis": {"modelica_fmu", "controllers", "pyfmi_runner"},
     "pneugantry.engine": {"modelica_fmu", "pyfmi_runner"},
+    "pneugantry.report": {"modelica_fmu", "pneugantry.engine"},
     "pneugantry.diagnosis": {
+        "pneugantry.report",
         "modelica_fmu",
         "controllers",
         "pyfmi_runner",

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
+from pneugantry.options import out_file, out_folder
+from pneugantry.progress import Stages, bar
 from pneugantry.report.headline import (
     cause_name,
     headline,
@@ -16,8 +18,6 @@ from pneugantry.report.headline import (
     shrinkable,
     verdict_word,
 )
-from pneugantry.options import out_file, out_folder
-from pneugantry.progress import Stages, bar
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 

@@ -30,6 +30,9 @@ from pneugantry.diagnosis.diagnose import Diagnosis, report_json
 from pneugantry.diagnosis.evidence import Search, Trial
 from pneugantry.diagnosis.excitation import not_excited
 from pneugantry.diagnosis.fit import Fit, tolerance_coordinate
+from pneugantry.diagnosis.report import write_report
+from pneugantry.diagnosis.report_pictures import SAMPLES, gap_svg, packed, plant_svg, ticks
+from pneugantry.engine.catalogue import Effect, read_catalogue
 from pneugantry.report.headline import (
     confirmed,
     headline,
@@ -38,9 +41,6 @@ from pneugantry.report.headline import (
     percent,
     verdict_word,
 )
-from pneugantry.diagnosis.report import write_report
-from pneugantry.diagnosis.report_pictures import SAMPLES, gap_svg, packed, plant_svg, ticks
-from pneugantry.engine.catalogue import Effect, read_catalogue
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup
 from pyfmi_runner.fmu import FmuFile
