@@ -167,7 +167,7 @@ def test_a_page_is_whole_and_asks_for_nothing(
     assert not re.search(r"""(src|href)=["']|url\((?!#)|https?://|@import""", text)
     for section in SECTIONS:
         assert f"<h2>{section}</h2>" in text
-    assert not re.search(r"\b(nan|None|np\.float64|inf)\b", words(text))
+    assert not re.search(r"\b(nan|None|np\.float64|inf)\b(?! is)", words(text))
     parser = Balanced()
     parser.feed(text)
     assert [p.name for p in tmp_path.iterdir()] == ["page.html"]
@@ -244,6 +244,17 @@ def test_the_sentence_fits_the_verdict(found: Found, sound: Found) -> None:
     both = other(found, verdict="ambiguous", answer_set=(("spring",), ("drag", "unknown")))
     said = headline(to_json(both.diagnosis))
     assert "spring, or drag + something that the catalogue lacks; with the first one" in said
+    assert found.gap is not None
+    rest = replace(
+        found.gap,
+        nominal=1126.0,
+        augmented=49.3 * found.gap.floor,
+        shrink=0.998,
+        ci95=(0.997, 0.999),
+    )
+    said = headline(to_json(other(found, gap=rest).diagnosis))
+    assert said.endswith("What is left of it is 49.3 times the floor: this answer is not all.")
+    assert "not all" not in headline(to_json(found.diagnosis))
     bare = other(found, gap=None)
     assert "could not be replayed" in headline(to_json(bare.diagnosis))
 
