@@ -28,12 +28,16 @@ __all__ = [
     "inside",
     "of_view",
     "prior",
+    "probed",
 ]
 
 TRIES = 5  # damped steps from one point
 FAILED = 1e12  # stands for a simulation that failed
 LEAST = 1e-9  # damping; more would keep combinations that the data leave open from their priors
-KEPT = (0.6, 2.5)  # share of a step's promise within which its columns serve for the next one
+LARGE = 5.0  # standard deviations of what stands out
+PROBES = (-30.0, -10.0, -3.0, 3.0, 10.0, 30.0)  # standard deviations
+FIRST = 1e-3  # damping after a step that failed
+KEPT = (0.3, 4.0)  # share of a step's promise within which its columns serve for the next one
 
 
 class Weighing:
@@ -55,6 +59,14 @@ class Weighing:
                 cost = float(noise.loss(self.innovations(cell, r), self.freedom).sum())
             found[cell[0]] = found.get(cell[0], 0.0) + cost
         return found
+
+    def tails(self, residuals: Residuals) -> float:
+        """-2 log likelihood of what stands out alone."""
+        total = 0.0
+        for cell, r in residuals.items():
+            w = self.innovations(cell, r)
+            total += float(noise.loss(w[np.abs(w) > LARGE], self.freedom).sum())
+        return total
 
     def normal(self, point: Point, residuals: Residuals, columns: Columns) -> tuple[Array, Array]:
         """J'WJ and J'Wr over all cells."""
@@ -130,7 +142,8 @@ def descend(problem: Problem, start: Solution, of_views: Noise | None, settled: 
     settled: fall of the cost that ends it.
     """
     sim, rules, state = problem.simulation, problem.rules, start
-    names, damping = set(problem.prior.names), np.full(len(problem.prior.names), rules.damping)
+    names = set(problem.prior.names)
+    damping = np.full(len(names), LEAST if problem.fine else rules.damping)
     new = False  # the columns are those of this point
     for _ in range(rules.iterations):
         weighing = Weighing(of_views or flat_noise(sim, state.residuals), rules)
@@ -148,6 +161,45 @@ def descend(problem: Problem, start: Solution, of_views: Noise | None, settled: 
             made = sim.columns(state.point, state.residuals, problem.cells, names, problem.fine)
             state, new = Solution(state.point, state.residuals, {**state.columns, **made}), True
     return state
+
+
+def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | None:
+    """The best of some points about a solution: each coordinate moved by some of its standard
+    deviations, the others following so that the parabola hardly rises. Tried is what only large
+    residuals tell: views where these cost much. None where no point is better.
+    """
+    sim, rules, point = problem.simulation, problem.rules, start.point
+    weighing = Weighing(of_views, rules)
+    normal, _ = weighing.normal(point, start.residuals, start.columns)
+    covariance = np.linalg.inv(normal + problem.prior.square)
+    sigma = np.sqrt(np.diag(covariance))
+    best: tuple[float, Array] | None = None
+    for view in dict.fromkeys(c[0] for c in problem.cells):
+        own = {c: r for c, r in start.residuals.items() if c[0] == view}
+        if weighing.tails(own) < rules.entry:
+            continue
+        columns = {k: c for k, c in start.columns.items() if k[0] in own}
+        curved, slope = weighing.normal(point, own, columns)
+        rest = normal + problem.prior.square - curved
+        read = {name for _, name in columns}
+        moves = [
+            k * covariance[:, i] / sigma[i]
+            for i, c in enumerate(point.coordinates)
+            if c.name in read
+            for k in PROBES
+        ]
+        tried = [inside(point.moved(point.theta + m)) for m in moves]
+        found = sim.run({c: [t.values(c[1]) for t in tried] for c in own})
+        before = weighing.costs(own)[view]
+        for i, move in enumerate(moves):
+            after = weighing.costs({c: found[c][i] for c in own})[view]
+            fall = before - after - float(move @ rest @ move - 2 * slope @ move)
+            if best is None or fall > best[0]:
+                best = fall, move
+    if best is None or best[0] < rules.entry:
+        return None
+    moved = inside(point.moved(point.theta + best[1]))
+    return Solution(moved, sim.residuals(moved, problem.cells), start.columns)
 
 
 def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:
@@ -208,7 +260,7 @@ def _step(
             made = np.where(moved, trial.theta - point.theta, 0.0)
             promised = -float(made @ (2 * gradient + normal @ made))
             return trial, tried, cost - value, promised
-        damping[:] = 3 * np.maximum(damping, problem.rules.damping)
+        damping[:] = np.maximum(30 * damping, FIRST)
     return None
 
 

@@ -19,6 +19,7 @@ from pneugantry.engine.descent import (
     flat_noise,
     inside,
     prior,
+    probed,
 )
 from pneugantry.engine.hypothesis import (
     Coordinate,
@@ -35,12 +36,7 @@ from pneugantry.engine.views import View
 
 __all__ = ["Fit", "Fitter"]
 
-import os
-
-MODE = os.environ.get("MODE", "B")
-TURNS = 4
-PROBES = (-100.0, -30.0, -10.0, -3.0, 3.0, 10.0, 30.0, 100.0)
-ROUGH = 2.0  # fall of -2 log posterior that ends a descent of which another follows
+ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +149,9 @@ class Fitter:
         start = Point(coordinates, np.zeros(len(coordinates)), {})
         known, cells = prior(coordinates), tuple(self.simulation.cells)
         self.simulation.forget()
-        residuals, columns = self.simulation.linearised(start, cells, set(known.names))
-        solution = self._settled(Solution(start, residuals, columns), known, cells)
+        residuals, columns = self.simulation.linearised(start, cells, set(known.names), fine=False)
+        solution = self._by_view(Solution(start, residuals, columns), known, cells, fine=False)
+        solution = self._settled(solution, known, cells)
         scale = self._tolerance(solution.point)
         coordinates = self.coordinates(Hypothesis(), scale)
         known = prior(coordinates)
@@ -198,77 +195,53 @@ class Fitter:
         solution = self._jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
 
-    def again(self, fit: Fit) -> Fit:
-        """The same hypothesis from where a fit ended, all views together."""
+    def again(self, fit: Fit, thorough: bool = False) -> Fit:
+        """The same hypothesis from where a fit ended, all views together. thorough: points about
+        the end are tried, too.
+        """
         self.simulation.forget()
         cells = tuple(self.simulation.cells)
         whole = prior(fit.point.coordinates)
         residuals = self.simulation.residuals(fit.point, cells)
-        solution = self._jointly(Solution(fit.point, residuals, fit.columns), whole, cells)
+        solution = Solution(fit.point, residuals, fit.columns)
+        solution = (self._settled if thorough else self._jointly)(solution, whole, cells)
         solution = self._renewed(solution, whole, cells)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
     def _settled(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """By view and jointly in turn, until another turn brings nothing."""
-        solution = self._jointly(self._by_view(start, known, cells, False), known, cells)
-        for _ in range(TURNS):
-            colour = self.coloured(solution.residuals)
-            probed = self._probed(solution, known, cells, colour)
-            if probed is None:
-                break
-            turned = self._jointly(probed, known, cells)
-            before, after = (self._cost(s, known, colour) for s in (solution, turned))
-            if os.environ.get("DEBUG"):
-                print("turn", round(before - after, 1), self.simulation.seconds)
-            if after < before:
-                solution = turned
-            if before - after < self.rules.entry:
-                break
-        return solution
-
-    def _probed(
-        self, start: Solution, known: Parabola, cells: Sequence[Cell], colour: Noise
-    ) -> Solution | None:
-        """The best of points about a solution along which its parabola hardly rises: each
-        coordinate moved and the others following. None where none is better.
+        """Jointly, from the best point about it, until none about it is better.
 
         An event that a simulation misses (a break-away) shows in no derivative.
         """
-        weighing = Weighing(colour, self.rules)
-        point, names = start.point, [c.name for c in start.point.coordinates]
-        normal, gradient = weighing.normal(point, start.residuals, start.columns)
-        normal += known.square
-        covariance = np.linalg.inv(normal)
-        sigma = np.sqrt(np.diag(covariance))
-        base = weighing.costs(start.residuals)
-        total = self._cost(start, known, colour)
-        found: list[tuple[float, Array]] = []
-        for view in dict.fromkeys(c[0] for c in cells):
-            own = [c for c in cells if c[0] == view]
-            read = [
-                i
-                for i, c in enumerate(point.coordinates)
-                if any((cell, c.name) in start.columns for cell in own)
-            ]
-            moves = [k * covariance[:, i] / sigma[i] for i in read for k in PROBES]
-            if not moves:
-                continue
-            points = [inside(point.moved(point.theta + m)) for m in moves]
-            runs = self.simulation.run({c: [p.values(c[1]) for p in points] for c in own})
-            for j, m in enumerate(moves):
-                fall = base[view] - weighing.costs({c: runs[c][j] for c in own})[view]
-                rise = float(m @ normal @ m)
-                # the view's own share of the rise is in its fall already
-                found.append((fall, m, view, rise))
-        best = max(found, key=lambda f: f[0], default=None)
-        if os.environ.get("DEBUG"):
-            for f in sorted(found, key=lambda f: -f[0])[:3]:
-                i = int(np.argmax(np.abs(f[1]) / sigma))
-                print("  ", round(f[0], 1), f[2], names[i], round(f[1][i] / sigma[i], 1))
-        if best is None or best[0] < self.rules.entry:
-            return None
-        moved = inside(point.moved(point.theta + best[1]))
-        return Solution(moved, self.simulation.residuals(moved, cells), start.columns)
+        solution = self._jointly(start, known, cells)
+        for _ in range(self.rules.turns):
+            colour = self.coloured(solution.residuals)
+            cost = self._cost(solution, known, colour)
+            for propose in (self._near, self._apart):
+                proposed = propose(solution, known, cells, colour)
+                if proposed is None:
+                    continue
+                turned = self._jointly(proposed, known, cells)
+                fall = cost - self._cost(turned, known, colour)
+                if fall > 0:
+                    solution = turned
+                if fall > self.rules.entry:
+                    break
+            else:
+                break
+        return solution
+
+    def _near(
+        self, start: Solution, known: Parabola, cells: Sequence[Cell], colour: Noise
+    ) -> Solution | None:
+        """The best point about a solution; None where none is better."""
+        return probed(self._problem(cells, known), start, colour)
+
+    def _apart(
+        self, start: Solution, known: Parabola, cells: Sequence[Cell], colour: Noise
+    ) -> Solution:
+        """Each view by itself once more, by steps that look over events."""
+        return self._by_view(start, known, cells, fine=False)
 
     def _cost(self, solution: Solution, known: Parabola, colour: Noise) -> float:
         costs = Weighing(colour, self.rules).costs(solution.residuals)

@@ -25,14 +25,14 @@ class Rules:
     tolerance: float = 1.5  # a rig's deviations at first, in units of what its description gives
     tolerance_weight: float = 8.0  # parameters that the description's own spread is worth
     iterations: int = 14  # Gauss-Newton steps of a fit, at most
-    turns: int = 1  # of fits by view and jointly, after the first, at most
+    turns: int = 4  # of probing about the end of a fit, at most
     renewals: int = 4  # of colour and columns at the end of a fit, at most
     finalists: int = 3  # effects that are fitted to the end at each step of the search
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
     difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
     fine: float = 0.005  # of these steps near an end (measured: decision 0104)
     stride: float = 0.3  # step of an effect's, in usual sizes
-    settled: float = 0.5  # fall of -2 log posterior below which a fit has converged
+    settled: float = 2.0  # fall of -2 log posterior below which a fit has converged
     screened: int = 3  # effects that are fitted at each step, in each of two orders of promise
     hopeful: float = 0.3  # share of the best promise from which on an effect is fitted
     reformed: int = 2  # effects that are then tried in their other forms

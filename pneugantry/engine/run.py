@@ -61,6 +61,7 @@ class Found:
     task: Task
     diagnosis: Diagnosis
     search: Search
+    evidence: tuple[Evidence, ...]  # all that was weighed
     decision: Decision
     excess: Excess  # of what the answer leaves
     nominal: Replay | None  # of the record that no fit saw (else of the last one)
@@ -156,7 +157,7 @@ def _answer(
         probabilities={"none": decision.none, "unknown": decision.unknown},
         stages=clock.stages,
     )
-    return Found(task, diagnosis, found, decision, excess, nominal, augmented, gap)
+    return Found(task, diagnosis, found, tuple(evidence), decision, excess, nominal, augmented, gap)
 
 
 def _confirmed(

@@ -83,12 +83,12 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
             break
         without = fitter.explore(best.hypothesis, top)
         if best.evidence - without.evidence > bar:  # the base had not reached its best
-            best = fitter.again(without)
+            best = fitter.again(without, thorough=True)
             tried.append(best)
             if top.gain(best, doubt) < bar:
                 continue
         steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-        best = _pruned(fitter, top, bar, steps, tried)
+        best = fitter.again(_pruned(fitter, top, bar, steps, tried), thorough=True)
         tried.append(best)
         changed = set(fitter.touched(best.hypothesis))
         traces = {k: c for k, c in traces.items() if k[2] not in changed}

@@ -1,0 +1,140 @@
+"""A whole diagnosis of a small plant, and the decision by itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, record
+
+from pneugantry.engine.decide import Chances, Evidence, decide
+from pneugantry.engine.descent import Problem, Solution, Weighing, prior, probed
+from pneugantry.engine.fitter import Fit
+from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.plant import Data, Plant
+from pneugantry.engine.predict import Foretelling
+from pneugantry.engine.result import to_json
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import Found, Task, run
+from pneugantry.engine.simulation import Point
+from pneugantry.engine.views import build_views
+
+__all__ = ["parts", "plant"]  # fixtures
+
+
+def diagnosed(plant: Plant, tmp: Path, catalogue: object = CATALOGUE, **truth: float) -> Found:
+    rules = Rules()
+    data = Data((record("one", 1, **truth), record("two", 2, **truth)), record("held", 3, **truth))
+    views = build_views(plant, list(SIGMA), tmp, PERIOD, rules)
+    return run(Task(plant, views, data, catalogue, tmp), rules)  # type: ignore[arg-type]
+
+
+def test_an_effect_is_named_located_and_its_gap_shrinks(plant: Plant, parts: Path) -> None:
+    found = diagnosed(plant, parts, drag=2.0).diagnosis
+    assert found.verdict == "identified"
+    assert [c.key for c in found.causes][:1] == ["drag"]
+    assert found.causes[0].probability > 0.9
+    assert found.where[0].block == "mechanics"
+    size = found.causes[0].parameters["drag"]
+    assert size.low < 2.0 < size.high
+    assert found.gap is not None
+    assert found.gap.record == "held"
+    assert found.gap.shrink > 0.98
+    assert to_json(found)["probabilities"]["none"] < 0.05
+
+
+def test_a_sound_rig_is_called_sound(plant: Plant, parts: Path) -> None:
+    found = diagnosed(plant, parts).diagnosis
+    assert found.verdict == "none"
+    assert found.where == ()
+    assert found.answer_set == ((),)
+    assert found.probabilities["none"] > 0.9
+
+
+def test_what_the_catalogue_lacks_is_unknown_in_its_block(plant: Plant, parts: Path) -> None:
+    few = {k: e for k, e in CATALOGUE.items() if k not in ("leak", "slow_current")}
+    found = diagnosed(plant, parts, few, leak=0.3).diagnosis
+    assert found.verdict == "unknown"
+    assert found.where[0].block == "current"
+    assert found.probabilities["unknown"] > 0.9
+
+
+def test_a_record_that_no_fit_saw_speaks_for_the_effect_that_is_there(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    named = {}
+    for key in ("drag", "current_bias"):
+        effect = CATALOGUE[key]
+        named[key] = fitter.again(
+            fitter.explore(null.hypothesis.plus(effect, effect.forms[0]), null)
+        )
+    views = list(fitter.simulation.views.values())
+    held = Foretelling(fitter, views, record("held", 3, drag=2.0))
+    base = held.cost(null)
+    gains = {key: held.gain(fit, base) for key, fit in named.items()}
+    held.close()
+    fitter.close()
+    assert gains["drag"] > 15
+    assert gains["current_bias"] < 2
+
+
+def fit_of(evidence: float, *keys: str) -> Evidence:
+    """A fit that is nothing but its effects and its evidence."""
+    effects = tuple((CATALOGUE[k], CATALOGUE[k].forms[0]) for k in keys)
+    nothing = np.zeros((0, 0))
+    point = Point((), np.zeros(0), {})
+    fit = Fit(Hypothesis(effects), point, {}, {}, {}, {}, nothing, 1.0, {}, evidence)
+    return Evidence(fit, evidence)
+
+
+def test_probabilities_of_all_answers_sum_to_one() -> None:
+    found = decide([fit_of(0.0), fit_of(-300.0, "drag"), fit_of(-290.0, "mass")], 0.1, Chances())
+    assert sum(a.probability for a in found.answers) == pytest.approx(1.0)
+    assert found.chosen == ("drag",)
+    assert found.verdict == "ambiguous"
+
+
+def test_evidence_decides_between_none_and_an_effect() -> None:
+    chances = Chances()
+    for gain, verdict in ((chances.entry / 3, "none"), (chances.entry * 3, "identified")):
+        found = decide([fit_of(0.0), fit_of(-gain, "drag")], 0.0, chances)
+        assert found.verdict == verdict
+    level = decide([fit_of(0.0), fit_of(-chances.entry, "drag")], -9.0, chances)
+    assert level.none == pytest.approx(0.5)
+
+
+def test_what_stands_out_is_unknown_beside_what_is_known() -> None:
+    found = decide([fit_of(0.0), fit_of(-500.0, "drag")], 2.0, Chances())
+    assert found.verdict == "unknown"
+    assert found.chosen == ("drag",)
+    assert found.answers[0].keys == ("drag", "unknown")
+
+
+def test_an_answer_that_replays_worse_is_none() -> None:
+    found = decide([fit_of(0.0), fit_of(-500.0, "drag")], 0.0, Chances(), worse=True)
+    assert found.verdict == "unknown"
+
+
+def test_a_better_point_about_an_end_is_found_where_residuals_stand_out(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts)
+    null = fitter.null()
+    known, cells = prior(null.point.coordinates), tuple(fitter.simulation.cells)
+    problem = Problem(fitter.simulation, fitter.rules, cells, known)
+    ended = Solution(null.point, null.residuals, null.columns)
+    assert probed(problem, ended, null.noise) is None
+    at = [c.name for c in null.point.coordinates].index("F_c")
+    theta = null.point.theta.copy()
+    theta[at] += 5.0  # spreads: 10 % of the friction
+    away = null.point.moved(theta)
+    start = Solution(away, *fitter.simulation.linearised(away, cells, set(known.names)))
+    better = probed(problem, start, null.noise)
+    fitter.close()
+    assert better is not None
+    weighing = Weighing(null.noise, fitter.rules)
+    before, after = (sum(weighing.costs(x.residuals).values()) for x in (start, better))
+    assert after < before - 10
