@@ -245,8 +245,8 @@ def foreign_signals(
                 stages.setdefault(id(stage.fmu), stage)
         except _Unfed as missing:
             raise RunError(
-                f"{record.name} cannot be replayed: nothing but the logs makes the input "
-                f"{missing} of an FMU before {makers[signal].file.path.name}"
+                f"{record.name} could not be replayed: no FMU, or only a ring of them, makes the "
+                f"input {missing} on the way to {signal}"
             ) from None
     read = {s for stage in stages.values() for s in stage.fed.values()} | set(signals)
     series = [
