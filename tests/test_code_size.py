@@ -12,7 +12,6 @@ from benchmarks.code_size import Function, functions, longest_line, main
 
 REBUILT = (
     "modelica_fmu/",
-    "pneugantry/diagnosis/",
     "pneugantry/engine/",
     "pneugantry/plants/",
     "pneugantry/truth/",

@@ -20,20 +20,12 @@ ALLOWED = {
     "pneugantry.truth": set(),  # the independent truth plant shares no line with the product
     "pneugantry.analysis": {"modelica_fmu", "controllers", "pyfmi_runner"},
     "pneugantry.engine": {"modelica_fmu", "pyfmi_runner"},
-    "pneugantry.report": {"modelica_fmu", "pneugantry.engine"},
-    "pneugantry.diagnosis": {
-        "pneugantry.report",
-        "modelica_fmu",
-        "controllers",
-        "pyfmi_runner",
-        "pneugantry.analysis",
-        "pneugantry.engine",
-    },
+    "pneugantry.report": {"modelica_fmu", "pyfmi_runner", "pneugantry.engine"},
     "pneugantry.plants": {
         "modelica_fmu",
         "pyfmi_runner",
-        "pneugantry.diagnosis",
         "pneugantry.engine",
+        "pneugantry.report",
     },
     "pneugantry.jobs": {"modelica_fmu"},
     "pneugantry.progress": {"modelica_fmu", "pyfmi_runner"},

@@ -17,8 +17,8 @@ import pyarrow.parquet as pq
 from scipy.io import savemat
 
 from benchmarks.soak.fuzz import Kinds, Read, with_bytes_changed
-from pneugantry.diagnosis.own_plant import read_own_plant
-from pyfmi_runner.build import build_fmu
+from pneugantry.engine.describe import described
+from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.log import COLUMNS, log_warnings, read_log
 from pyfmi_runner.workpiece import default_standoff, read_profile
@@ -315,8 +315,10 @@ def _own_log(rng: random.Random, folder: Path) -> Read:
         f'log.a.file = "{path.name}"\n'
     )
     (folder / "plant.toml").write_text(text, encoding="utf-8")
-    fmu = build_fmu().path
-    return lambda: read_own_plant(folder / "plant.toml", fmu)
+    link = folder / "plant.fmu"
+    if not link.exists():
+        link.symlink_to(build_fmu().path)
+    return lambda: described(folder / "plant.toml", cache_folder() / "parts")
 
 
 LOGS: Kinds = {

@@ -15,11 +15,12 @@ from typing import Any
 
 from benchmarks.soak.fuzz import Kinds, Read, with_bytes_changed
 from benchmarks.soak.logs import sound_csv
-from pneugantry.diagnosis.own_plant import is_own_plant, read_own_plant
 from pneugantry.engine.catalogue import read_catalogue
+from pneugantry.engine.describe import described
+from pneugantry.plants.own import is_own_plant
 from pneugantry.sweep.check import check_spec
 from pneugantry.sweep.spec import read_spec
-from pyfmi_runner.build import build_fmu
+from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.plan import make_plan
@@ -138,11 +139,10 @@ ODD_NUMBERS = (
 EFFECTS = """
 [[effect]]
 name = "mine"
-block = "valve"
+block = "valve_{axis}"
 axes = ["x", "z"]
 summary = "what it is"
 refines = ["valve_delay"]
-outside = true
 [[effect.form]]
 name = "plain"
 settings = { "axis_{axis}.friction.law" = 3 }
@@ -333,7 +333,12 @@ def _study(path: Path) -> None:
 
 def _plant(path: Path) -> None:
     if is_own_plant(path):
-        read_own_plant(path, gantry().path)
+        link, effects = path.parent / "plant.fmu", path.parent / "effects"
+        if not link.exists():
+            link.symlink_to(gantry().path)
+            effects.mkdir()
+            (effects / "mine.toml").write_text(EFFECTS, encoding="utf-8")
+        described(path, cache_folder() / "parts")
 
 
 TABLES: Kinds = {

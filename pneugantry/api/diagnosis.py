@@ -12,10 +12,10 @@ import pandas as pd
 from modelica_fmu.errors import InputError
 from pneugantry.api.html import html_page, html_table
 from pneugantry.api.inputs import CampaignSource, FmuSource, PathLike, campaign_from, fmu_from
-from pneugantry.report.headline import cause_name
 
 if TYPE_CHECKING:
-    from pneugantry.diagnosis.diagnose import Diagnosis as GantryDiagnosis
+    from pneugantry.engine.run import Found
+    from pyfmi_runner.campaign import Campaign
     from pyfmi_runner.fmu import FmuFile
 
 __all__ = ["Diagnosis", "Gap", "diagnose"]
@@ -38,7 +38,8 @@ class Diagnosis:
     """Where plant and model differ, which effects cause it, how far the gap shrinks with them."""
 
     json: dict[str, Any]  # "gap/1", as `pneugantry diagnose --json` writes it
-    gantry: GantryDiagnosis | None = None  # None for a plant of one's own
+    found: Found  # how it was found
+    campaign: Campaign | None = None  # of the gantry; None for a plant of one's own
     fmu: FmuFile | None = None
 
     @property
@@ -77,32 +78,25 @@ class Diagnosis:
         return found and Gap(**{key: found[key] for key in Gap.__dataclass_fields__})
 
     def write_html(self, path: PathLike) -> Path:
-        """The report as one self-contained page. Raises InputError for a plant of one's own, which
-        has no page yet.
-        """
-        if self.gantry is None:
-            raise InputError(
-                "the page shows the gantry",
-                field="--html",
-                hint="use --json for a plant of your own",
-            )
-        from pneugantry.diagnosis.report import write_report
+        """The report as one self-contained page."""
+        from pneugantry.plants.gantry.page import extras_of
+        from pneugantry.report.page import write_page
 
-        return write_report(self.gantry, Path(path), self.fmu)
+        extras = None if self.campaign is None else extras_of(self.campaign, self.found)
+        return write_page(self.found, Path(path), extras)
 
     def write_augmented(self, folder: PathLike) -> tuple[Path, Path]:
-        """The plant with the causes added, as Modelica and as FMU; returns both paths."""
-        if self.gantry is None or self.fmu is None:
-            raise InputError(
-                "is for the gantry", field="--augmented", hint="leave it out for your own plant"
-            )
-        from pneugantry.diagnosis.augmented import write_augmented
+        """The plant with the causes added, as Modelica and as FMU; returns both paths. Raises
+        InputError for a plant of FMUs without source.
+        """
+        if self.fmu is None:
+            from pneugantry.plants.own import write_augmented as write_own
 
-        remarks = [
-            f"{cause_name(cause)}: probability {cause['probability']:.2f}"
-            for cause in self.json["causes"]
-        ]
-        return write_augmented(Path(folder), self.fmu, self.gantry.values, remarks)
+            return write_own(Path(folder), self.found)
+        from pneugantry.plants.gantry.augmented import write_augmented
+
+        remarks = [f"{c.key}: probability {c.probability:.2f}" for c in self.found.diagnosis.causes]
+        return write_augmented(Path(folder), self.fmu, self.found.values, remarks)
 
     def _repr_html_(self) -> str:
         shares = html_table(
@@ -137,43 +131,40 @@ def diagnose(
     source: a campaign folder, a log file, a `Log`, a pandas table with a log's columns, or the TOML
     description of a plant of one's own. setup: how a single log was taken (keys as in
     campaign.toml). controller: the rig's own, a Python file, for the closed-loop check. catalogue:
-    effects of one's own, a file or a folder. workers: processes. say: told the name of each stage.
-    Raises InputError naming file, field and hint.
+    effects of one's own, a file (beside the gantry's) or a folder (instead of them). fmu: the
+    nominal gantry with other parameters. workers: no longer used, one diagnosis is one process.
+    say: told the name of each stage. Raises InputError naming file, field and hint.
     """
-    from pneugantry.diagnosis.diagnose import diagnose as diagnose_gantry
-    from pneugantry.diagnosis.diagnose import report_json
-    from pneugantry.diagnosis.own_plant import is_own_plant
-    from pneugantry.diagnosis.usable import long_enough
-    from pneugantry.engine.catalogue import read_catalogue
-    from pyfmi_runner.campaign import with_controller
+    from pneugantry.engine.result import to_json
+    from pneugantry.plants.gantry.catalogue import catalogue_of
+    from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
+    from pneugantry.plants.own import is_own_plant
+    from pyfmi_runner.campaign import DRIVEN, with_controller
 
+    say = say or (lambda stage: None)
     if isinstance(source, str | Path) and is_own_plant(Path(source)):
         return _diagnose_own(Path(source), catalogue, fmu, say)
-    effects = read_catalogue(None if catalogue is None else Path(catalogue))
-    campaign = long_enough(campaign_from(source, setup, strict=False))
+    effects = catalogue_of(None if catalogue is None else Path(catalogue))
+    campaign = campaign_from(source, setup, strict=False, needs=DRIVEN)
     if controller is not None:
         campaign = with_controller(campaign, Path(controller))
     for note in campaign.notes:
-        if say is not None and "pneugantry log init" in note:
+        if "pneugantry log init" in note:
             say(f"note: {note}")  # before the answer that rests on it
-    gantry = fmu_from(fmu)
-    found = diagnose_gantry(campaign, gantry, effects, say, workers)
-    return Diagnosis(report_json(found), found, gantry)
+    nominal = None if fmu is None else fmu_from(fmu)
+    found = diagnose_gantry(campaign, effects, fmu=nominal, say=say)
+    return Diagnosis(to_json(found.diagnosis), found, campaign, fmu_from(nominal))
 
 
 def _diagnose_own(
-    description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say | None
+    description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say
 ) -> Diagnosis:
     """A plant of one's own with a catalogue of one's own."""
-    from pneugantry.diagnosis.own_diagnose import diagnose_own, own_json
-    from pneugantry.diagnosis.own_plant import read_own_plant
-    from pneugantry.engine.catalogue import read_catalogue
-    from pyfmi_runner.fmu import FmuFile
+    from pneugantry.engine.result import to_json
+    from pneugantry.plants.own import diagnose_own
 
-    path = fmu.path if isinstance(fmu, FmuFile) else None if fmu is None else Path(fmu)
-    plant = read_own_plant(description, path)
-    source = catalogue or plant.catalogue
-    if source is None:
-        hint = "write catalogue = ..., or give --catalogue"
-        raise InputError("names no catalogue", file=description, field="plant", hint=hint)
-    return Diagnosis(own_json(diagnose_own(plant, read_catalogue(Path(source)), say)))
+    if fmu is not None:
+        hint = "name the model or the FMUs in the description"
+        raise InputError("is for the gantry", field="--fmu", hint=hint)
+    found = diagnose_own(description, None if catalogue is None else Path(catalogue), say=say)
+    return Diagnosis(to_json(found.diagnosis), found)

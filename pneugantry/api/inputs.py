@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import pandas as pd
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, campaign_of_log, read_campaign
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import Log, check_table
+from pyfmi_runner.log import REQUIRED, Log, check_table
 
 __all__ = ["CampaignSource", "FmuSource", "campaign_from", "fmu_from"]
 
@@ -22,7 +22,11 @@ FmuSource = PathLike | FmuFile | None
 
 
 def campaign_from(
-    source: CampaignSource, setup: Mapping[str, Any] | None = None, *, strict: bool = True
+    source: CampaignSource,
+    setup: Mapping[str, Any] | None = None,
+    *,
+    strict: bool = True,
+    needs: Sequence[str] = REQUIRED,
 ) -> Campaign:
     """The campaign of a folder or log file, of a `Log`, or of a pandas table with a log's columns.
 
@@ -32,10 +36,12 @@ def campaign_from(
     if isinstance(source, Campaign):
         return source
     if isinstance(source, pd.DataFrame):
-        source = Log(check_table(source), "table", dict(source.attrs.get("provenance", {})))
+        source = Log(
+            check_table(source, needs=needs), "table", dict(source.attrs.get("provenance", {}))
+        )
     if isinstance(source, Log):
         return campaign_of_log(source, setup)
-    return read_campaign(source, strict=strict, setup=setup)
+    return read_campaign(source, strict=strict, setup=setup, needs=needs)
 
 
 def fmu_from(source: FmuSource = None) -> FmuFile:

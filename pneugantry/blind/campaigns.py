@@ -12,13 +12,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pneugantry.diagnosis.diagnose import diagnose, report_json
-from pneugantry.diagnosis.report import write_report
-from pneugantry.diagnosis.usable import long_enough
-from pneugantry.engine.catalogue import FOLDER, read_catalogue
+from pneugantry.engine.result import to_json
 from pneugantry.jobs.job import Function, Job
 from pneugantry.jobs.run import run_jobs
-from pyfmi_runner.campaign import read_campaign
+from pneugantry.plants.gantry.catalogue import FOLDER, catalogue_of
+from pneugantry.plants.gantry.diagnosis import diagnose
+from pneugantry.plants.gantry.page import extras_of
+from pneugantry.report.page import write_page
+from pyfmi_runner.campaign import DRIVEN, read_campaign
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import write_atomically
 
@@ -45,13 +46,14 @@ class Diagnoser:
     pages: bool
 
     def __call__(self) -> Function:
-        return partial(self._diagnose, FmuFile.read(self.fmu), read_catalogue(self.catalogue))
+        return partial(self._diagnose, FmuFile.read(self.fmu), catalogue_of(self.catalogue))
 
     def _diagnose(self, fmu: FmuFile, catalogue: Any, folder: Path) -> str:
-        result = diagnose(long_enough(read_campaign(folder, strict=self.strict)), fmu, catalogue)
+        campaign = read_campaign(folder, strict=self.strict, needs=DRIVEN)
+        found = diagnose(campaign, catalogue, fmu=fmu)
         if self.pages:
-            write_report(result, folder / "diagnosis.html", fmu)
-        return json.dumps(report_json(result), default=float)
+            write_page(found, folder / "diagnosis.html", extras_of(campaign, found))
+        return json.dumps(to_json(found.diagnosis), default=float)
 
 
 def campaign_folders(folder: Path) -> list[Path]:

@@ -47,16 +47,20 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--catalogue",
         metavar="FILE.toml",
         type=Path,
-        help="effects of your own: a file with [[effect]] tables, or a folder",
+        help="effects of your own: a file with [[effect]] tables (beside the gantry's), or a "
+        "folder (instead of them)",
     )
     command.add_argument(
-        "--fmu", metavar="FILE.fmu", type=Path, help="another FMU with the same interface"
+        "--fmu",
+        metavar="FILE.fmu",
+        type=Path,
+        help="an FMU of the gantry's model: its parameters are the nominal ones",
     )
     command.add_argument(
         "--augmented",
         metavar="FOLDER",
         type=out_folder,
-        help="write the plant with the effect added: AugmentedGantry.mo and its FMU",
+        help="write the plant with the effect added: a Modelica file and its FMU",
     )
     command.add_argument(
         "--html", metavar="FILE", type=out_file, help="write the report, one self-contained page"
@@ -68,22 +72,21 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="the rig's own controller, for the closed-loop check; the file is run",
     )
     command.add_argument(
-        "--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)"
+        "--workers",
+        type=int,
+        default=2,
+        metavar="N",
+        help="processes for a folder of campaigns (default: %(default)s)",
     )
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from pneugantry.api import diagnosis
     from pneugantry.blind.campaigns import campaign_folders
-    from pneugantry.diagnosis.own_plant import is_own_plant
 
     source = Path(options.campaign)
     if folders := campaign_folders(source):
         return _execute_many(folders, options)
-    if options.html is not None and is_own_plant(source):
-        raise InputError(
-            "the page shows the gantry", field="--html", hint="use --json for a plant of your own"
-        )
     with Stages("diagnose") as say:
         found = diagnosis.diagnose(
             options.campaign,
@@ -93,7 +96,6 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
             workers=options.workers,
             say=say,
         )
-    print_path(found.json)
     print_diagnosis(found.json)
     if options.augmented is not None:
         model, fmu = found.write_augmented(options.augmented)
@@ -106,7 +108,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     """A folder of campaigns, in worker processes."""
     from pneugantry.blind.campaigns import diagnose_campaigns
-    from pneugantry.engine.catalogue import read_catalogue
+    from pneugantry.plants.gantry.catalogue import catalogue_of
 
     for option, target in (("--html", options.html), ("--augmented", options.augmented)):
         if target is not None:
@@ -115,7 +117,7 @@ def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dic
                 field=option,
                 hint="leave it out; each campaign gets a diagnosis.html beside it",
             )
-    read_catalogue(options.catalogue)  # refused here, not by every worker
+    catalogue_of(options.catalogue)  # refused here, not by every worker
     gantry = FmuFile.read(options.fmu or build_fmu().path)
     counter = bar(range(len(folders)), len(folders), "diagnose")
     results = diagnose_campaigns(
@@ -137,19 +139,6 @@ def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dic
         "schema": "gaps/1",
         "campaigns": {folder.name: found for folder, found in results.items()},
     }, int(failed == len(results))
-
-
-def print_path(found: dict[str, Any]) -> None:
-    """How an own plant's effects were found, with the error over the signal after each step."""
-    for step in found.get("path", []):
-        errors = "  ".join(
-            f"{log}: " + ", ".join(f"{c} {100 * e:.2f} %" for c, e in by.items())
-            for log, by in step["errors"].items()
-        )
-        print(
-            f"{step['effect']:<20} {step['step']:<24} log evidence "
-            f"{step['evidence']:8.1f}   {errors}"
-        )
 
 
 def print_diagnosis(found: dict[str, Any]) -> None:

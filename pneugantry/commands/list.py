@@ -73,11 +73,12 @@ def _parameters(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _effects(options: argparse.Namespace) -> list[dict[str, Any]]:
-    from pneugantry.engine.catalogue import read_catalogue
+    from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of
 
+    seen = {} if options.catalogue is not None else {QUANTISATION.key: QUANTISATION}
     return [
         {"name": key, "block": effect.block, "about": effect.summary}
-        for key, effect in read_catalogue(options.catalogue).items()
+        for key, effect in sorted((catalogue_of(options.catalogue) | seen).items())
     ]
 
 

@@ -71,7 +71,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 
 
 def _case(options: argparse.Namespace) -> Case:
-    from pneugantry.diagnosis.own_plant import is_own_plant
+    from pneugantry.plants.own import is_own_plant
     from pyfmi_runner.build import cache_folder
 
     cache = cache_folder() / "parts"

@@ -1,17 +1,20 @@
 """The catalogue of effects: data, one small TOML file per effect. A user adds an effect by adding a
 file.
 
-name = "valve_delay"; block = "valve"; axes = ["x", "z"] [[form]]
-one or several functional forms; the best one stands for the effect [form.settings]
-"axis_{axis}.friction.law" = 3           switched on with the form
-[form.parameters."valve_{axis}.delay_time"]              what is fitted: parameters of the FMU, or
-`sensors.*`, `timing.*` neutral = 0.0 (value without the effect; relative = true: the nominal
-value), scale (a usual size), low, high, unit, starts = [..] (further starting values), positive =
-true (fitted as its logarithm); "table[1:11]" stands for eleven parameters; multiplies =
-["axis_{axis}.friction.F_s"]  parameters that this one is an exact factor of outside = true
-optional: a rough form of what the catalogue lacks; where it leads the verdict is "unknown" refines
-= ["viscous_friction"]             optional: effects that it shapes, and that a user's own plant is
-offered first
+    name = "valve_delay"
+    block = "valve_{axis}"          where it sits
+    axes = ["x", "z"]               one effect for each; without them "{axis}" stands nowhere
+    refines = ["viscous_friction"]  optional: effects without which it is nothing
+    [[form]]                        one or several functional forms; the best one stands for it
+    [form.settings]
+    "axis_{axis}.friction.law" = 3  switched on with the form
+    [form.parameters."valve_{axis}.delay_time"]   what is fitted: a parameter of the model, or
+                                    "sensors.SIGNAL.WHAT" (see `sensors`); "table[1:11]" stands for
+                                    eleven
+
+A parameter has: neutral = 0.0 (value without the effect; relative = true: the nominal value), scale
+(a usual size), low, high, unit, starts = [..] (further starting values), positive = true (fitted as
+its logarithm).
 """
 
 from __future__ import annotations
@@ -25,12 +28,10 @@ from typing import Any
 from modelica_fmu.errors import InputError
 from pyfmi_runner.scenario import Fields, parse_toml
 
-__all__ = ["AXIS_BLOCKS", "Effect", "Form", "Parameter", "read_catalogue"]
+__all__ = ["Effect", "Form", "Parameter", "read_catalogue"]
 
-FOLDER = Path(__file__).parents[1] / "diagnosis" / "effects"
-AXIS_BLOCKS = ("valve", "friction")  # blocks that each axis has of its own
-EFFECT_KEYS = ("name", "block", "axes", "summary", "refines", "outside", "form")
-FORM_KEYS = ("name", "parameters", "settings", "estimator")
+EFFECT_KEYS = ("name", "block", "axes", "summary", "refines", "form")
+FORM_KEYS = ("name", "parameters", "settings")
 PARAMETER_KEYS = (
     "neutral",
     "scale",
@@ -40,7 +41,6 @@ PARAMETER_KEYS = (
     "relative",
     "positive",
     "starts",
-    "multiplies",
 )
 
 
@@ -59,10 +59,6 @@ class Parameter:
     relative: bool = False
     positive: bool = False  # fitted as its logarithm
     starts: tuple[float, ...] = ()
-    multiplies: tuple[
-        str, ...
-        # nominal parameters that it is an exact factor of: only their tolerance tells it from them
-    ] = ()
 
 
 @dataclass(frozen=True)
@@ -72,9 +68,6 @@ class Form:
     name: str
     parameters: tuple[Parameter, ...]
     settings: Mapping[str, float] = field(default_factory=dict)
-    # "waviness", "delays": the data themselves give the parameters (`diagnosis.candidates`);
-    # "converter": elsewhere
-    estimator: str = ""
 
 
 @dataclass(frozen=True)
@@ -82,34 +75,28 @@ class Effect:
     """An effect on one axis (or on none), with the forms that may serve it."""
 
     name: str
-    axis: str  # "x", "z" or ""
-    block: str  # where it sits: "valve_x", "contact", ...
+    axis: str  # or ""
+    block: str  # where it sits
     summary: str
     forms: tuple[Form, ...]
-    refines: tuple[
-        str, ...
-    ] = ()  # names of the effects without which it is nothing (`diagnosis.own_search`)
-    outside: bool = False  # no cause of its own: a rough form of what the catalogue lacks
+    refines: tuple[str, ...] = ()  # names of the effects without which it is nothing
 
     @property
     def key(self) -> str:
-        """ "presliding/z", or "loop_delay" where there is no axis."""
+        """name/axis, or the name alone."""
         return f"{self.name}/{self.axis}" if self.axis else self.name
 
 
-def read_catalogue(source: Path | None = None) -> dict[str, Effect]:
-    """Effects by key from a folder of TOML files, or from one file with [[effect]] tables added to
-    the built-in ones.
+def read_catalogue(source: Path) -> dict[str, Effect]:
+    """Effects by key from a TOML file, of one effect or of [[effect]] tables, or from a folder of
+    such files.
 
     Raises InputError naming file, field and hint.
     """
     effects: dict[str, Effect] = {}
-    folder = source if source is not None and source.is_dir() else FOLDER
-    for path in sorted(folder.glob("*.toml")):
-        effects.update(_effects(path, [parse_toml(path)]))
-    if source is not None and not source.is_dir():
-        tables = parse_toml(source)
-        effects.update(_effects(source, tables.get("effect", [tables])))
+    for path in sorted(source.glob("*.toml")) if source.is_dir() else [source]:
+        tables = parse_toml(path)
+        effects.update(_effects(path, tables.get("effect", [tables])))
     if not effects:
         raise InputError("holds no effect", file=source, hint="add one TOML file per effect")
     return effects
@@ -125,22 +112,10 @@ def _effects(path: Path, tables: object) -> dict[str, Effect]:
         fields = Fields(table, EFFECT_KEYS, path)
         name, block = _given(fields, "name", str), _given(fields, "block", str)
         forms, axes = _given(fields, "form", list), _texts(fields, "axes") or ("",)
-        summary, refines, outside = (
-            fields.of_type("summary", str, ""),
-            _texts(fields, "refines"),
-            fields.of_type("outside", bool, False),
-        )
+        summary, refines = fields.of_type("summary", str, ""), _texts(fields, "refines")
         for axis in axes:
-            at = f"{block}_{axis}" if axis and block in AXIS_BLOCKS else block
-            effect = Effect(
-                name,
-                axis,
-                at,
-                summary,
-                tuple(_form(path, form, axis) for form in forms),
-                refines,
-                outside,
-            )
+            at, made = block.replace("{axis}", axis), tuple(_form(path, f, axis) for f in forms)
+            effect = Effect(name, axis, at, summary, made, refines)
             found[effect.key] = effect
     return found
 
@@ -168,26 +143,21 @@ def _members(name: str) -> list[str]:
 def _form(path: Path, table: object, axis: str) -> Form:
     fields = Fields(table, FORM_KEYS, path, "form.")
     parameters = [
-        replace(
-            parameter,
-            name=member,
-            multiplies=tuple(name.replace("{axis}", axis) for name in parameter.multiplies),
-        )
+        replace(parameter, name=member)
         for parameter in (
             _parameter(fields, name)
             for name in fields.sub("parameters", fields.table.get("parameters", {})).table
         )
         for member in _members(parameter.name.replace("{axis}", axis))
     ]
-    estimator = fields.of_type("estimator", str, "")
-    if not parameters and not estimator:
+    if not parameters:
         raise InputError(
             "has no parameters", file=path, field="form", hint="name at least one parameter to fit"
         )
     settings = {
         name.replace("{axis}", axis): value for name, value in fields.numbers("settings").items()
     }
-    return Form(fields.of_type("name", str, "form"), tuple(parameters), settings, estimator)
+    return Form(fields.of_type("name", str, "form"), tuple(parameters), settings)
 
 
 def _parameter(form: Fields, name: str) -> Parameter:
@@ -217,5 +187,4 @@ def _parameter(form: Fields, name: str) -> Parameter:
         relative,
         positive,
         tuple(map(float, starts)),
-        _texts(fields, "multiplies"),
     )

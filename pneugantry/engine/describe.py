@@ -306,13 +306,8 @@ def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:
 
 
 def _catalogue(source: Path | None) -> dict[str, Effect]:
-    """Effects of a folder, or of one file without those that come with the package."""
-    if source is None:
-        return {}
-    if source.is_dir():
-        return read_catalogue(source)
-    known = read_catalogue()
-    return {k: e for k, e in read_catalogue(source).items() if known.get(k) != e}
+    """Effects of a folder or a file."""
+    return {} if source is None else read_catalogue(source)
 
 
 def sensor_effects(signals: tuple[Signal, ...], period: float) -> dict[str, Effect]:

@@ -8,7 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pneugantry.engine.catalogue import Effect, Parameter, read_catalogue
+from pneugantry.engine.catalogue import Effect, Parameter
+from pneugantry.engine.sensors import PREFIX, neutral
+from pneugantry.plants.gantry.catalogue import catalogue_of
+from pneugantry.plants.gantry.closed_loop import augmented_of, left_out
 from pneugantry.thesis.conditions import CHOICE, SOFT, Choice, Run
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.sensors import SIGMA, SensorParams, converter_steps
@@ -126,18 +129,36 @@ def _converter() -> Iterator[Structure]:
     yield Structure("12-bit converter", "sensors", sensors=(("quantum", converter_steps()),))
 
 
+BEYOND = (  # of a kind that no effect of the catalogue is: name, parameter, usual size, ways
+    ("chamber_leak", "valve_{axis}.leak", 0.2, "+"),
+    ("dwell_friction", "axis_{axis}.friction.dwell", 0.1, "+-"),
+    ("position_force", "axis_{axis}.spring", 2.0, "+-"),
+    ("slew_limit", "valve_{axis}.slew", 0.004, "+"),
+    ("swinging_spool", "valve_{axis}.spool_time", 0.01, "+"),
+    ("warming_seal", "axis_{axis}.friction.warm", 0.15, "+-"),
+)
+ELSEWHERE = ("loop_delay", "surface_waviness")  # effects that `structures` and the finish stand for
+
+
 def catalogue_structures(fmu: FmuFile) -> list[Structure]:
     """Each effect's first form with its first parameter moved by its usual size, up and where it
-    may down. Effects whose form replaces the friction law, or that the FMU and the sensors have no
-    parameter for, are left out: the former stand among the structures.
+    may down, and what no effect is (BEYOND). Effects whose form replaces the friction law, or that
+    the FMU and the sensors have no parameter for, are left out: the former stand among the
+    structures.
     """
-    found: list[Structure] = []
-    for effect in read_catalogue().values():
+    found = [
+        Structure(
+            f"{name}/{axis} {way}", "catalogue", ((at.format(axis=axis), float(way + str(size))),)
+        )
+        for name, at, size, ways in BEYOND
+        for axis in "xz"
+        for way in ways
+    ]
+    for effect in catalogue_of().values():
         form = effect.forms[0]
-        if form.settings or not form.parameters:
-            continue
-        found += list(_moved(effect, form.parameters[0], fmu))
-    return found
+        if not form.settings and effect.name not in ELSEWHERE:
+            found += _moved(effect, form.parameters[0], fmu)
+    return sorted(found, key=lambda s: s.name)
 
 
 def _moved(effect: Effect, parameter: Parameter, fmu: FmuFile) -> Iterator[Structure]:
@@ -151,24 +172,23 @@ def _moved(effect: Effect, parameter: Parameter, fmu: FmuFile) -> Iterator[Struc
         value = base + sign * size
         if not low <= value <= high:
             continue
-        label = f"{effect.key} {word}"
-        kind, _, field = name.partition(".")
-        if kind == "sensors":
-            yield Structure(label, "catalogue", sensors=((field, value),))
-        elif kind == "timing":
-            yield Structure(label, "catalogue", delay=value)
+        label, said = f"{effect.key} {word}", augmented_of(fmu, {name: value})
+        if name.startswith(PREFIX):
+            usual = SensorParams()._asdict()
+            own = {k.removeprefix(PREFIX): v for k, v in said.sensors.items()}
+            moved = tuple((k, v) for k, v in own.items() if v != usual[k])
+            yield Structure(label, "catalogue", sensors=moved)
         else:
-            yield Structure(label, "catalogue", ((name, value),))
+            yield Structure(label, "catalogue", tuple(said.plant.items()), delay=said.delay)
 
 
 def _nominal(name: str, fmu: FmuFile) -> float | None:
     """A parameter's value on the thesis' plant; None where it has none."""
-    kind, _, field = name.partition(".")
-    if kind == "sensors":
-        value = getattr(SensorParams(), field, None)
-        return float(value) if isinstance(value, int | float) else None
-    if kind == "timing":
-        return 0.0 if field == "delay" else None
+    if name.startswith(PREFIX):
+        moved = neutral(name) + 1.0
+        return None if left_out({name: moved}) else neutral(name)
+    if name == "timing.delay":
+        return 0.0
     if name in CHOICE.plant():
         return CHOICE.plant()[name]
     start = fmu.variables[name].start if name in fmu.variables else None

@@ -149,7 +149,7 @@ def test_an_unwritable_place_is_refused_before_the_work(
     capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").touch()
-    monkeypatch.setattr("pneugantry.engine.catalogue.read_catalogue", None)  # not reached
+    monkeypatch.setattr("pneugantry.plants.gantry.catalogue.catalogue_of", None)  # not reached
     for option in ("--html", "--json"):
         page = str(tmp_path / "file" / "page.html")
         assert main(["diagnose", str(tmp_path), option, page]) == 2

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from pneugantry.engine.catalogue import FOLDER
+from pneugantry.plants.gantry.catalogue import FOLDER
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.log import read_log
 

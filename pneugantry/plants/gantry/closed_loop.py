@@ -3,25 +3,74 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pneugantry.diagnosis.confirm import Augmented, closed_loop
+from modelica_fmu.errors import InputError
 from pneugantry.engine.sensors import PREFIX, neutral
-from pyfmi_runner.campaign import LoggedRun
+from pyfmi_runner.campaign import LoggedRun, LogSetup
 from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import PERIOD, Log
+from pyfmi_runner.own_controller import controller_of, is_known_controller
+from pyfmi_runner.run import run_scenario
+from pyfmi_runner.scenario import Scenario
+from pyfmi_runner.sensors import SensorParams
+from pyfmi_runner.timing import LoopTiming
 
-__all__ = ["augmented_of", "left_out", "rerun"]
+__all__ = ["Augmented", "augmented_of", "left_out", "rerun"]
 
+Array = NDArray[np.float64]
 FORCES = ("f_x", "f_z")
+NEEDED = (*FORCES, "v_x", "v_z")  # channels that the task is judged by
+SHORTEST = 500  # rows of the task, from which on it is judged
+NOTHING = 0.05  # mean square beyond the floor below which there is no gap
+
+
+@dataclass(frozen=True)
+class Augmented:
+    """A model with its effects: plant parameters, sensor errors and loop delay that differ from the
+    nominal ones.
+    """
+
+    plant: Mapping[str, float]
+    sensors: Mapping[str, float]  # "sensors.NAME" of `SensorParams`
+    delay: float = 0.0  # s
 
 
 def rerun(fmu: FmuFile, run: LoggedRun, values: Mapping[str, float]) -> dict[str, float] | None:
-    """Distances of f_n and v_t from the measured ones, in units of the noise: nominal, augmented,
-    floor, shrink. `values`: as the engine names them. None where the log's controller is not known
-    or it ends before contact. Raises ValueError for gains that the controller does not take.
+    """The log's experiment run again with its controller, nominal and on the gantry with `values`
+    (as the engine names them): RMS distance of f_n and v_t from the measured ones, in units of the
+    noise: nominal, augmented, floor, shrink.
+
+    The floor is the distance of two re-runs of the augmented model with different noise. None where
+    the log has no controller that is known, lacks a channel, or ends before contact. Raises
+    ValueError for gains that its controller does not take.
     """
-    return closed_loop(fmu, run, augmented_of(fmu, values))
+    setup = run.setup
+    if setup.loop != "closed" or setup.controller is None or "contour" not in setup.phases:
+        return None
+    if not is_known_controller(setup.controller) or any(c not in run.log for c in NEEDED):
+        return None
+    measured = _task(run.log, setup)
+    if len(measured) < SHORTEST:
+        return None
+    try:
+        controller_of(setup.controller, setup.gains)
+    except InputError as error:
+        raise ValueError(str(error)) from None
+    augmented = augmented_of(fmu, values)
+    nominal = _task(run_scenario(_scenario(setup, Augmented({}, {}), 1), fmu).log, setup)
+    first, second = (
+        _task(run_scenario(_scenario(setup, augmented, seed), fmu).log, setup) for seed in (2, 3)
+    )
+    before, after = _distance(measured, nominal), _distance(measured, first)
+    floor = _distance(first, second)
+    gap, left = before**2 - floor**2, max(after**2 - floor**2, 0.0)
+    shrink = 1.0 - left / gap if gap > NOTHING else 0.0
+    return {"nominal": before, "augmented": after, "floor": floor, "shrink": shrink}
 
 
 def augmented_of(fmu: FmuFile, values: Mapping[str, float]) -> Augmented:
@@ -66,3 +115,53 @@ def left_out(values: Mapping[str, float]) -> list[str]:
 
 def _of(values: Mapping[str, float], what: str) -> float:
     return float(values.get(PREFIX + what, neutral(what)))
+
+
+def _scenario(setup: LogSetup, augmented: Augmented, seed: int) -> Scenario:
+    known: dict[str, Any] = {k.removeprefix("sensors."): v for k, v in augmented.sensors.items()}
+    sensors = SensorParams()._replace(
+        **{k: v for k, v in known.items() if k in SensorParams._fields}
+    )
+    options: dict[str, Any] = {"gains": setup.gains} if setup.gains is not None else {}
+    if setup.approach_command is not None:
+        options |= {
+            "approach_u_x": setup.approach_command[0],
+            "approach_u_z": setup.approach_command[1],
+        }
+    return Scenario(
+        name="closed loop",
+        workpiece=setup.workpiece,
+        standoff=setup.z_0,
+        surface_finish=setup.surface_finish,
+        start_x=setup.start_x,
+        start_z=setup.start_z,
+        f_nd=float(setup.f_nd or 0.0),
+        v_td=float(setup.v_td or 0.0),
+        controller=setup.controller or "pi_fv",
+        phases=setup.phases,
+        clamped=setup.clamped,
+        plant=dict(augmented.plant),
+        sensors=sensors,
+        seed=seed,
+        timing=LoopTiming(delay=augmented.delay),
+        **options,
+    )
+
+
+def _task(log: Log, setup: LogSetup) -> Array:
+    """f_n, v_t (n, 2) over the contact and contouring phases, from measured signals."""
+    first = round((setup.phases["contact"][0]) / PERIOD) if "contact" in setup.phases else 0
+    last = min(round(setup.phases["contour"][1] / PERIOD), len(log))
+    f_x, f_z = log["f_x"][first:last], log["f_z"][first:last]
+    theta = np.where(np.hypot(f_x, f_z) < 2.0, 0.0, np.arctan2(-f_x, f_z))
+    return np.column_stack(
+        [
+            np.hypot(f_x, f_z),
+            log["v_x"][first:last] * np.cos(theta) + log["v_z"][first:last] * np.sin(theta),
+        ]
+    )
+
+
+def _distance(a: Array, b: Array) -> float:
+    n = min(len(a), len(b))
+    return float(np.sqrt(np.mean(((a[:n] - b[:n]) / np.array([0.05, 1e-3])) ** 2)))

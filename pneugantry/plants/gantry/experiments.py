@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.diagnosis.next_experiment import candidates
-from pneugantry.engine.catalogue import Effect, read_catalogue
 from pneugantry.engine.plan import Case, Experiment
 from pneugantry.engine.plant import Plant, Record, Signal, thinned
 from pneugantry.engine.rules import Rules
+from pneugantry.plants.gantry.catalogue import catalogue_of
 from pneugantry.plants.gantry.describe import plant_of, record_of
+from pneugantry.plants.gantry.next_experiment import candidates
 from pneugantry.plants.gantry.timing import ControllerView
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup, scenario_setup
@@ -26,7 +26,6 @@ from pyfmi_runner.sensors import SensorParams
 
 __all__ = ["case_of"]
 
-OWN_EFFECTS = Path(__file__).parent / "effects"  # those whose parameters the engine names otherwise
 MOST_FORCE = 150.0  # N, contact force that the rig may see
 ELSEWHERE = (0.25, 0.75)  # shares of the stroke at which clamped pistons are tried
 STROKE = {"x": 1.0, "z": 0.1}  # m
@@ -52,7 +51,7 @@ def case_of(
     return Case(
         plant,
         records,
-        read_catalogue(catalogue) if catalogue else catalogue_of(),
+        catalogue_of(catalogue),
         rules,
         cache,
         others=(ControllerView(campaign.logs),),
@@ -122,17 +121,3 @@ def _commanded(what: str, run: LoggedRun, setup: LogSetup, factor: float, rules:
     record = thinned(record_of(what, LoggedRun(setup, run.log)), rules.thinning)
     inputs = {n: v * factor if n in ("u_x", "u_z") else v for n, v in record.inputs.items()}
     return replace(record, inputs=inputs, signals={}, judged=None)
-
-
-def catalogue_of() -> dict[str, Effect]:
-    """Effects as the engine reads them.
-
-    They are those of the diagnosis that name the model's parameters, with the gantry's own in
-    place of the others.
-    """
-    shared = {
-        key: effect
-        for key, effect in read_catalogue().items()
-        if not effect.outside and not any(form.estimator for form in effect.forms)
-    }
-    return dict(sorted((shared | read_catalogue(OWN_EFFECTS)).items()))

@@ -148,3 +148,33 @@ def test_the_commands_results_keep_to_their_schemas(
     assert len(found["confusions"]) == 1
     assert main(["blind", "--cases", "2", "--write", str(tmp_path), "--json", "-"]) == 0
     keeps_to_schema(json.loads(capsys.readouterr().out))
+
+
+def test_the_score_counts_right_and_wrong_as_they_are() -> None:
+    cause = {"effect": "presliding", "axis": "z", "block": "friction_z", "probability": 0.9}
+    good = {
+        "verdict": "identified",
+        "where": [{"block": "friction_z"}],
+        "causes": [cause],
+        "answer_set": [["presliding/z"]],
+        "gap": {"shrink": 0.9},
+        "seconds": 10.0,
+    }
+    nothing = {
+        "verdict": "none",
+        "where": [],
+        "causes": [],
+        "answer_set": [[]],
+        "gap": None,
+        "seconds": 5.0,
+    }
+    labels = {
+        "1": {"kind": "one", "causes": [cause], "visibility": 3.0},
+        "2": {"kind": "none", "causes": []},
+        "3": {"kind": "one", "causes": [cause]},
+    }
+    result = score(labels, {"1": good, "2": nothing, "3": nothing})
+    assert result.table["cause right, one effect"] == 0.5
+    assert result.table["false cause on none"] == 0.0
+    assert result.table["answer set holds the truth"] == pytest.approx(2 / 3)
+    assert len(result.confusions) == 1

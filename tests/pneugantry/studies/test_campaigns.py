@@ -14,8 +14,8 @@ from modelica_fmu.errors import InputError
 from pneugantry.blind import campaigns
 from pneugantry.blind.campaigns import RESULT, campaign_folders, diagnose_campaigns
 from pneugantry.cli import main
-from pneugantry.engine.catalogue import FOLDER
 from pneugantry.jobs.job import Ended, Factory, Job, answer
+from pneugantry.plants.gantry.catalogue import FOLDER
 from pyfmi_runner.build import build_fmu
 
 RUNS: list[str] = []
@@ -27,10 +27,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     it saw.
     """
 
-    def read(path: Path, strict: bool) -> SimpleNamespace:
+    def read(path: Path, strict: bool, needs: Sequence[str]) -> SimpleNamespace:
+        assert "f_ax" not in needs  # a rig need not measure everything
         if path.name == "b" and not (path / "mended").exists():
             raise InputError("no usable log", file=path / "campaign.toml", hint="correct its logs")
-        return SimpleNamespace(name=path.name, strict=strict)
+        return SimpleNamespace(diagnosis=SimpleNamespace(name=path.name, strict=strict))
 
     def here(factory: Factory, jobs: Sequence[Job], **_: object) -> Iterator[Ended]:
         function = factory()
@@ -42,10 +43,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     for name, value in {
         "read_campaign": read,
-        "long_enough": lambda found: found,
         "run_jobs": here,
-        "diagnose": lambda found, *_: found,
-        "report_json": report,
+        "diagnose": lambda found, *_, **__: found,
+        "to_json": report,
     }.items():
         monkeypatch.setattr(campaigns, name, value)
     RUNS.clear()
@@ -84,8 +84,9 @@ def test_the_command_says_a_line_for_each(
 ) -> None:
     cause = {"effect": "presliding", "axis": "z"}
     found = {"verdict": "identified", "causes": [cause], "gap": {"shrink": 0.91}}
-    monkeypatch.setattr(campaigns, "report_json", lambda _: found)
-    monkeypatch.setattr(campaigns, "write_report", lambda _, path, *rest: path.touch())
+    monkeypatch.setattr(campaigns, "to_json", lambda _: found)
+    monkeypatch.setattr(campaigns, "extras_of", lambda *_: None)
+    monkeypatch.setattr(campaigns, "write_page", lambda _, path, *rest: path.touch())
     assert main(["diagnose", str(folder), "--json", str(folder / "all.json")]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "a: identified presliding/z, shrink 0.910"

@@ -1,0 +1,223 @@
+"""A measuring campaign of the gantry, diagnosed: what the engine finds, and what only the gantry
+has beside it: notes on its logs, a coarse converter, the closed loop, the next experiment.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from modelica_fmu.errors import InputError, RunError
+from pneugantry.engine.catalogue import Effect
+from pneugantry.engine.confirm import (
+    draws,
+    floor_of,
+    gap_of,
+    noise_levels,
+    replays,
+    values_on,
+)
+from pneugantry.engine.decide import UNKNOWN
+from pneugantry.engine.location import Place
+from pneugantry.engine.plant import Plant
+from pneugantry.engine.result import Cause, Diagnosis, Size
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import Found, Task, run
+from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of
+from pneugantry.plants.gantry.closed_loop import left_out, rerun
+from pneugantry.plants.gantry.converter import coarse_channels, rounded
+from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, record_of, views_of
+from pneugantry.plants.gantry.excitation import not_excited
+from pneugantry.plants.gantry.next_experiment import next_experiment, rivals
+from pneugantry.plants.gantry.nominal import parameters_of
+from pneugantry.plants.gantry.usable import long_enough, sound_logs
+from pyfmi_runner.build import build_fmu, cache_folder
+from pyfmi_runner.campaign import Campaign, LoggedRun
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import COLUMNS, log_warnings
+
+__all__ = ["diagnose", "task_of"]
+
+Say = Callable[[str], None]
+ONE_LOG = (
+    "one log only: nothing is held out, so the gap before and after is on the fitted log itself"
+)
+SEEN = 1.0  # probability of what the readings themselves show
+
+
+def diagnose(
+    campaign: Campaign,
+    catalogue: Mapping[str, Effect] | None = None,
+    rules: Rules | None = None,
+    fmu: FmuFile | None = None,
+    say: Say = lambda stage: None,
+) -> Found:
+    """Diagnoses a campaign. fmu: the nominal gantry where its parameters are not the model's own.
+    say: told the name of each stage as it begins. Raises InputError where nothing is left to
+    diagnose.
+    """
+    began = time.perf_counter()
+    rules = rules or Rules()
+    own = FmuFile.read(build_fmu().path)
+    campaign = _checked(campaign)
+    say("model")
+    parameters = parameters_of(fmu, own, next(iter(campaign))) if fmu is not None else {}
+    quanta = coarse_channels(campaign)
+    campaign = rounded(campaign, quanta)
+    task = task_of(campaign, catalogue, rules, parameters, quanta)
+    found = run(task, rules, say)
+    say("closed loop")
+    found = _with(found, _coarse(found.diagnosis, quanta))
+    held = _held(campaign, found)
+    found = _at_full_rate(found, held, rules)
+    found = _in_loop(found, held, fmu or own)
+    if found.diagnosis.verdict == "ambiguous":
+        say("next experiment")
+        best = next_experiment(task, campaign, fmu or own, rivals(found.decision))
+        found = _with(found, replace(found.diagnosis, next_experiment=best))
+    return _with(found, replace(found.diagnosis, seconds=time.perf_counter() - began))
+
+
+def task_of(
+    campaign: Campaign,
+    catalogue: Mapping[str, Effect] | None,
+    rules: Rules,
+    parameters: Mapping[str, float] | None = None,
+    quanta: Mapping[str, float] | None = None,
+) -> Task:
+    """What the engine is given of a campaign. parameters: of the nominal gantry, where they are not
+    the model's own. quanta: steps of coarse converters by channel.
+    """
+    measured = measured_of(campaign)
+    if not measured:
+        hint = "add one of the columns that `pneugantry list columns` names"
+        raise InputError("no log measures anything", file=campaign.path, hint=hint)
+    plant = replace(plant_of(measured, rules.thinning), parameters=dict(parameters or {}))
+    plant = _coarser(plant, quanta or {})
+    data = data_of(campaign, rules)
+    fitted = {r.name for r in data.fitted}
+    cache = cache_folder() / "parts"
+    return Task(
+        plant,
+        views_of(plant, campaign, cache, rules),
+        data,
+        catalogue_of() if catalogue is None else catalogue,
+        cache,
+        notes=(*campaign.notes, *(() if data.held_out else (ONE_LOG,)), *_coarse_notes(quanta)),
+        limits=tuple(not_excited(r for n, r in campaign.logs.items() if n in fitted)),
+    )
+
+
+def _checked(campaign: Campaign) -> Campaign:
+    """Without logs that are too short or have a fault; all that was seen stands in its notes."""
+    campaign = long_enough(campaign)
+    seen = [f"{n}: {text}" for n, r in campaign.logs.items() for text in log_warnings(r.log)]
+    sound, gone = sound_logs(campaign)
+    return replace(sound, notes=[*campaign.notes, *seen, *gone])
+
+
+def _held(campaign: Campaign, found: Found) -> LoggedRun:
+    """The log whose gap is told."""
+    data = found.task.data
+    return campaign.logs[(data.held_out or data.fitted[-1]).name]
+
+
+def _with(found: Found, diagnosis: Diagnosis) -> Found:
+    return replace(found, diagnosis=diagnosis)
+
+
+def _at_full_rate(found: Found, held: LoggedRun, rules: Rules) -> Found:
+    """With the gap of the log as it was recorded, so that the sensors' noise alone leaves 1 and
+    `pneugantry replay` says the same; the fits see averages of rows.
+    """
+    if found.gap is None:
+        return found
+    plant = plant_of([s.name for s in found.task.plant.signals], thinning=1)
+    plant = replace(plant, parameters=found.task.plant.parameters)
+    record, best = record_of(held.log.name, held), found.decision.best
+    own = [{}, values_on(best, record), *draws(best, record)]
+    nominal, augmented, *others = replays(plant, record, own, found.task.cache)
+    if nominal is None or augmented is None:
+        return found
+    floor = floor_of(noise_levels(plant, record, rules))
+    gap = gap_of(nominal, augmented, rules, record.period, floor=floor, others=others)
+    d = replace(found.diagnosis, gap=gap)
+    return replace(found, diagnosis=d, nominal=nominal, augmented=augmented, gap=gap)
+
+
+def _in_loop(found: Found, held: LoggedRun, fmu: FmuFile) -> Found:
+    """With the held-out log's experiment run again, its controller in the loop."""
+    began = time.perf_counter()
+    closed: Mapping[str, float] | None = None
+    d, notes = found.diagnosis, []
+    try:
+        values = values_on(found.decision.best, record_of(held.log.name, held))
+        closed = rerun(fmu, held, values)
+    except (RunError, ValueError) as error:
+        notes.append(f"the closed loop could not be run again: {error}")
+    claimed = {p for c in d.causes if c.key in found.decision.chosen for p in c.parameters}
+    if closed and (without := [n for n in left_out(found.values) if n in claimed]):
+        notes.append(f"the closed loop was run again without {', '.join(without)}")
+    stages = {**d.stages, "closed loop": time.perf_counter() - began}
+    return _with(found, replace(d, closed_loop=closed, notes=(*d.notes, *notes), stages=stages))
+
+
+# ---- coarse converters
+
+
+def _coarse_notes(quanta: Mapping[str, float] | None) -> tuple[str, ...]:
+    return tuple(
+        f"{c} is read on a grid of {q:.3g} {COLUMNS[c].unit}: a coarse converter"
+        for c, q in (quanta or {}).items()
+    )
+
+
+def _coarser(plant: Plant, quanta: Mapping[str, float]) -> Plant:
+    """A plant whose signals have a grid's error beside their noise: RMS of q/sqrt(12)."""
+    signals = tuple(
+        replace(s, sigma=(s.sigma**2 + quanta.get(s.name, 0.0) ** 2 / 12) ** 0.5)
+        for s in plant.signals
+    )
+    return replace(plant, signals=signals)
+
+
+def _coarse(d: Diagnosis, quanta: Mapping[str, float]) -> Diagnosis:
+    """The answer with what the readings themselves show."""
+    if not quanta:
+        return d
+    steps = {
+        f"step_{c}": Size(float(q), float(q), float(q), COLUMNS[c].unit, "grid")
+        for c, q in quanta.items()
+    }
+    seen = Cause(QUANTISATION.name, QUANTISATION.axis, SEEN, steps)
+    others = tuple(c for c in d.causes if c.key != seen.key)
+    sets = tuple(_joined(keys) for keys in d.answer_set)
+    return replace(
+        d,
+        verdict="identified" if d.verdict == "none" else d.verdict,
+        where=_shared(d.where, quanta, alone=d.verdict == "none"),
+        causes=(*others[:1], seen, *others[1:]) if d.verdict == "identified" else (seen, *others),
+        answer_set=sets,
+        probabilities={**d.probabilities, "none": 0.0},
+    )
+
+
+def _joined(keys: Sequence[str]) -> tuple[str, ...]:
+    known = [k for k in keys if k != UNKNOWN]
+    return (*known, QUANTISATION.key, *(k for k in keys if k == UNKNOWN))
+
+
+def _shared(places: Sequence[Place], quanta: Mapping[str, float], alone: bool) -> tuple[Place, ...]:
+    """The sensors have all of what is seen alone, else half as much as all other blocks."""
+    before: Any = next((p for p in places if p.block == QUANTISATION.block), None)
+    share = 1.0 if alone else max(1 / 3, before.share if before else 0.0)
+    regime = f"readings of {', '.join(quanta)}"
+    mine = Place(QUANTISATION.block, share, (), regime, 0.0, 0.0)
+    rest = [] if alone else [p for p in places if p.block != QUANTISATION.block]
+    total = sum(p.share for p in rest)
+    others = [replace(p, share=p.share / total * (1 - share)) for p in rest] if total else []
+    if not others:
+        mine = replace(mine, share=1.0)
+    return tuple(sorted((mine, *others), key=lambda p: -p.share))

@@ -1,0 +1,163 @@
+"""The experiment that would tell two hypotheses apart: of a few that the rig can do, the one in
+which their plants differ most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modelica_fmu.errors import InputError, RunError
+from pneugantry.engine.confirm import replays
+from pneugantry.engine.decide import UNKNOWN, Decision
+from pneugantry.engine.plant import thinned
+from pneugantry.engine.run import Task
+from pneugantry.plants.gantry.closed_loop import augmented_of
+from pneugantry.plants.gantry.describe import record_of
+from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup, scenario_setup
+from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import SIGMA, STROKE_Z
+from pyfmi_runner.own_controller import is_known_controller
+from pyfmi_runner.run import run_scenario
+from pyfmi_runner.scenario import Scenario, scenario_text, short_phases
+from pyfmi_runner.sensors import SensorParams
+
+__all__ = ["Rival", "candidates", "next_experiment", "rivals"]
+
+Rival = tuple[tuple[str, ...], Mapping[str, float]]  # effects of a hypothesis, fitted values
+
+MOST_FORCE = 150.0  # N, contact force that the rig may see
+OPEN = 8.0  # s
+# times the noise: beyond it a difference counts no more, or one missed break-away would choose
+MOST = 10.0
+THINNING = 2  # rows of an experiment that are averaged into one
+TELLING = 1.2  # separation below which an experiment is not worth its time
+
+
+def next_experiment(
+    task: Task, campaign: Campaign, fmu: FmuFile, pair: Sequence[Rival]
+) -> dict[str, Any] | None:
+    """The candidate in which the plants of two hypotheses differ most (docs/reference/gap.md); None
+    where there are no two, or none of the candidates tells.
+
+    The separation is the RMS over channels and time of the difference of what the sensors would say
+    for the same commands, in units of their noise, no more than MOST of them at any instant.
+    """
+    if len(pair) < 2:
+        return None
+    values = [fitted for _, fitted in pair]
+    best: tuple[float, str, Scenario] | None = None
+    for what, scenario in candidates(campaign):
+        separation = _separation(task, fmu, scenario, values)
+        if separation is not None and (best is None or separation > best[0]):
+            best = separation, what, scenario
+    if best is None or best[0] < TELLING:
+        return None
+    separation, what, scenario = best
+    names = " and ".join(" + ".join(keys) or "no effect" for keys, _ in pair)
+    return {
+        "what": f"{what}: {names} then differ by {separation:.2g} times the sensors' noise (RMS "
+        f"over all channels)",
+        "scenario": scenario_text(replace(scenario, sensors=SensorParams())),
+        "separates": [list(keys) for keys, _ in pair],
+        "separation": separation,
+    }
+
+
+def rivals(decision: Decision) -> list[Rival]:
+    """The two likeliest hypotheses within the catalogue."""
+    known = [a for a in decision.answers if UNKNOWN not in a.keys and a.fit is not None]
+    return [(a.keys, a.fit.values(None)) for a in known[:2] if a.fit is not None]
+
+
+def candidates(campaign: Campaign) -> Iterator[tuple[str, Scenario]]:
+    """Experiments in words and as scenarios, with the controller and gains of the campaign's own
+    closed-loop logs.
+    """
+    base = Scenario(sensors=SensorParams(noise=False))
+    closed = [
+        run.setup
+        for run in campaign
+        if run.setup.loop == "closed"
+        and run.setup.controller is not None
+        and is_known_controller(run.setup.controller)
+    ]
+    if closed:
+        base = _with_controller(base, closed[-1])
+    for workpiece in ("straight", "incline_16", "incline_30", "curved"):
+        phases = short_phases(workpiece)
+        for force, speed in ((base.f_nd, base.v_td), (60.0, -0.06), (12.0, -0.03)):
+            what = f"track the {workpiece} edge with {force:g} N at {abs(1e3 * speed):g} mm/s"
+            yield (
+                what,
+                replace(
+                    base,
+                    name="next",
+                    workpiece=workpiece,
+                    standoff=None,
+                    f_nd=force,
+                    v_td=speed,
+                    phases=phases,
+                ),
+            )
+    phases = {
+        "approach": (0.0, OPEN),
+        "contact": (OPEN, OPEN + 0.01),
+        "contour": (OPEN + 0.01, OPEN + 0.02),
+    }  # open loop
+    for u_x, u_z in ((0.9, 1.1), (1.2, 1.4), (2.0, 2.0)):
+        step = replace(
+            base,
+            name="next",
+            workpiece="straight",
+            phases=phases,
+            approach_u_x=u_x,
+            approach_u_z=u_z,
+        )
+        what = (
+            f"with both pistons clamped, step the commands from 0 to {u_x:g} V (x) and "
+            f"{u_z:g} V (z) for {OPEN:g} s"
+        )
+        yield what, replace(step, clamped=("x", "z"), start_x=0.5, start_z=0.05, standoff=0.09)
+        what = (
+            f"without a workpiece, let both axes run free at {u_x:g} V (x) and {u_z:g} V (z) "
+            f"for {OPEN:g} s"
+        )
+        yield what, replace(step, clamped=(), standoff=STROKE_Z)
+
+
+def _with_controller(base: Scenario, setup: LogSetup) -> Scenario:
+    gains = setup.gains if setup.gains is not None else base.gains
+    force, speed = setup.f_nd or base.f_nd, setup.v_td or base.v_td
+    return replace(
+        base,
+        controller=setup.controller or base.controller,
+        gains=gains,
+        f_nd=float(force),
+        v_td=float(speed),
+    )
+
+
+def _separation(
+    task: Task, fmu: FmuFile, scenario: Scenario, values: Sequence[Mapping[str, float]]
+) -> float | None:
+    """RMS difference of the two plants for the commands that the first one sees; None where the
+    experiment cannot be done.
+    """
+    first = dict(augmented_of(fmu, values[0]).plant)
+    try:
+        run = run_scenario(replace(scenario, plant=first), fmu)
+        if run.outcome != "done" or np.hypot(run.log["f_x"], run.log["f_z"]).max() > MOST_FORCE:
+            return None
+        logged = LoggedRun(scenario_setup(scenario), run.log)
+        record = thinned(record_of("next", logged), THINNING)
+        one, other = replays(task.plant, record, values, task.cache)
+    except (InputError, RunError):
+        return None
+    if one is None or other is None:
+        return None
+    apart = np.abs(one.simulated - other.simulated) / np.array([SIGMA[c] for c in one.signals])
+    return float(np.sqrt(np.mean(np.minimum(apart, MOST) ** 2)))

@@ -1,0 +1,152 @@
+"""What follows from a diagnosis: the augmented plant for other tools, the next experiment,
+readings of coarse converters.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pneugantry.engine.plant import Data
+from pneugantry.engine.run import Task
+from pneugantry.plants.gantry.augmented import (
+    augmented_model,
+    outside_the_plant,
+    write_augmented,
+)
+from pneugantry.plants.gantry.converter import coarse_channels, rounded
+from pneugantry.plants.gantry.describe import plant_of
+from pneugantry.plants.gantry.next_experiment import candidates, next_experiment
+from pyfmi_runner.build import build_fmu, cache_folder
+from pyfmi_runner.campaign import Campaign, LoggedRun, scenario_setup
+from pyfmi_runner.fmu import FmuFile, FmuSession
+from pyfmi_runner.run import run_scenario
+from pyfmi_runner.scenario import Scenario, scenario_from
+from pyfmi_runner.timing import LoopTiming
+
+FITTED = {
+    "axis_z.friction.law": 3.0,
+    "axis_z.friction.beta": 14.2,
+    "axis_z.friction.sigma": 9e4,
+    "axis_x.m": 7.41,
+    "valve_x.play_centred": 1.0,
+    "coupling": 0.5,
+    "sensors.f_x.bias": 2.0,
+    "timing.delay": 0.004,
+    "valve_z.K": 100.0,
+}
+
+
+TASK = Task(plant_of(), (), Data((), None), {}, cache_folder() / "parts")
+
+
+@pytest.fixture(scope="module")
+def gantry() -> FmuFile:
+    return FmuFile.read(build_fmu().path)
+
+
+@pytest.fixture(scope="module")
+def late(gantry: FmuFile) -> Campaign:
+    """One closed-loop log whose commands act 7 ms late."""
+    scenario = Scenario(name="contour_curved", timing=LoopTiming(delay=0.007), seed=5)
+    setup = scenario_setup(Scenario(name="contour_curved"))
+    return Campaign(
+        "late",
+        Path("late"),
+        {"contour_curved": LoggedRun(setup, run_scenario(scenario, gantry).log)},
+    )
+
+
+def driven(
+    plant: FmuFile, outputs: list[str], parameters: dict[str, float] | None = None
+) -> NDArray[np.float64]:
+    """Outputs after 0.3 s of constant commands."""
+    with FmuSession(plant, parameters=parameters or {}) as session:
+        session.set({"u_x": 1.2, "u_z": 1.6})
+        for k in range(300):
+            session.step(1e-3, time=k * 1e-3)
+        return session.get(outputs)
+
+
+def test_the_augmented_plant_compiles_to_the_fitted_one(gantry: FmuFile, tmp_path: Path) -> None:
+    model, fmu = write_augmented(tmp_path, gantry, FITTED, ["presliding/z: probability 0.98"])
+    text = model.read_text()
+    assert "extends PneuGantry.Gantry(" in text
+    assert "// presliding/z: probability 0.98" in text
+    assert "valve_z" not in text  # at its nominal value
+    built = FmuFile.read(fmu)
+    plant = {
+        name: value
+        for name, value in FITTED.items()
+        if not name.startswith(("sensors.", "timing."))
+    }
+    assert {name: built.variables[name].start for name in plant} == plant
+    np.testing.assert_array_equal(
+        driven(built, ["x", "z", "f_az"]), driven(gantry, ["x", "z", "f_az"], plant)
+    )
+
+
+def test_a_plant_with_a_modified_array_compiles_to_the_fitted_one(
+    gantry: FmuFile, tmp_path: Path
+) -> None:
+    uneven = {
+        "axis_x.friction.position_table[3]": 0.2,
+        "axis_x.friction.position_fine[21]": -0.1,
+        "axis_x.friction.level": 1.1,
+    }
+    model, fmu = write_augmented(tmp_path, gantry, uneven)
+    text = model.read_text()
+    assert "position_table = {0.0, 0.0, 0.2, 0.0" in text
+    assert "level = 1.1" in text
+    built = FmuFile.read(fmu)
+    assert {name: built.variables[name].start for name in uneven} == uneven
+    assert built.variables["axis_x.friction.position_table[4]"].start == 0.0
+    np.testing.assert_array_equal(
+        driven(built, ["x", "z", "v_x"]), driven(gantry, ["x", "z", "v_x"], uneven)
+    )
+
+
+def test_what_is_no_part_of_a_plant_is_said_in_comments(gantry: FmuFile) -> None:
+    assert outside_the_plant(FITTED) == ["sensor: f_x.bias = 2", "controller: loop delay of 4 ms"]
+    assert "// sensor: f_x.bias = 2" in augmented_model(gantry, FITTED)
+
+
+def test_the_next_experiment_tells_two_plants_apart_and_can_be_run(
+    gantry: FmuFile, late: Campaign
+) -> None:
+    pair = ((("bearing_drag",), {"contact.mu": 0.05}),)
+    pair += ((("friction_load/x",), {"axis_x.friction.load": 0.05}),)
+    found = next_experiment(TASK, late, gantry, pair)
+    assert found is not None
+    assert found["separates"] == [["bearing_drag"], ["friction_load/x"]]
+    assert found["separation"] > 1.2
+    assert json.dumps(found)
+    scenario = scenario_from(tomllib.loads(found["scenario"]))
+    assert run_scenario(scenario, gantry).outcome == "done"
+
+
+def test_no_experiment_tells_a_plant_from_itself(gantry: FmuFile, late: Campaign) -> None:
+    assert next_experiment(TASK, late, gantry, (((), {}), ((), {}))) is None
+    assert len(list(candidates(late))) > 10
+
+
+@pytest.mark.parametrize("cuts", [True, False])
+def test_readings_that_were_cut_off_are_taken_in_the_middle_of_their_step(
+    late: Campaign, cuts: bool
+) -> None:
+    run = late.logs["contour_curved"]
+    step = 0.02  # m/s
+    true = run.log["v_x"]
+    coarse = step * np.floor(true / step + (0.0 if cuts else 0.5))
+    log = replace(run.log, table=run.log.table.assign(v_x=coarse))
+    campaign = Campaign("coarse", Path("c"), {"contour_curved": LoggedRun(run.setup, log)})
+    quanta = coarse_channels(campaign)
+    assert quanta == {"v_x": pytest.approx(step)}
+    (read,) = rounded(campaign, quanta)
+    assert abs(np.mean(read.log["v_x"] - true)) < 0.25 * step
