@@ -37,7 +37,7 @@ def commands() -> str:
 def effects() -> str:
     """The gantry's catalogue: one row per effect and axis."""
     lines = ["| effect | axis | block | what it adds to the nominal plant |", "|---|---|---|---|"]
-    for path in sorted((ROOT / "pneugantry" / "diagnosis" / "effects").glob("*.toml")):
+    for path in sorted((ROOT / "pneugantry" / "plants" / "gantry" / "effects").glob("*.toml")):
         for entry in _entries(tomllib.loads(path.read_text(encoding="utf-8"))):
             axes = " ".join(entry.get("axes", ())) or entry.get("axis", "")
             cells = (f"`{entry['name']}`", axes, entry.get("block", ""), entry.get("summary", ""))
