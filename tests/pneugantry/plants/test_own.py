@@ -4,6 +4,7 @@ for what cannot be.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pandas as pd
 import pytest
 
 from modelica_fmu.errors import InputError
+from pneugantry.cli import main
 from pneugantry.engine.result import to_json
 from pneugantry.engine.run import Found
 from pneugantry.plants.own import diagnose_own, is_own_plant, own_task, write_augmented
@@ -111,13 +113,18 @@ def plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(plant: Path, cache: Path) -> Found:
-    """With a catalogue that is one file."""
-    catalogue = plant.parent / "both.toml"
+def one_file(plant: Path) -> Path:
+    """The catalogue as one file."""
     tables = [text_of(n).replace("[[form]]", "[[effect.form]]") for n in EFFECTS]
     tables = [t.replace("[form.", "[effect.form.") for t in tables]
-    catalogue.write_text("".join(f"[[effect]]\n{t}" for t in tables), encoding="utf-8")
-    return diagnose_own(plant, catalogue, cache)
+    path = plant.parent / "both.toml"
+    path.write_text("".join(f"[[effect]]\n{t}" for t in tables), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(plant: Path, one_file: Path, cache: Path) -> Found:
+    return diagnose_own(plant, one_file, cache)
 
 
 def test_an_effect_is_found_with_its_size_and_closes_the_gap(found: Found) -> None:
@@ -176,6 +183,19 @@ def test_an_fmu_without_source_gives_the_same_answer(
     assert other.gap.augmented == pytest.approx(found.gap.augmented, rel=1e-2)
     with pytest.raises(InputError, match="an FMU without source cannot be extended"):
         write_augmented(plant.parent / "out", other)
+
+
+def test_the_command_writes_page_json_and_model(
+    plant: Path, one_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told, page, out = tmp_path / "a.json", tmp_path / "a.html", tmp_path / "out"
+    written = ["--json", str(told), "--html", str(page), "--augmented", str(out)]
+    assert main(["diagnose", str(plant), "--catalogue", str(one_file), *written]) == 0
+    assert "verdict: identified" in capsys.readouterr().out
+    facts = json.loads(told.read_text(encoding="utf-8"))
+    assert facts["causes"][0]["effect"] == "offset"
+    assert "Sim-to-real gap of cart" in page.read_text(encoding="utf-8")
+    assert sorted(p.name for p in out.iterdir())[:2] == ["AugmentedCart.fmu", "AugmentedCart.mo"]
 
 
 def test_periods_below_a_millisecond_are_read(tmp_path: Path, cache: Path) -> None:
