@@ -195,7 +195,7 @@ def test_the_command_writes_page_json_and_model(
     facts = json.loads(told.read_text(encoding="utf-8"))
     assert facts["causes"][0]["effect"] == "offset"
     assert "Sim-to-real gap of cart" in page.read_text(encoding="utf-8")
-    assert sorted(p.name for p in out.iterdir())[:2] == ["AugmentedCart.fmu", "AugmentedCart.mo"]
+    assert {"AugmentedCart.fmu", "AugmentedCart.mo"} <= {p.name for p in out.iterdir()}
 
 
 def test_periods_below_a_millisecond_are_read(tmp_path: Path, cache: Path) -> None:
