@@ -271,7 +271,8 @@ def _set_table(
 ) -> tuple[list[str], Array]:
     """What is set before the start: names, and a row for each of `values`."""
     base = {**plant.settings, **plant.parameters, **record.parameters}
-    names, starts = [], []
+    names: list[str] = []
+    starts: list[float] = []
     for name in sorted({*base, *(n for given in values for n in given)}):
         for stage in series:
             own = _own_name(stage.fmu, name)
