@@ -1,5 +1,5 @@
 """The measured axis' rungs and its diagnosis: `python -m examples.emps [--json FILE]
-[--rungs-only]`; some three minutes.
+[--rungs-only]`; some minutes.
 
 Published: A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019. The data
 are not part of this repository.
@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from examples.emps import closed_loop, idim
-from pneugantry.diagnosis.own_diagnose import diagnose_own, own_json
-from pneugantry.diagnosis.own_plant import read_own_plant
-from pneugantry.engine.catalogue import read_catalogue
+from pneugantry.engine.confirm import values_on
+from pneugantry.engine.result import to_json
+from pneugantry.engine.run import Found, Task, run
+from pneugantry.plants.own import own_task
 
 PLANT = Path(__file__).parent / "plant.toml"
 DATA = Path(__file__).resolve().parents[3] / "shared" / "real" / "emps"
@@ -48,15 +49,13 @@ PUBLISHED_PARAMETERS = {
 
 def figures(diagnosed: bool = True) -> dict[str, Any]:
     """All numbers, as JSON values."""
-    plant = read_own_plant(PLANT)
-    assert plant.catalogue is not None
-    catalogue = read_catalogue(plant.catalogue)
+    described, task = own_task(PLANT)
     axes = {
         "train": idim.read_axis(DATA / "DATA_EMPS.mat"),
         "pulses": idim.read_axis(DATA / "DATA_EMPS_PULSES.mat"),
     }
     inverse = idim.ladder(axes["train"], axes["pulses"])
-    loop = closed_loop.ladder(plant, catalogue)
+    loop = closed_loop.ladder(task)
     table: dict[str, Any] = {
         "inverse": {
             n: {"parameters": r.parameters.tolist(), "train": r.train, "pulses": r.pulses}
@@ -64,13 +63,27 @@ def figures(diagnosed: bool = True) -> dict[str, Any]:
         },
         "closed_loop": {n: {"values": r.values, **r.errors} for n, r in loop.items()},
         "simulation": {
-            log.name: closed_loop.simulation_errors(plant, log, axes[log.name], PUBLISHED_MODEL)
-            for log in plant.logs
+            r.name: closed_loop.simulation_errors(task.plant, r, axes[r.name], PUBLISHED_MODEL)
+            for r in described.records
         },
     }
     if diagnosed:
-        table["diagnosis"] = own_json(diagnose_own(plant, catalogue))
+        table["diagnosis"] = diagnosis(task, run(task, described.rules))
     return table
+
+
+def diagnosis(task: Task, found: Found) -> dict[str, Any]:
+    """The answer as JSON, with the force errors after each step of the search."""
+    (view,) = task.views
+    held = task.data.held_out
+    records = [*task.data.fitted, *([] if held is None else [held])]
+    told = to_json(found.diagnosis)
+    for entry, step in zip(told["steps"], found.search.steps, strict=True):
+        entry["errors"] = {
+            r.name: closed_loop.relative(view, r, values_on(step.fit, r)) for r in records
+        }
+    left = {f"{v}, {s}": found.excess.ratio((v, s)) for v, s in found.excess.whole}
+    return {**told, "left": left}
 
 
 def printed(table: dict[str, Any]) -> str:
@@ -127,14 +140,13 @@ def _found(found: dict[str, Any]) -> list[str]:
     lines = [
         "The diagnosis by itself, fitted on train:",
         "",
-        "| step | effect | log evidence | force error, train / pulses, % |",
+        "| step | effect | evidence (fall of -2 log) | force error, train / pulses, % |",
         "|---|---|---|---|",
     ]
-    for step in found["path"]:
-        errors = tuple(100 * step["errors"][log]["u"] for log in ("train", "pulses"))
-        lines.append(
-            f"| {step['step']} | {step['effect']} | {step['evidence']:.1f} | {_pair(errors)} |"
-        )
+    for step in found["steps"]:
+        errors = tuple(100 * step["errors"][log] for log in ("train", "pulses"))
+        what = "dropped" if step["dropped"] else "added"
+        lines.append(f"| {what} | {step['effect']} | {step['gain']:.1f} | {_pair(errors)} |")
     lines += ["", f"verdict: {found['verdict']}"]
     for cause in found["causes"]:
         values = "; ".join(
@@ -150,6 +162,9 @@ def _found(found: dict[str, Any]) -> list[str]:
         f"gap of {gap['log']}: {gap['nominal']:.4g} -> {gap['augmented']:.3g}, shrink "
         f"{gap['shrink']:.4f}"
     )
+    lines += [
+        f"left in {name}: {ratio:.3g} times the noise" for name, ratio in found["left"].items()
+    ]
     lines += [f"note: {note}" for note in found["notes"]]
     return [*lines, f"{found['seconds']:.0f} s"]
 

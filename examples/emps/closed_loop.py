@@ -4,76 +4,113 @@ published model, simulated
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from examples.emps.idim import Axis
-from pneugantry.diagnosis.own_bench import Hypothesis, OwnBench, Trial
-from pneugantry.diagnosis.own_plant import OwnLog, OwnPlant
-from pneugantry.engine.catalogue import Effect
-from pyfmi_runner.block_fmu import BlockFmu
+from pneugantry.engine.plant import Plant, Record
+from pneugantry.engine.run import Task
+from pneugantry.engine.views import View
+from pyfmi_runner.build import build_fmu
+from pyfmi_runner.driven import DrivenFmu
+from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["EFFECTS", "LoopRung", "ladder", "simulation_errors"]
+__all__ = ["EFFECTS", "LoopRung", "ladder", "relative", "simulation_errors"]
 
+Array = NDArray[np.float64]
 EFFECTS = {
     "viscous": "viscous_friction",
     "coulomb": "coulomb_friction",
     "offset": "offset",
     "asymmetric": "friction_direction",
 }
+MASS = "M"
+STEP = 1e-3  # of a difference quotient, in usual sizes
 
 
 @dataclass(frozen=True)
 class LoopRung:
-    """A rung's values, and its force errors (below 20 Hz) by log."""
+    """A rung's values, and its force errors (below the view's band) by log."""
 
     values: dict[str, float]
     errors: dict[str, float]
 
 
-def ladder(plant: OwnPlant, catalogue: Mapping[str, Effect]) -> dict[str, LoopRung]:
+def ladder(task: Task) -> dict[str, LoopRung]:
     """Nested rungs: each adds one effect to the one before, fitted on the logs that are not held
     out.
     """
-    with OwnBench(plant) as bench:
-        trial = _least_squares(bench, bench.fit(Hypothesis()))
-        rungs = {"inertia": _rung(bench, trial)}
-        for name, key in EFFECTS.items():
-            effect = catalogue[key]
-            trial = _least_squares(bench, trial, trial.hypothesis.plus(effect, effect.forms[0]))
-            rungs[name] = _rung(bench, trial)
+    (view,) = task.views
+    held = task.data.held_out
+    records = [*task.data.fitted, *([] if held is None else [held])]
+    scales = {MASS: 0.05 * view.defaults[MASS]}
+    values = {MASS: view.defaults[MASS]}
+    rungs = {}
+    for name, key in {"inertia": "", **EFFECTS}.items():
+        for p in task.catalogue[key].forms[0].parameters if key else ():
+            scales[p.name], values[p.name] = p.scale, p.neutral
+        values = _least_squares(view, task.data.fitted, values, scales)
+        errors = {r.name: relative(view, r, values) for r in records}
+        rungs[name] = LoopRung(dict(values), errors)
     return rungs
 
 
-def _least_squares(bench: OwnBench, base: Trial, hypothesis: Hypothesis | None = None) -> Trial:
-    """Without colour; twice, so that the prior is weighed against the residual's own size."""
-    trial = bench.fit(hypothesis or base.hypothesis, base, whiteners=bench.plain(base.values))
-    return bench.fit(trial.hypothesis, trial, whiteners=bench.plain(trial.values))
+def _least_squares(
+    view: View,
+    records: Sequence[Record],
+    start: Mapping[str, float],
+    scales: Mapping[str, float],
+) -> dict[str, float]:
+    names = list(start)
+    unit = np.array([scales[n] for n in names])
+    first = np.array([start[n] for n in names])
+
+    def left(thetas: Array) -> Array:
+        """Residuals (points, rows) of points (points, names), in usual sizes from the start."""
+        given = [dict(zip(names, (first + unit * t).tolist(), strict=True)) for t in thetas]
+        parts = [_judged(view, r, view.residuals(r, given)) for r in records]
+        return np.concatenate(parts, axis=1)
+
+    def columns(theta: Array) -> Array:
+        found = left(np.vstack([theta, theta + STEP * np.eye(len(names))]))
+        return (found[1:] - found[0]).T / STEP
+
+    found = least_squares(lambda t: left(t[None])[0], np.zeros(len(names)), columns, xtol=1e-6)
+    return dict(zip(names, (first + unit * found.x).tolist(), strict=True))
 
 
-def _rung(bench: OwnBench, trial: Trial) -> LoopRung:
-    return LoopRung(
-        trial.fit.values,
-        {log.name: bench.relative(log, trial.values)["u"] for log in bench.plant.logs},
-    )
+def _judged(view: View, record: Record, rows: Array) -> Array:
+    """Rows (points, rows) that count, of the only signal."""
+    skipped = round(record.skip / (record.period * view.decimation))
+    return rows[:, skipped:, 0]
+
+
+def relative(view: View, record: Record, values: Mapping[str, float]) -> float:
+    """|measured - simulated| / |measured| of the view's rows."""
+    error = _judged(view, record, view.residuals(record, [values]))[0]
+    signal = record.signals[view.signals[0]]
+    rows = len(signal) // view.decimation
+    means = signal[: rows * view.decimation].reshape(rows, view.decimation).mean(axis=1)
+    return float(np.linalg.norm(error) / np.linalg.norm(means[-len(error) :]))
 
 
 def simulation_errors(
-    plant: OwnPlant, log: OwnLog, axis: Axis, values: Mapping[str, float]
+    plant: Plant, record: Record, axis: Axis, values: Mapping[str, float]
 ) -> dict[str, float]:
     """|measured - simulated| / |measured| of position, velocity, acceleration and force at every
     sample.
     """
-    with BlockFmu(plant.fmu) as fmu:
-        q, v, a, u = fmu.run(
-            {**plant.parameters, **log.parameters, **values},
-            plant.inputs,
-            log.inputs,
-            ["q", "v", "a", "u"],
-        ).T
-    first = round(plant.skip / plant.period)
+    given = {**plant.parameters, **record.parameters, **values}
+    fmu = DrivenFmu(FmuFile.read(build_fmu(plant.class_name, plant.model).path))
+    inputs = {n: np.asarray(record.inputs[n], dtype=float) for n in plant.inputs}
+    table = np.array([list(given.values())])
+    q, v, a, u = fmu.run(list(given), table, inputs, ["q", "v", "a", "u"], record.period)[0].T
+    fmu.close()
+    first = round(record.skip / record.period)
     pairs = {
         "position": (axis.position, q),
         "velocity": (axis.velocity, v),

@@ -245,8 +245,8 @@ def foreign_signals(
                 stages.setdefault(id(stage.fmu), stage)
         except _Unfed as missing:
             raise RunError(
-                f"{record.name} cannot be replayed: nothing but the logs makes the input "
-                f"{missing} of an FMU before {makers[signal].file.path.name}"
+                f"{record.name} could not be replayed: no FMU, or only a ring of them, makes the "
+                f"input {missing} on the way to {signal}"
             ) from None
     read = {s for stage in stages.values() for s in stage.fed.values()} | set(signals)
     series = [
@@ -271,7 +271,8 @@ def _set_table(
 ) -> tuple[list[str], Array]:
     """What is set before the start: names, and a row for each of `values`."""
     base = {**plant.settings, **plant.parameters, **record.parameters}
-    names, starts = [], []
+    names: list[str] = []
+    starts: list[float] = []
     for name in sorted({*base, *(n for given in values for n in given)}):
         for stage in series:
             own = _own_name(stage.fmu, name)

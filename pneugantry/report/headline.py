@@ -21,6 +21,7 @@ __all__ = [
 ]
 
 CLAIMS = ("identified", "ambiguous")
+LEFT = 2.0  # times the floor, from which on what is left of a gap is worth a word
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -170,9 +171,16 @@ def _named(cause: dict[str, Any], summaries: dict[str, str]) -> str:
 
 
 def _doubt(found: dict[str, Any]) -> str:
-    if confirmed(found) is not False:
+    """What speaks against the answer, or beside it."""
+    gap = found["gap"]
+    if confirmed(found) is None:
         return ""
-    return (
-        f" The held-out log {found['gap']['log']} does not bear that out: do not act on it before "
-        f"another log does."
-    )
+    if confirmed(found) is False:
+        return (
+            f" The held-out log {gap['log']} does not bear that out: do not act on it before "
+            f"another log does."
+        )
+    left = gap["augmented"] / gap["floor"]
+    if left <= LEFT:
+        return ""
+    return f" What is left of it is {number(left)} times the floor: this answer is not all."

@@ -36,7 +36,9 @@ def shots(found: Found) -> tuple[list[Shot], list[str]]:
     """The record that no fit saw first, then the fitted ones; and what could not be replayed, a
     sentence each.
     """
-    task, made, notes = found.task, [], []
+    task = found.task
+    made: list[Shot] = []
+    notes: list[str] = []
     held = task.data.held_out
     for record in (*([held] if held is not None else []), *task.data.fitted):
         if record.rows < 2:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from hashlib import sha256
 from importlib.metadata import version
+from typing import Any
 
 from pneugantry.engine.decide import UNKNOWN
 from pneugantry.engine.fitter import Fit
@@ -94,7 +95,9 @@ def runner_up(found: Found) -> str:
     return f"{text}its evidence is {gains}; but a further effect must bring more than it does."
 
 
-def parameter_rows(causes: Sequence[dict], chosen: Sequence[str]) -> list[dict]:  # type: ignore[type-arg]
+def parameter_rows(
+    causes: Sequence[Mapping[str, Any]], chosen: Sequence[str]
+) -> list[dict[str, Any]]:
     """Fitted parameters of the causes of a result's JSON, with digits that tell the ends of their
     intervals apart.
     """

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modelica_fmu.errors import InputError
+from modelica_fmu.errors import InputError, RunError
+from pneugantry.engine.confirm import replays
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.foreign import ForeignFmu, ForeignPlant, foreign_views, parameters_read
 from pneugantry.engine.plant import Plant, Record
@@ -203,6 +204,31 @@ def test_a_signal_that_is_missing_makes_the_view_reach_further(
     # the actuator's force runs on in steps of a row's mean between both FMUs
     np.testing.assert_allclose(found, expected, rtol=0, atol=2e-4)
     assert np.ptp(found[1] - found[0]) > 0.05
+
+
+def test_fmus_in_series_replay_a_record_as_the_whole_model(
+    cart: Plant, whole: Record, cache: Path, halves: dict[str, FmuFile]
+) -> None:
+    """Driven by the inputs alone; the actuator's FMU stands second in the description."""
+    plant, record = braked(cart, whole)
+    sets = [{}, {"K": 2.2, "m": 1.05, "sensors.speed.bias": 0.02}]
+    found = replays(of_fmus(plant, *reversed(chain(halves))), record, sets, cache)
+    for one, expected in zip(found, replays(cart, whole, sets, cache), strict=True):
+        assert one is not None
+        assert expected is not None
+        assert one.signals == expected.signals == ("force", "speed")
+        np.testing.assert_allclose(one.simulated, expected.simulated, rtol=0, atol=1e-3)
+    assert found[1] is not None
+    assert found[1].by_signal["force"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_plant_that_cannot_be_replayed_says_why(
+    cart: Plant, whole: Record, cache: Path, halves: dict[str, FmuFile]
+) -> None:
+    mass = chain(halves)[1]
+    plant, record = braked(cart, whole)
+    with pytest.raises(RunError, match=r"no FMU, or only a ring .* input f on the way to speed"):
+        replays(of_fmus(plant, mass), record, [{}], cache)
 
 
 def test_an_input_that_nothing_feeds_is_said(cart: Plant, halves: dict[str, FmuFile]) -> None:
