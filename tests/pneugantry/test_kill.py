@@ -198,24 +198,6 @@ def test_a_killed_diagnosis_leaves_whole_files(
     assert whole(tmp_path / "out") == {"d.html"}
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="children are looked up in /proc")
-def test_a_killed_diagnosis_leaves_no_process_behind(diagnose_arguments: list[str]) -> None:
-    with started(diagnose_arguments) as process:
-        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-        while process.poll() is None and len(children.read_text().split()) < 2:
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(0.02)
-        process.kill()
-        process.wait()
-        for _ in range(50):
-            try:
-                os.killpg(process.pid, 0)
-            except ProcessLookupError:
-                return
-            time.sleep(0.1)
-        raise AssertionError("its workers are still there 5 s later")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("log", ["a.parquet", "a.csv"])
 def test_many_kills_of_a_run(tmp_path: Path, log: str) -> None:
