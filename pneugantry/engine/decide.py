@@ -16,9 +16,20 @@ import numpy as np
 
 from pneugantry.engine.excess import Channel, Excess
 from pneugantry.engine.fitter import Fit
+from pneugantry.engine.plant import Array
 from pneugantry.engine.result import Answer
 
-__all__ = ["UNKNOWN", "Chances", "Decision", "Evidence", "decide", "unknown_score"]
+__all__ = [
+    "UNKNOWN",
+    "Chances",
+    "Decision",
+    "Evidence",
+    "Weighed",
+    "decide",
+    "shares",
+    "unknown_probability",
+    "unknown_score",
+]
 
 UNKNOWN = "unknown"
 SURE = 0.5  # probability from which a verdict claims something
@@ -64,6 +75,22 @@ def unknown_score(excess: Excess, usual: Mapping[Channel, float] | None) -> floa
     )
 
 
+Weighed = tuple[tuple[str, ...], float]  # effects, cost
+
+
+def shares(weighed: Sequence[Weighed], chances: Chances) -> Array:
+    """Probability of each hypothesis among all that the catalogue has."""
+    costs = np.array([cost + chances.entry * len(keys) for keys, cost in weighed])
+    weights = np.exp(-(costs - costs.min()) / (2 * chances.temper))
+    return np.asarray(weights / weights.sum())
+
+
+def unknown_probability(score: float, chances: Chances) -> float:
+    """Of something that the catalogue lacks, from `unknown_score`."""
+    odds = (chances.unknown_at - score) / chances.unknown_per
+    return 1 / (1 + math.exp(min(odds, 700.0)))
+
+
 def decide(
     found: Sequence[Evidence], score: float, chances: Chances, *, worse: bool = False
 ) -> Decision:
@@ -76,10 +103,8 @@ def decide(
         if name not in by_keys or e.cost < by_keys[name].cost:
             by_keys[name] = e
     kept = list(by_keys.values())
-    costs = np.array([e.cost + chances.entry * len(e.fit.keys) for e in kept])
-    weights = np.exp(-(costs - costs.min()) / (2 * chances.temper))
-    weights /= weights.sum()
-    unknown = 1 / (1 + math.exp(min((chances.unknown_at - score) / chances.unknown_per, 700.0)))
+    weights = shares([(e.fit.keys, e.cost) for e in kept], chances)
+    unknown = unknown_probability(score, chances)
     if worse:
         unknown = max(unknown, CLEAR)
     order = np.argsort(-weights)

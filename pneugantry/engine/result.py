@@ -71,6 +71,8 @@ class Diagnosis:
     steps: tuple[Step, ...] = ()  # of the search
     probabilities: Mapping[str, float] = field(default_factory=dict)  # of "none" and "unknown"
     stages: Mapping[str, float] = field(default_factory=dict)  # s, by name
+    weighed: tuple[tuple[tuple[str, ...], float], ...] = ()  # effects and cost, as decided upon
+    stands_out: float = 0.0  # what the answer leaves beyond the noise, see `unknown_score`
 
 
 def causes_of(
@@ -144,6 +146,8 @@ def to_json(d: Diagnosis) -> dict[str, Any]:
         "steps": [
             {"effect": s.effect, "gain": _number(s.gain), "dropped": s.dropped} for s in d.steps
         ],
+        "weighed": [{"effects": list(k), "cost": _number(c)} for k, c in d.weighed],
+        "stands_out": _number(d.stands_out),
         "stages": dict(d.stages),
         "seconds": d.seconds,
     }

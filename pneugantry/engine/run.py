@@ -156,6 +156,8 @@ def _answer(
         steps=found.steps,
         probabilities={"none": decision.none, "unknown": decision.unknown},
         stages=clock.stages,
+        weighed=tuple((e.fit.keys, e.cost) for e in evidence),
+        stands_out=score,
     )
     return Found(task, diagnosis, found, tuple(evidence), decision, excess, nominal, augmented, gap)
 

@@ -1,0 +1,58 @@
+"""Weights of the decision from rigs whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneugantry.engine.calibration import Known, fitted, known_case, log_score
+from pneugantry.engine.decide import Chances
+
+
+def drawn(count: int, seed: int, gain: float) -> list[Known]:
+    """Half the rigs have an effect that brings `gain` and more, half leave a chance gain below it;
+    a quarter stand out by 0.4, the others by 0.1.
+    """
+    generator = np.random.default_rng(seed)
+    cases = []
+    for k in range(count):
+        real, odd = k % 2 == 0, k % 4 > 1
+        brought = gain * generator.uniform(1.0, 5.0) if real else gain * generator.uniform(0.0, 0.9)
+        cases.append(
+            Known(
+                frozenset({"drag"} if real else ()),
+                odd,
+                (((), 0.0), (("drag",), -brought)),
+                generator.normal(0.4 if odd else 0.1, 0.05),
+            )
+        )
+    return cases
+
+
+@pytest.mark.parametrize("gain", [20.0, 120.0])
+def test_the_entry_moves_to_where_true_and_chance_gains_part(gain: float) -> None:
+    cases = drawn(200, 1, gain)
+    found = fitted(cases, Chances())
+    assert 0.8 * gain < found.entry < 1.2 * gain
+    assert 0.15 < found.unknown_at < 0.35
+    assert log_score(cases, found) > log_score(cases, Chances())
+
+
+def test_unseen_rigs_score_as_well() -> None:
+    found = fitted(drawn(100, 1, 60.0), Chances())
+    assert log_score(drawn(400, 2, 60.0), found) > -0.25
+
+
+def test_a_case_is_read_from_truth_and_answer() -> None:
+    truth = {
+        "kind": "both",
+        "causes": [
+            {"effect": "drag", "axis": "x", "known": True},
+            {"effect": "moth", "axis": "", "known": False},
+        ],
+    }
+    answer = {"weighed": [{"effects": [], "cost": 0.0}, {"effects": ["drag/x"], "cost": -80.0}]}
+    case = known_case(truth, {**answer, "stands_out": 0.5})
+    assert case.effects == {"drag/x"}
+    assert case.unknown
+    assert case.weighed == (((), 0.0), (("drag/x",), -80.0))
