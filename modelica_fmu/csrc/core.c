@@ -17,6 +17,7 @@
 #define EVENT_WIDTH 1e-10     /* s, bracket of an event */
 #define INDICATOR_MARGIN 1e-10 /* model exchange: indicators cross zero this far beyond the relation's own threshold */
 #define MAX_ITERATIONS 50     /* of one event iteration */
+#define MAX_RESTLESS 12       /* relations whose values are tried one after the other where following them leads nowhere */
 #define MAX_EVENTS 200        /* within one communication step; after them each mode holds for this part of it */
 #define MIN_STEP 1e-9         /* s */
 
@@ -263,49 +264,91 @@ static int take_memories(Instance *s, const double *d) {
     return changed;
 }
 
+/* Whether some choice of the restless relations agrees with the equations; it is taken, with as few of them true as can be. */
+static int search_relations(Instance *s, const unsigned char *restless) {
+    Core *c = &s->c;
+    int which[MAX_RESTLESS], n = 0;
+    for (int i = 0; i < N_RELATIONS; i++) {
+        if (!restless[i]) continue;
+        if (n == MAX_RESTLESS) return 0;
+        which[n++] = i;
+    }
+    for (int count = 0; count <= n; count++)
+        for (int choice = 0; choice < 1 << n; choice++) {
+            int true_ones = 0, agrees = 1, changed = 1;
+            for (int i = 0; i < n; i++) true_ones += choice >> i & 1;
+            if (true_ones != count) continue;
+            for (int i = 0; i < n; i++) c->q.m[which[i]] = choice >> i & 1;
+            for (int round = 0; round < MAX_ITERATIONS && agrees && changed; round++) { /* the others follow */
+                invalidate(s);
+                rates(s);
+                changed = refresh(s);
+                for (int i = 0; i < n; i++) agrees &= c->q.m[which[i]] == (choice >> i & 1);
+            }
+            if (agrees && !changed) return 1;
+        }
+    return 0;
+}
+
+/* Relations that agree with the equations, for the present pre(): by following them, where they go round in circles by trying. */
+static int settle_relations(Instance *s) {
+    unsigned char restless[AT_LEAST_1(N_RELATIONS)] = {0};
+    for (int round = 0; round < MAX_ITERATIONS; round++) {
+        double m[AT_LEAST_1(N_RELATIONS)];
+        memcpy(m, s->c.q.m, sizeof m);
+        invalidate(s);
+        rates(s);
+        if (!refresh(s)) return 1;
+        for (int i = 0; i < N_RELATIONS; i++) restless[i] |= round >= MAX_ITERATIONS / 2 && m[i] != s->c.q.m[i];
+    }
+    return search_relations(s, restless);
+}
+
+/* What fires, and the new values of memories and states; whether anything of it is new. */
+static int update(Instance *s, double *condition, double *x) {
+    double d[AT_LEAST_1(N_MEMORIES)];
+    if (N_BRANCHES) model_conditions(&s->c.q, condition);
+    int any = fire(s, condition);
+    if (any || N_MEMORIES) {
+        model_updates(&s->c.q, d, x);
+        any |= take_memories(s, d);
+    }
+    return any;
+}
+
 /* New relations, when-clauses and memories until nothing changes any more. */
 static CoreStatus iterate_events(Instance *s) {
     Core *c = &s->c;
-    double condition[AT_LEAST_1(N_BRANCHES)], d[AT_LEAST_1(N_MEMORIES)], x[AT_LEAST_1(N_STATES)];
-    for (int round = 0; round < MAX_ITERATIONS; round++) {
-        invalidate(s);
-        rates(s);
-        int changed = refresh(s);
-        if (changed) continue;
+    double condition[AT_LEAST_1(N_BRANCHES)], x[AT_LEAST_1(N_STATES)];
+    int any = 1, settled = 1;
+    for (int round = 0; any && settled && round < MAX_ITERATIONS; round++) {
         memcpy(c->q.pre, c->q.d, sizeof c->q.pre);
-        if (N_BRANCHES) model_conditions(&c->q, condition);
-        int any = fire(s, condition);
-        if (any || N_MEMORIES) {
-            model_updates(&c->q, d, x);
-            any |= take_memories(s, d);
+        settled = settle_relations(s);
+        if (!settled) break;
+        memcpy(x, c->q.x, sizeof x);
+        any = update(s, condition, x);
 #if CHAINED
-            for (int inner = 0, new = any; new && inner < MAX_ITERATIONS; inner++) { /* with the same pre() */
-                do {
-                    invalidate(s);
-                    rates(s);
-                } while (refresh(s) && ++inner < MAX_ITERATIONS);
-                model_conditions(&c->q, condition);
-                fire(s, condition);
-                model_updates(&c->q, d, x);
-                new = take_memories(s, d);
-            }
+        for (int inner = 0, new = any; new && settled; inner++) { /* with the same pre() */
+            settled = settle_relations(s) && inner < MAX_ITERATIONS;
+            double d[AT_LEAST_1(N_MEMORIES)];
+            model_conditions(&c->q, condition);
+            fire(s, condition);
+            model_updates(&c->q, d, x);
+            new = take_memories(s, d);
+        }
 #endif
-            for (int i = 0; i < N_STATES; i++) c->q.x[i] = x[i];
-        }
+        memcpy(c->q.x, x, sizeof x);
         if (N_BRANCHES) memcpy(c->condition, condition, sizeof condition);
-        if (!any) {
-            memset(c->q.tick, 0, sizeof c->q.tick);
-            if (N_SAMPLES) model_conditions(&c->q, c->condition);
-            memset(c->q.fired, 0, sizeof c->q.fired);
-            return check_finite(s);
-        }
     }
     memset(c->q.tick, 0, sizeof c->q.tick);
+    if (N_SAMPLES && !any && settled) model_conditions(&c->q, c->condition);
     memset(c->q.fired, 0, sizeof c->q.fired);
-    say(s, CORE_WARNING, "logEvents", "event iteration at t = %.9g s did not settle in %d rounds", c->q.time, MAX_ITERATIONS);
+    if (settled && !any) return check_finite(s);
     invalidate(s);
     rates(s);
-    return check_finite(s);
+    CoreStatus status = check_finite(s);
+    if (status != CORE_OK) return status;
+    return say(s, CORE_ERROR, "logStatusError", "the conditions at t = %.9g s contradict one another: the event has no solution", c->q.time);
 }
 
 /* ---- time events -------------------------------------------------------------------------------------------------------------- */
