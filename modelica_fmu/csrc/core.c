@@ -7,6 +7,7 @@
  * far side, where the event iteration finds the new modes. Where stability alone keeps steps short an implicit method takes over
  * (implicit.h). */
 #include "model.h"
+#include <float.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -14,12 +15,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define EVENT_WIDTH 1e-10     /* s, bracket of an event */
+#define EVENT_WIDTH 1e-10     /* s, bracket of an event; of a communication step no more than WIDTH_SHARE */
+#define WIDTH_SHARE 1e-6
 #define INDICATOR_MARGIN 1e-10 /* model exchange: indicators cross zero this far beyond the relation's own threshold */
 #define MAX_ITERATIONS 50     /* of one event iteration */
 #define MAX_RESTLESS 12       /* relations whose values are tried one after the other where following them leads nowhere */
 #define MAX_EVENTS 200        /* within one communication step; after them each mode holds for this part of it */
-#define MIN_STEP 1e-9         /* s */
+#define MIN_STEP 10           /* brackets of an event */
 
 typedef struct {
     ModelData q;
@@ -27,7 +29,8 @@ typedef struct {
     double condition[AT_LEAST_1(N_BRANCHES)]; /* when-conditions after the last event iteration */
     double tick_start[AT_LEAST_1(N_SAMPLES)], tick_interval[AT_LEAST_1(N_SAMPLES)];
     int64_t tick_count[AT_LEAST_1(N_SAMPLES)]; /* ticks already taken */
-    double step; /* last internal step that the error estimate allowed, s */
+    double step;  /* last internal step that the error estimate allowed, s */
+    double width; /* bracket of an event in this communication step, s */
     double delay_used[AT_LEAST_1(N_DELAYS)]; /* 0: nothing reads the delayed value with the present parameters */
     int started, rates_valid, parameters_changed, events_possible;
     int guessed;                  /* the initial system's first guess has been made */
@@ -426,7 +429,7 @@ static void attempt_explicit(Instance *s, double time, const double *x0, const d
         if (!(error <= trial->error)) trial->error = error; /* keeps a NaN */
     }
     trial->rate = 0;
-    if (s->c.steps + 1 < STIFF_WATCH && h > MIN_STEP) return;
+    if (s->c.steps + 1 < STIFF_WATCH && h > MIN_STEP * s->c.width) return;
     double far = 0, apart = 0; /* two points at the step's end, and their rates */
     for (int i = 0; i < N_STATES; i++) {
         const double size = scaled(trial, i);
@@ -447,7 +450,7 @@ static double locate(Instance *s, double time, const double *x0, const double *k
     int side = 0;
     memcpy(low_z, z0, sizeof low_z);
     memcpy(high_z, trial->z, sizeof high_z);
-    for (int round = 0; round < 100 && high - low > EVENT_WIDTH; round++) {
+    for (int round = 0; round < 100 && high - low > s->c.width; round++) {
         double guess = high;
         for (int i = 0; i < N_RELATIONS; i++) {
             if (holds(i, high_z[i]) == (s->c.q.m[i] != 0)) continue;
@@ -457,8 +460,8 @@ static double locate(Instance *s, double time, const double *x0, const double *k
             if (low + share * (high - low) < guess) guess = low + share * (high - low);
         }
         if (round > 30) guess = 0.5 * (low + high);
-        if (guess < low + 0.4 * EVENT_WIDTH) guess = low + 0.4 * EVENT_WIDTH;
-        if (guess > high - 0.4 * EVENT_WIDTH) guess = high - 0.4 * EVENT_WIDTH;
+        if (guess < low + 0.4 * s->c.width) guess = low + 0.4 * s->c.width;
+        if (guess > high - 0.4 * s->c.width) guess = high - 0.4 * s->c.width;
         Trial inner;
         attempt(s, time, x0, k1, guess, &inner);
         if (contradicted(s->c.q.m, inner.z)) {
@@ -531,7 +534,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     for (;;) {
         attempt(s, time, x0, k1, h, &trial);
         if (trial.error <= 1) break;
-        if (h <= MIN_STEP) {
+        if (h <= MIN_STEP * c->width) {
             if (c->implicit || !(h * trial.rate > STIFF_LIMIT)) break;
             c->implicit = 1; /* too stiff even for the shortest explicit step */
             c->q.time = time;
@@ -546,7 +549,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
         last = 0;
     }
     *event = locating && contradicted(c->q.m, trial.z);
-    if (locating && !*event && trial.passed_through && h > 16 * MIN_STEP) { /* look closer: two half steps */
+    if (locating && !*event && trial.passed_through && h > 16 * MIN_STEP * c->width) { /* look closer: two half steps */
         Trial half;
         attempt(s, time, x0, k1, 0.5 * h, &half);
         if (contradicted(c->q.m, half.z)) trial = half, h = 0.5 * h, last = 0, *event = 1;
@@ -556,7 +559,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
         last = last && h >= left;
     } else {
         double grow = trial.error > 1e-6 ? 0.9 / sqrt(sqrt(trial.error)) : 5;
-        c->step = fmax(MIN_STEP, h * fmin(5, fmax(0.5, grow)));
+        c->step = fmax(MIN_STEP * c->width, h * fmin(5, fmax(0.5, grow)));
         watch_stiffness(s, h, &trial);
     }
     s->taken++;
@@ -597,6 +600,7 @@ CoreStatus core_step(Instance *s, double time, double step) {
     const double end = time + step, longest = s->c.q.p[P_MAX_STEP];
     double held = time; /* modes are kept until then */
     s->c.steps = s->c.stiff = 0;
+    s->c.width = fmax(fmin(EVENT_WIDTH, WIDTH_SHARE * step), 4 * DBL_EPSILON * fabs(time));
     int events = 0;
     if (!(end - (end - longest) > 0.5 * longest)) /* a sampled clock would tick for ever without getting there */
         return say(s, CORE_ERROR, "logStatusError", "a step to t = %g s: its end is no number that internal steps of %g s can reach", end, longest);

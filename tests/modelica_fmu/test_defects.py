@@ -276,3 +276,20 @@ end M;
     ).start()
     t, a, b = model.run(1.0, "a", "b", step=0.04)
     assert ((a + b) == (t > 0.5)).all()
+
+
+def test_events_of_a_model_that_lives_for_nanoseconds(tmp_path: Path) -> None:
+    """Brackets and shortest steps were numbers of seconds: 1e-10 and 1e-9."""
+    model = library_of(
+        """model M
+  Real x(start = 0, fixed = true), y(start = 0, fixed = true);
+equation
+  der(x) = 1e9*(1 - x);
+  der(y) = if x > 0.3 then 1e9 else 0;
+end M;
+""",
+        tmp_path,
+    ).start()
+    t, x, y = model.run(2e-9, "x", "y", step=1e-10)
+    assert x == pytest.approx(1 - np.exp(-1e9 * t), abs=1e-5)
+    assert y[-1] == pytest.approx(2 + np.log(0.7), abs=1e-5)
