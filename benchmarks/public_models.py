@@ -16,6 +16,7 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -61,7 +62,11 @@ def integrated(
             dense_output=True,
         )
         assert made.success, made.message
-        return {name: lambda t, i=i: made.sol(t)[i] for i, name in enumerate(start)}
+
+        def state(i: int, t: np.ndarray) -> np.ndarray:
+            return np.asarray(made.sol(t)[i])
+
+        return {name: partial(state, i) for i, name in enumerate(start)}
 
     return solution
 

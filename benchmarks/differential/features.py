@@ -9,7 +9,20 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.optimize import brentq
 
-from benchmarks.differential.model import Crossing, Expr, Model, Tick, Values, drawn, literal
+from benchmarks.differential.model import (
+    Crossing,
+    Evaluate,
+    Expr,
+    Model,
+    Tick,
+    Values,
+    drawn,
+    literal,
+)
+
+
+def item(vector: Callable[[Values], np.ndarray], i: int) -> Evaluate:
+    return lambda values: float(vector(values)[i])
 
 
 def algebraic(m: Model) -> None:
@@ -74,7 +87,7 @@ def arrays(m: Model) -> None:
         return c * e.value(values) + np.arange(1, n + 1)
 
     for i in range(n):
-        m.define(f"{v}[{i + 1}]", lambda u, i=i: float(vector(u)[i]))
+        m.define(f"{v}[{i + 1}]", item(vector, i))
         m.show(f"{v}[{i + 1}]", e.jumps)
     squares = float(np.sum(c * np.arange(1, n + 1) ** 2))
     m.define(s, lambda u: float(vector(u).sum() + squares - c.prod()))
@@ -108,7 +121,7 @@ def matrices(m: Model) -> None:
 
     for name, size, function in ((y, 2, first), (z, 3, second)):
         for i in range(size):
-            m.define(f"{name}[{i + 1}]", lambda v, i=i, function=function: float(function(v)[i]))
+            m.define(f"{name}[{i + 1}]", item(function, i))
             m.show(f"{name}[{i + 1}]")
     m.define(f"{z}s", lambda v: float(first(v) @ a[:, 1] + a.sum() + (a * a).sum() + 2))
     m.show(f"{z}s")
@@ -340,8 +353,12 @@ def circuit(m: Model) -> None:
     right = np.zeros(n)
     right[0] = 1 / r[0]
     node = np.linalg.solve(g, right)
+
+    def potentials(v: Values) -> np.ndarray:
+        return node * e.value(v)
+
     for i in range(n):
-        m.define(f"{c}b[{i + 1}].v", lambda v, i=i: float(node[i]) * e.value(v))
+        m.define(f"{c}b[{i + 1}].v", item(potentials, i))
         m.show(f"{c}b[{i + 1}].v")
     m.define(f"{c}s.i", lambda v: -(1 - float(node[0])) / r[0] * e.value(v))
     m.show(f"{c}s.i")
