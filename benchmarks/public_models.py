@@ -19,18 +19,16 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import fmpy
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from benchmarks.textbook import Independent, Outcome, compared, without_folder
+from benchmarks.textbook import POINTS, Independent, Outcome, compared, simulated, without_folder
 from modelica_fmu.compiler import compile_model
 from modelica_fmu.errors import InputError
 from modelica_fmu.package import package_fmu
 
-POINTS = 500
 TIGHT = 1e-8
 Values = Mapping[str, Callable[[np.ndarray], np.ndarray]]
 
@@ -303,19 +301,11 @@ def tried(model: Public, folder: Path, libraries: Sequence[Path], out: Path) -> 
     known = [v.name for v in compiled.variables if v.name in wanted]
     settings = {"solver.tolerance": TIGHT, "solver.max_step": max(1e-6, model.stop / POINTS)}
     try:
-        ran: Any = fmpy.simulate_fmu(
-            str(path),
-            stop_time=model.stop,
-            output_interval=model.stop / POINTS,
-            start_values=settings,
-            fmi_type="CoSimulation",
-            output=known,
-        )
+        time, found = simulated(path, model.stop, known, settings)
     except Exception as error:
         return Outcome(model.name, "failed", "", None, " ".join(str(error).split())[:200])
-    found = {v: np.asarray(ran[v], float) for v in known}
     solution = Independent("by hand", dict(wanted), exact=True)
-    return compared(model.name, np.asarray(ran["time"]), found, solution)
+    return compared(model.name, time, found, solution)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
