@@ -11,8 +11,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-from controllers.catalogue import controller_names
-
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "docs" / "results" / "data"
 NOMINAL = "../shared/campaigns/nominal"  # another simulator's recording; not in this repository
@@ -29,10 +27,7 @@ COMMANDS = {  # name: the command, without --json
     "clean_install": "python -m benchmarks.clean_install --short",
     "thesis": "pneugantry thesis --draws 4 --plants 10 --no-figures",
     "thesis_gap": "pneugantry thesis --gap --draws 2 --no-figures",
-    "thesis_board": "pneugantry thesis --board --plants 5 --controllers pi_fv observer_fv "
-    "robust_fv pi_fv_tuned pi_fv_pressure_tuned pi_fv_mbpm_tuned",
-    "thesis_board_all": "pneugantry thesis --board --no-margins --plants 10 --controllers "
-    + " ".join(name for name in controller_names() if name != "observer_fv"),
+    "thesis_board": "pneugantry thesis --board",
     "thesis_variants": "pneugantry thesis --variants --draws 1",
     "thesis_tuning": "pneugantry thesis --tuning --no-figures",
     "benchmark": "pneugantry benchmark --only-paths",

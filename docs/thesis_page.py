@@ -86,23 +86,6 @@ def findings() -> str:
 
 def board() -> str:
     said, found = read("thesis_board")
-    margins = {
-        row["controller"]: (_margin(row["margins_linear"]), _margin(row["margins_cosimulated"]))
-        for row in found["rows"]
-    }
-    heads = ("gain, delay margin, python-control", "co-simulated")
-    return _board(said, found, heads, margins)
-
-
-def board_all() -> str:
-    said, found = read("thesis_board_all")
-    return _board(said, found, (), {})
-
-
-def _board(
-    said: str, found: dict[str, Any], heads: Sequence[str], more: dict[str, Sequence[str]]
-) -> str:
-    """more: further columns, by controller."""
     rows, worst = [], []
     for row in found["rows"]:
         name, drawn = row["controller"], row["drawn_plants"]
@@ -114,7 +97,8 @@ def _board(
                 f"{row['command_noise']:.3f}",
                 f"{row['share_at_limits']:.0%}",
                 f"{drawn['median']:.2f} ({drawn['worst']:.2f})" if drawn else "",
-                *more.get(name, ()),
+                _margin(row["margins_linear"]),
+                _margin(row["margins_cosimulated"]),
             )
         )
         by = {f: [] for f in FAMILIES}
@@ -124,12 +108,13 @@ def _board(
         worst.append((f"`{name}`", *(f"{max(v):.2f}" for v in by.values())))
     limits, missed = found["limits"], found["missed"]
     verdict = "met" if found["met"] else f"missed on {', '.join(missed)}"
-    first = ("controller", "nominal", "median", "worst", "on", "command noise [V]", "at limits")
+    heads = ("controller", "nominal", "median", "worst", "on", "command noise [V]", "at limits")
+    margins = ("gain, delay margin, python-control", "co-simulated")
     return (
         f"{said} RMSE f_n [N], the worse of straight and curved, over {len(found['structures'])} "
         f"structures. Asked of `robust_fv`: {limits['structure']} N wherever the thesis' PI stays "
         f"below {limits['where_pi_below']} N, {limits['nominal']} N on the nominal plant: "
-        f"**{verdict}**.\n\n{table((*first, 'drawn plants', *heads), rows)}\n\n"
+        f"**{verdict}**.\n\n{table((*heads, 'drawn plants', *margins), rows)}\n\n"
         "Worst in each family of structures:\n\n"
         f"{table(('controller', *FAMILIES), worst)}"
     )
@@ -257,7 +242,6 @@ PARTS: dict[str, Callable[[], str]] = {
     "numbers": numbers,
     "findings": findings,
     "board": board,
-    "board_all": board_all,
     "variants": variants,
     "tuning": tuning,
     "gap": gap,
