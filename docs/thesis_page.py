@@ -43,6 +43,23 @@ def shares() -> str:
     return f"{words}\n\n{table(('settings', 'met', 'met, the print unrounded'), rows)}"
 
 
+def tables() -> str:
+    """Every printed number that has ours, table by table."""
+    said, found = read("thesis")
+    by_table: dict[str, dict[str, dict[str, str]]] = {}
+    for cell in found["cells"]:
+        text = f"{cell['ours']:.3g} / {cell['printed']:.3g}{' *' if cell['met'] else ''}"
+        text = f"({text})" if cell["repeat_of"] else text
+        by_table.setdefault(cell["table"], {}).setdefault(cell["row"], {})[cell["column"]] = text
+    parts = [f"{said} Ours / printed, * within 25 %, (..) printed before by another table."]
+    for name, rows in by_table.items():
+        columns = list(dict.fromkeys(column for row in rows.values() for column in row))
+        lines = [(row, *(cells.get(c, "") for c in columns)) for row, cells in rows.items()]
+        kinds = sorted({c["kind"] for c in found["cells"] if c["table"] == name})
+        parts.append(f"Table {name} ({', '.join(kinds)}):\n\n{table(('', *columns), lines)}")
+    return "\n\n".join(parts)
+
+
 def conclusions() -> str:
     said, found = read("thesis")
     rows = []
@@ -208,6 +225,19 @@ def gap() -> str:
         )
         for rows in (found["factors"], found["structures"][:SHOWN])
     ]
+    tests = [
+        (
+            t["test"],
+            t["name"],
+            f"{t['gain']:.1f}",
+            "" if t["predicted"] is None else f"{t['predicted']:.1f} / {t['measured']:g} N",
+        )
+        for t in found.get("tests", ())
+    ]
+    parts_of = (
+        "On the tests of the parts, rival explanations (0: the best of its test):",
+        table(("test", "explained by", "log units", "ours / measured"), tests),
+    )
     heads = (
         "RMS difference from Table 3.12",
         "Table 4.7",
@@ -224,20 +254,53 @@ def gap() -> str:
         ranked[0],
         "On top of the best, one effect at its usual size:",
         ranked[1],
+        *(parts_of if tests else ()),
+        "Every measured cell on the best combination:",
+        table(("", "measured", "predicted", "stray, deviations"), _strays(found)),
     )
     return "\n\n".join(parts)
 
 
-def contents() -> str:
-    from pneugantry.thesis.contents import contents as entries
+def _strays(found: dict[str, Any]) -> list[tuple[str, ...]]:
+    return [
+        (
+            f"Table {c['table']}, {c['workpiece']}, {c['row']}, {c['column']}",
+            f"{c['value']:g}",
+            f"{c['predicted']:.3g} ± {c['sd']:.2g}",
+            f"{c['stray']:.1f}",
+        )
+        for c in found["cells"]
+    ]
 
-    rows = [(e.name, f"`{e.ours}`" if e.ours else "-", e.why_not) for e in entries()]
-    heads = ("", "ours", "why not, or what is left out")
-    return f"`pneugantry thesis --list`.\n\n{table(heads, rows)}"
+
+def contents() -> str:
+    from pneugantry.thesis.contents import contents_report
+
+    listed = contents_report()
+    _, found = read("thesis")
+    beside: dict[str, list[bool]] = {}
+    for cell in found["cells"]:
+        beside.setdefault(f"Table {cell['table']}", []).append(cell["met"])
+    rows = [
+        (
+            e["name"],
+            f"`{e['ours']}`" if e["ours"] else "-",
+            f"{sum(met)} of {len(met)}" if (met := beside.get(e["name"])) else "",
+            e["why_not"],
+        )
+        for e in listed["entries"]
+    ]
+    heads = ("", "ours", "numbers met", "why not, or what is left out")
+    return (
+        f"`pneugantry thesis --list`: {listed['ours']} of {len(rows)} have ours beside them. "
+        "Numbers within 25 %: of [the tables above](#every-printed-number).\n\n"
+        f"{table(heads, rows)}"
+    )
 
 
 PARTS: dict[str, Callable[[], str]] = {
     "shares": shares,
+    "tables": tables,
     "conclusions": conclusions,
     "numbers": numbers,
     "findings": findings,
