@@ -106,14 +106,16 @@ class CleanEnvironment:
         where = "Scripts" if os.name == "nt" else "bin"
         return str(self.folder / "env" / where / name)
 
-    def run(self, name: str, *arguments: str) -> tuple[str, float]:
-        """Standard output and wall seconds. Raises RunError where the exit code is not 0."""
+    def run(self, name: str, *arguments: str) -> tuple[str, float, float]:
+        """Standard output, wall and processor seconds. Raises RunError for an exit code that is not
+        0.
+        """
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL"))}
         kept |= {"PNEUGANTRY_CACHE": str(self.folder / "cache"), "MPLBACKEND": "agg"}
         if self.alone:
             kept.pop("CC", None)
             kept["PATH"] = str(Path(self.program("python")).parent)
-        began = time.perf_counter()
+        before, began = os.times(), time.perf_counter()
         done = subprocess.run(
             [self.program(name), *arguments],
             cwd=self.folder,
@@ -122,11 +124,11 @@ class CleanEnvironment:
             text=True,
             check=False,
         )
-        seconds = time.perf_counter() - began
+        seconds, after = time.perf_counter() - began, os.times()
         if done.returncode != 0:
             said = (done.stderr or done.stdout)[-1000:]
             raise RunError(f"{name} {' '.join(arguments)}: exit code {done.returncode}: {said}")
-        return done.stdout, seconds
+        return done.stdout, seconds, sum(after[2:4]) - sum(before[2:4])  # of the children
 
 
 def fmpy_script() -> str:
@@ -159,10 +161,12 @@ def use(environment: CleanEnvironment, platforms: Sequence[str], short: bool) ->
         steps.append(("pneugantry", "demo"))
     rows = []
     for step in steps:
-        said, seconds = environment.run(*step)
+        said, seconds, processor = environment.run(*step)
         last = said.strip().splitlines()[-1] if said.strip() else ""
-        rows.append({"command": " ".join(step), "seconds": seconds, "last_line": last})
-        print(f"{seconds:7.2f} s  {' '.join(step)}\n           {last}", flush=True)
+        times = {"seconds": seconds, "processor_seconds": processor}
+        rows.append({"command": " ".join(step)} | times | {"last_line": last})
+        said = f"{seconds:7.2f} s, {processor:.2f} s of a processor  {' '.join(step)}"
+        print(f"{said}\n           {last}", flush=True)
         if step[1] == "build":
             (fmu,) = (environment.folder / "fmus").glob("*.fmu")
             rows[-1]["binaries"] = check_binaries(fmu, platforms)
@@ -209,7 +213,8 @@ def main(arguments: list[str] | None = None) -> int:
             print(error, file=sys.stderr)
             return 1
     if options.json:
-        found = {"schema": "clean_install/1", "landed": landed, "steps": rows}
+        found = {"schema": "clean_install/2", "landed": landed, "install_seconds": seconds}
+        found["steps"] = rows
         options.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
     return 0
 

@@ -75,6 +75,8 @@ GENERATED: dict[str, Callable[[], str]] = {
     "effects": effects,
     "modules": file_map,
     "printed": printed,
+    "clean_install": recorded.clean_install,
+    "code_size": recorded.code_size,
     "replay": recorded.replay,
     "rootlocus": recorded.rootlocus,
     "solver_check": recorded.solver_check,

@@ -24,7 +24,7 @@ COMMANDS = {  # name: the command, without --json
     "motor": "pneugantry diagnose examples/motor/plant.toml",
     "replay": f"pneugantry replay {NOMINAL}",
     "solver_check": "python -m benchmarks.solver_check",
-    "clean_install": "python -m benchmarks.clean_install --short",
+    "clean_install": "python -m benchmarks.clean_install --zig",
     "thesis": "pneugantry thesis --draws 4 --plants 10 --no-figures",
     "thesis_gap": "pneugantry thesis --gap --draws 2 --no-figures",
     "thesis_board": "pneugantry thesis --board",

@@ -7,9 +7,13 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.code_size import functions, longest_line
+
 DATA = Path(__file__).parent / "results" / "data"
 
 __all__ = [
+    "clean_install",
+    "code_size",
     "motor",
     "replay",
     "rootlocus",
@@ -21,7 +25,9 @@ __all__ = [
 
 
 def _read(name: str) -> tuple[str, Any]:
-    """The sentence that says where a result comes from, and the result."""
+    """The sentence that says where a result comes from, and the result. Raises FileNotFoundError
+    for one that is not recorded.
+    """
     kept = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
     return f"`{kept['command']}`, version of {kept['version']}.", kept["result"]
 
@@ -108,6 +114,35 @@ def motor() -> str:
         f"{gap['augmented']:.2f}, shrink {gap['shrink']:.3f}. Put in: tau_c 0.15, tau_o 0.06 N m."
     )
     return f"{said} {words}\n\n{_table(('cause', 'probability', 'parameter', 'value'), rows)}"
+
+
+def clean_install() -> str:
+    """What lands in site-packages, and the first commands of a new environment."""
+    said, found = _read("clean_install")
+    landed = ", ".join(f"`{name}` ({count} files)" for name, count in found["landed"].items())
+    rows = [
+        (f"`{step['command']}`", f"{step['seconds']:.1f}", step["last_line"].strip())
+        for step in found["steps"]
+    ]
+    (built,) = (step["binaries"] for step in found["steps"] if "binaries" in step)
+    words = (
+        f"In site-packages: {landed}. Binaries of the FMU, by their own headers: "
+        f"{', '.join(sorted(built.values()))}."
+    )
+    return f"{said} {words}\n\n{_table(('command', 'wall seconds', 'its last line'), rows)}"
+
+
+def code_size() -> str:
+    """Longest functions, most arguments, longest line, of the code as it stands."""
+    found = list(functions())
+    longest = sorted(found, key=lambda f: -f.lines)[:5]
+    many = sorted((f for f in found if f.arguments > 6), key=lambda f: -f.arguments)
+    rows = [("longest functions", f"{f.lines} lines", f"`{f.file}` `{f.name}`") for f in longest]
+    rows += [("most arguments", str(f.arguments), f"`{f.file}` `{f.name}`") for f in many]
+    columns, place = longest_line()
+    rows.append(("longest line", f"{columns} columns", f"`{place}`"))
+    words = f"`python -m benchmarks.code_size`: {len(found)} functions"
+    return f"{words}, {len(many)} with more than six arguments.\n\n{_table(('', '', ''), rows)}"
 
 
 def _counted(outcomes: Sequence[dict[str, Any]], parts: Sequence[str]) -> str:
