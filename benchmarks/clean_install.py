@@ -159,7 +159,7 @@ def use(environment: CleanEnvironment, platforms: Sequence[str], short: bool) ->
     ]
     if not short:
         steps.append(("pneugantry", "demo"))
-    rows = []
+    rows: list[dict[str, Any]] = []
     for step in steps:
         said, seconds, processor = environment.run(*step)
         last = said.strip().splitlines()[-1] if said.strip() else ""
