@@ -103,6 +103,7 @@ def findings() -> str:
 
 def board() -> str:
     said, found = read("thesis_board")
+    searched = found.get("searched_to", {})
     rows, worst = [], []
     for row in found["rows"]:
         name, drawn = row["controller"], row["drawn_plants"]
@@ -114,8 +115,8 @@ def board() -> str:
                 f"{row['command_noise']:.3f}",
                 f"{row['share_at_limits']:.0%}",
                 f"{drawn['median']:.2f} ({drawn['worst']:.2f})" if drawn else "",
-                _margin(row["margins_linear"]),
-                _margin(row["margins_cosimulated"]),
+                _margin(row["margins_linear"], searched.get("linear", {})),
+                _margin(row["margins_cosimulated"], searched.get("cosimulated", {})),
             )
         )
         by = {f: [] for f in FAMILIES}
@@ -197,14 +198,22 @@ def tuning() -> str:
     )
 
 
-def _margin(found: dict[str, Any] | None) -> str:
+def _margin(found: dict[str, Any] | None, searched: dict[str, float | None]) -> str:
     if found is None:
         return "no linear model"
     if found.get("stable") is False or found["gain"] == 0.0:
         return "unstable"
-    gain = "none" if found["gain"] is None else f"{found['gain']:.1f}"
-    delay = "none" if found["delay"] is None else f"{1e3 * found['delay']:.0f} ms"
-    return f"{gain}, {delay}"
+    gain = _beyond(searched.get("gain")) if found["gain"] is None else f"{found['gain']:.1f}"
+    if found["delay"] is None:
+        return f"{gain}, {_beyond(searched.get('delay'), 'ms')}"
+    return f"{gain}, {1e3 * found['delay']:.0f} ms"
+
+
+def _beyond(end: float | None, unit: str = "") -> str:
+    """end: up to which was searched, a factor or s; None: everywhere."""
+    if end is None:
+        return "none"
+    return f"> {1e3 * end:.0f} ms" if unit else f"> {end:g}"
 
 
 def gap() -> str:

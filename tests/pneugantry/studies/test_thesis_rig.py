@@ -6,11 +6,13 @@ import pytest
 
 from pneugantry.thesis import gap, gap_tests
 from pneugantry.thesis.contents import contents
+from pneugantry.thesis.entrants import Entrant
 from pneugantry.thesis.findings import ROUGHNESS, rough_run
 from pneugantry.thesis.gap import CLEAR, Gap, run_gap
 from pneugantry.thesis.gap_report import answer
 from pneugantry.thesis.gap_tests import TAU_RIVALS, PartTest, part_tests, tau_likelihood
 from pneugantry.thesis.lag_readings import READINGS
+from pneugantry.thesis.loop_limits import cosimulated_margins, linear_margins
 from pneugantry.thesis.printed import printed_rows
 from pneugantry.thesis.rig_tables import (
     LARGEST,
@@ -104,6 +106,13 @@ def test_every_table_with_numbers_has_them_beside_the_printed(fmu):
     jatta = [cell for cell in whole if cell.row.startswith("Jatta")]
     assert {cell.table for cell in jatta} == {"3.4", "6.1"}
     assert all(math.isfinite(cell.ours) for cell in whole)
+
+
+def test_margins_from_co_simulation_see_an_oscillation_that_the_contact_does_not(fmu):
+    entrant = Entrant("observer_fv", "observer_fv")
+    linear, found = linear_margins(entrant, fmu), cosimulated_margins(entrant, fmu)
+    assert linear is not None
+    assert found.gain == pytest.approx(linear.gain, rel=0.1)
 
 
 def test_step_tests_tell_the_position_on_x_alone():
