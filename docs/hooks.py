@@ -84,6 +84,9 @@ GENERATED: dict[str, Callable[[], str]] = {
     "standard_library": recorded.standard_library,
     "stiff": recorded.stiff,
     "textbook": recorded.textbook,
+    "public_models": recorded.public_models,
+    "differential": recorded.differential,
+    "compiler_times": recorded.compiler_times,
     "decisions": decisions,
 }
 

@@ -17,6 +17,7 @@ NOMINAL = "../shared/campaigns/nominal"  # another simulator's recording; not in
 BOOK = "../ModelicaByExample"  # public sources, not in this repository either
 LIBRARY = "../ModelicaStandardLibrary"  # of version 4.1.0
 RESULTS = "../MAP-LIB_ReferenceResults"  # of the same version
+PUBLIC = "../public_models"  # checkouts of other public sources, each in a folder owner+name
 COMMANDS = {  # name: the command, without --json
     "rootlocus_none": "pneugantry rootlocus --axis z --lag none",
     "rootlocus_z": "pneugantry rootlocus --axis z --lag z",
@@ -34,9 +35,10 @@ COMMANDS = {  # name: the command, without --json
     "stiff": "python -m benchmarks.stiff",
     "compiler_times": "python -m benchmarks.compiler_times",
     "textbook": f"python -m benchmarks.textbook {BOOK} --also {LIBRARY}",
-    "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS} "
-    "--within Blocks.Examples --within Math --within Mechanics.Translational.Examples "
-    "--within Mechanics.Rotational.Examples",
+    "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS}",
+    "public_models": f"python -m benchmarks.public_models {PUBLIC} --also {LIBRARY} "
+    f"--also {PUBLIC}/ORNL-Modelica+TRANSFORM-Library",
+    "differential": "python -m benchmarks.differential --count 500",
 }
 
 

@@ -14,7 +14,10 @@ DATA = Path(__file__).parent / "results" / "data"
 __all__ = [
     "clean_install",
     "code_size",
+    "compiler_times",
+    "differential",
     "motor",
+    "public_models",
     "replay",
     "rootlocus",
     "solver_check",
@@ -176,6 +179,7 @@ def standard_library() -> str:
         "Math",
         "Mechanics.Translational.Examples",
         "Mechanics.Rotational.Examples",
+        "Electrical.Analog.Examples",
     )
     others = [
         (o["model"].split(".", 1)[1], o["state"], o["said"].split(": ", 1)[-1].split(";")[0][:110])
@@ -200,3 +204,40 @@ def stiff() -> str:
     ]
     heads = ("model", "tolerance", "internal steps", "explicit ones, stable", "error")
     return f"{said}\n\n{_table(heads, rows)}"
+
+
+def public_models() -> str:
+    """Models of other public sources against their equations by hand."""
+    said, found = _read("public_models")
+    rows = [
+        (
+            row["model"],
+            row["repository"],
+            row["state"],
+            "" if row["error"] is None else f"{row['error']:.0e}",
+            row["said"].split(": ", 1)[-1][:110],
+        )
+        for row in found
+    ]
+    return f"{said}\n\n{_table(('model', 'of', '', 'error', 'said'), rows)}"
+
+
+def differential() -> str:
+    """Random models against an interpreter of their own."""
+    said, found = _read("differential")
+    counts = ", ".join(f"{n} {state}" for state, n in found["counts"].items())
+    pieces = ", ".join(f"{name} {n}" for name, n in found["pieces"].items())
+    others = [(o["seed"], o["state"], o["said"][:110]) for o in found["others"]]
+    table = f"\n\n{_table(('seed', '', 'said'), others)}" if others else ""
+    return f"{said} {found['models']} models: {counts}. Pieces drawn: {pieces}.{table}"
+
+
+def compiler_times() -> str:
+    """Build and step of the gantry."""
+    said, found = _read("compiler_times")
+    same = "the same bytes" if found["same_bytes"] else "different bytes"
+    return (
+        f"{said} CPU time of a build of the gantry's FMU: {found['cold_s']:g} s cold, "
+        f"{found['warm_s']:g} s warm; a step of 1 ms at rest: {found['step_us']:g} us. Two builds "
+        f"of the same sources: {same}."
+    )

@@ -137,7 +137,8 @@ def _variable(
             raise translate.source.refuse(
                 f"the {what} of {s.name} is {number}", v, hint="give a finite number"
             )
-    base: BaseType = v.type if v.type in ("Real", "Integer", "Boolean") else "Enumeration"  # type: ignore[assignment]
+    plain = v.type in ("Real", "Integer", "Boolean")
+    base: BaseType = v.type if plain else "Enumeration"  # type: ignore[assignment]
     return Variable(
         name=s.name,
         kind=kind,  # type: ignore[arg-type]
