@@ -103,7 +103,7 @@ def findings() -> str:
 
 def board() -> str:
     said, found = read("thesis_board")
-    searched = found.get("searched_to", {})
+    searched = found["searched_to"]
     rows, worst = [], []
     for row in found["rows"]:
         name, drawn = row["controller"], row["drawn_plants"]
@@ -115,8 +115,8 @@ def board() -> str:
                 f"{row['command_noise']:.3f}",
                 f"{row['share_at_limits']:.0%}",
                 f"{drawn['median']:.2f} ({drawn['worst']:.2f})" if drawn else "",
-                _margin(row["margins_linear"], searched.get("linear", {})),
-                _margin(row["margins_cosimulated"], searched.get("cosimulated", {})),
+                _margin(row["margins_linear"], searched["linear"]),
+                _margin(row["margins_cosimulated"], searched["cosimulated"]),
             )
         )
         by = {f: [] for f in FAMILIES}
@@ -203,9 +203,9 @@ def _margin(found: dict[str, Any] | None, searched: dict[str, float | None]) -> 
         return "no linear model"
     if found.get("stable") is False or found["gain"] == 0.0:
         return "unstable"
-    gain = _beyond(searched.get("gain")) if found["gain"] is None else f"{found['gain']:.1f}"
+    gain = _beyond(searched["gain"]) if found["gain"] is None else f"{found['gain']:.1f}"
     if found["delay"] is None:
-        return f"{gain}, {_beyond(searched.get('delay'), 'ms')}"
+        return f"{gain}, {_beyond(searched['delay'], 'ms')}"
     return f"{gain}, {1e3 * found['delay']:.0f} ms"
 
 
