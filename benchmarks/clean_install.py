@@ -2,7 +2,9 @@
 `python -m benchmarks.clean_install [--short] [--zig] [--json FILE]`.
 
 What a new user does who has no checkout: `pip install`, `pneugantry demo`, `pneugantry build`, the
-fmpy script of the documents. Nothing of the checkout is on the path of the new environment.
+fmpy script of the documents. Nothing of the checkout is on the path of the new environment; with
+`--zig` nothing else is either, so that ziglang is the only C compiler, and all five platforms are
+built.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import argparse
 import json
 import os
 import re
+import struct
 import subprocess
 import sys
 import tempfile
@@ -23,12 +26,21 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import RunError
+from modelica_fmu.toolchain import PLATFORMS, host_platform
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("modelica_fmu", "pyfmi_runner", "controllers", "pneugantry")
 FMPY_SCRIPT = ROOT / "docs" / "tutorials" / "fmu-in-other-tools.md"
 
-__all__ = ["build_wheel", "main", "top_level"]
+ELF, PE, MACH_O = b"\x7fELF", b"MZ", b"\xcf\xfa\xed\xfe"  # how their files begin
+MACHINES = {  # the number of the machine in the header of each format
+    ELF: {62: "x86_64", 183: "aarch64"},
+    PE: {0x8664: "x86_64", 0xAA64: "aarch64"},
+    MACH_O: {0x01000007: "x86_64", 0x0100000C: "aarch64"},
+}
+SYSTEMS = {ELF: "linux", PE: "windows", MACH_O: "darwin"}
+
+__all__ = ["binaries", "build_wheel", "main", "top_level"]
 
 
 def build_wheel(out: Path) -> Path:
@@ -51,26 +63,59 @@ def top_level(wheel: Path) -> dict[str, int]:
     return found
 
 
+def binaries(fmu: Path) -> dict[str, str]:
+    """The shared libraries of an FMU: its folder of binaries -> the platform that the header of the
+    library in it names, as "x86_64-linux".
+    """
+    found: dict[str, str] = {}
+    with zipfile.ZipFile(fmu) as archive:
+        for name in archive.namelist():
+            if name.startswith("binaries/") and not name.endswith("/"):
+                found[name.split("/")[1]] = _platform(archive.read(name))
+    return found
+
+
+def _platform(library: bytes) -> str:
+    """What the header of a shared library says. Raises RunError for another kind of file."""
+    for magic, machines in MACHINES.items():
+        if library.startswith(magic):
+            (offset,) = struct.unpack_from("<I", library, 0x3C)  # of the PE header
+            at = {ELF: 18, PE: offset + 4, MACH_O: 4}[magic]
+            (machine,) = struct.unpack_from("<I" if magic == MACH_O else "<H", library, at)
+            if machine in machines:
+                return f"{machines[machine]}-{SYSTEMS[magic]}"
+    raise RunError(f"a library of an unknown kind begins with {library[:8].hex()}")
+
+
 @dataclass(frozen=True)
 class CleanEnvironment:
-    """A virtual environment in a folder outside the checkout; commands run in that folder."""
+    """A virtual environment in a folder outside the checkout; commands run in that folder.
+
+    alone: PATH holds the environment's own programs and no others.
+    """
 
     folder: Path
+    alone: bool = False
 
     @classmethod
-    def made(cls, folder: Path) -> CleanEnvironment:
+    def made(cls, folder: Path, alone: bool = False) -> CleanEnvironment:
         venv.create(folder / "env", with_pip=True)
-        return cls(folder)
+        return cls(folder, alone)
 
     def program(self, name: str) -> str:
         where = "Scripts" if os.name == "nt" else "bin"
         return str(self.folder / "env" / where / name)
 
-    def run(self, name: str, *arguments: str) -> tuple[str, float]:
-        """Standard output and wall seconds. Raises RunError where the exit code is not 0."""
+    def run(self, name: str, *arguments: str) -> tuple[str, float, float]:
+        """Standard output, wall and processor seconds. Raises RunError for an exit code that is not
+        0.
+        """
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL"))}
         kept |= {"PNEUGANTRY_CACHE": str(self.folder / "cache"), "MPLBACKEND": "agg"}
-        began = time.perf_counter()
+        if self.alone:
+            kept.pop("CC", None)
+            kept["PATH"] = str(Path(self.program("python")).parent)
+        before, began = os.times(), time.perf_counter()
         done = subprocess.run(
             [self.program(name), *arguments],
             cwd=self.folder,
@@ -79,11 +124,11 @@ class CleanEnvironment:
             text=True,
             check=False,
         )
-        seconds = time.perf_counter() - began
+        seconds, after = time.perf_counter() - began, os.times()
         if done.returncode != 0:
             said = (done.stderr or done.stdout)[-1000:]
             raise RunError(f"{name} {' '.join(arguments)}: exit code {done.returncode}: {said}")
-        return done.stdout, seconds
+        return done.stdout, seconds, sum(after[2:4]) - sum(before[2:4])  # of the children
 
 
 def fmpy_script() -> str:
@@ -114,13 +159,28 @@ def use(environment: CleanEnvironment, platforms: Sequence[str], short: bool) ->
     ]
     if not short:
         steps.append(("pneugantry", "demo"))
-    rows = []
+    rows: list[dict[str, Any]] = []
     for step in steps:
-        said, seconds = environment.run(*step)
+        said, seconds, processor = environment.run(*step)
         last = said.strip().splitlines()[-1] if said.strip() else ""
-        rows.append({"command": " ".join(step), "seconds": seconds, "last_line": last})
-        print(f"{seconds:7.2f} s  {' '.join(step)}\n           {last}", flush=True)
+        times = {"seconds": seconds, "processor_seconds": processor}
+        rows.append({"command": " ".join(step)} | times | {"last_line": last})
+        said = f"{seconds:7.2f} s, {processor:.2f} s of a processor  {' '.join(step)}"
+        print(f"{said}\n           {last}", flush=True)
+        if step[1] == "build":
+            (fmu,) = (environment.folder / "fmus").glob("*.fmu")
+            rows[-1]["binaries"] = check_binaries(fmu, platforms)
     return rows
+
+
+def check_binaries(fmu: Path, platforms: Sequence[str]) -> dict[str, str]:
+    """The binaries of a built FMU, printed. Raises RunError where they are not those asked for."""
+    found = binaries(fmu)
+    for folder, platform in found.items():
+        print(f"           binaries/{folder}: {platform}")
+    if sorted(found.values()) != sorted(platforms):
+        raise RunError(f"{fmu.name} holds binaries for {', '.join(found.values()) or 'nothing'}")
+    return found
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -128,14 +188,16 @@ def main(arguments: list[str] | None = None) -> int:
         prog="python -m benchmarks.clean_install", description=(__doc__ or "").splitlines()[0]
     )
     parser.add_argument("--short", action="store_true", help="without the demo")
-    parser.add_argument("--zig", action="store_true", help="install the extra, build for Windows")
+    parser.add_argument(
+        "--zig", action="store_true", help="ziglang as the only compiler, all platforms"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write what was found as JSON")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="clean-install-") as temporary:
         folder = Path(temporary)
         try:
             wheel = build_wheel(folder / "dist")
-            environment = CleanEnvironment.made(folder)
+            environment = CleanEnvironment.made(folder, alone=options.zig)
             extra = "[zig]" if options.zig else ""
             seconds = install(environment, wheel, extra)
             landed = top_level(wheel)
@@ -144,13 +206,15 @@ def main(arguments: list[str] | None = None) -> int:
             )
             for name, count in sorted(landed.items()):
                 print(f"  site-packages/{name}: {count} files")
-            platforms = ["x86_64-linux", "x86_64-windows"] if options.zig else ["x86_64-linux"]
+            here = [host_platform().fmi3]
+            platforms = [p.fmi3 for p in PLATFORMS] if options.zig else here
             rows = use(environment, platforms, options.short)
         except RunError as error:
             print(error, file=sys.stderr)
             return 1
     if options.json:
-        found = {"schema": "clean_install/1", "landed": landed, "steps": rows}
+        found = {"schema": "clean_install/2", "landed": landed, "install_seconds": seconds}
+        found["steps"] = rows
         options.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
     return 0
 

@@ -82,17 +82,25 @@ def tried(name: str, libraries: Sequence[Path], reference: Reference, folder: Pa
     kinds = ("state", "algebraic", "discrete")
     wanted = [v.name for v in compiled.variables if v.kind in kinds]
     try:
-        ran = fmpy.simulate_fmu(
-            str(path),
-            stop_time=stop,
-            output_interval=stop / POINTS,
-            fmi_type="CoSimulation",
-            output=wanted,
-        )
+        time, found = simulated(path, stop, wanted)
     except Exception as error:
         return Outcome(name, "failed", "", None, " ".join(str(error).split())[:200])
-    found = {v: np.asarray(ran[v], float) for v in wanted}
-    return compared(name, np.asarray(ran["time"]), found, reference.solution(name, stop))
+    return compared(name, time, found, reference.solution(name, stop))
+
+
+def simulated(
+    path: Path, stop: float, wanted: Sequence[str], settings: dict[str, float] | None = None
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Times, s, and values by name of a run in co-simulation from 0; `settings`: start values."""
+    ran = fmpy.simulate_fmu(
+        str(path),
+        stop_time=stop,
+        output_interval=stop / POINTS,
+        start_values=settings or {},
+        fmi_type="CoSimulation",
+        output=list(wanted),
+    )
+    return np.asarray(ran["time"]), {v: np.asarray(ran[v], float) for v in wanted}
 
 
 def without_folder(made: Outcome, folder: Path) -> Outcome:

@@ -75,6 +75,8 @@ GENERATED: dict[str, Callable[[], str]] = {
     "effects": effects,
     "modules": file_map,
     "printed": printed,
+    "clean_install": recorded.clean_install,
+    "code_size": recorded.code_size,
     "replay": recorded.replay,
     "rootlocus": recorded.rootlocus,
     "solver_check": recorded.solver_check,
@@ -82,6 +84,9 @@ GENERATED: dict[str, Callable[[], str]] = {
     "standard_library": recorded.standard_library,
     "stiff": recorded.stiff,
     "textbook": recorded.textbook,
+    "public_models": recorded.public_models,
+    "differential": recorded.differential,
+    "compiler_times": recorded.compiler_times,
     "decisions": decisions,
 }
 

@@ -11,14 +11,13 @@ import sys
 import tempfile
 from pathlib import Path
 
-from controllers.catalogue import controller_names
-
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "docs" / "results" / "data"
 NOMINAL = "../shared/campaigns/nominal"  # another simulator's recording; not in this repository
 BOOK = "../ModelicaByExample"  # public sources, not in this repository either
 LIBRARY = "../ModelicaStandardLibrary"  # of version 4.1.0
 RESULTS = "../MAP-LIB_ReferenceResults"  # of the same version
+PUBLIC = "../public_models"  # checkouts of other public sources, each in a folder owner+name
 COMMANDS = {  # name: the command, without --json
     "rootlocus_none": "pneugantry rootlocus --axis z --lag none",
     "rootlocus_z": "pneugantry rootlocus --axis z --lag z",
@@ -26,22 +25,20 @@ COMMANDS = {  # name: the command, without --json
     "motor": "pneugantry diagnose examples/motor/plant.toml",
     "replay": f"pneugantry replay {NOMINAL}",
     "solver_check": "python -m benchmarks.solver_check",
-    "clean_install": "python -m benchmarks.clean_install --short",
+    "clean_install": "python -m benchmarks.clean_install --zig",
     "thesis": "pneugantry thesis --draws 4 --plants 10 --no-figures",
     "thesis_gap": "pneugantry thesis --gap --draws 2 --no-figures",
-    "thesis_board": "pneugantry thesis --board --plants 5 --controllers pi_fv observer_fv "
-    "robust_fv pi_fv_tuned pi_fv_pressure_tuned pi_fv_mbpm_tuned",
-    "thesis_board_all": "pneugantry thesis --board --no-margins --plants 10 --controllers "
-    + " ".join(name for name in controller_names() if name != "observer_fv"),
+    "thesis_board": "pneugantry thesis --board",
     "thesis_variants": "pneugantry thesis --variants --draws 1",
     "thesis_tuning": "pneugantry thesis --tuning --no-figures",
     "benchmark": "pneugantry benchmark --only-paths",
     "stiff": "python -m benchmarks.stiff",
     "compiler_times": "python -m benchmarks.compiler_times",
     "textbook": f"python -m benchmarks.textbook {BOOK} --also {LIBRARY}",
-    "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS} "
-    "--within Blocks.Examples --within Math --within Mechanics.Translational.Examples "
-    "--within Mechanics.Rotational.Examples",
+    "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS}",
+    "public_models": f"python -m benchmarks.public_models {PUBLIC} --also {LIBRARY} "
+    f"--also {PUBLIC}/ORNL-Modelica+TRANSFORM-Library",
+    "differential": "python -m benchmarks.differential --count 500",
 }
 
 

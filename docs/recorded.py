@@ -7,10 +7,17 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.code_size import functions, longest_line
+
 DATA = Path(__file__).parent / "results" / "data"
 
 __all__ = [
+    "clean_install",
+    "code_size",
+    "compiler_times",
+    "differential",
     "motor",
+    "public_models",
     "replay",
     "rootlocus",
     "solver_check",
@@ -21,7 +28,9 @@ __all__ = [
 
 
 def _read(name: str) -> tuple[str, Any]:
-    """The sentence that says where a result comes from, and the result."""
+    """The sentence that says where a result comes from, and the result. Raises FileNotFoundError
+    for one that is not recorded.
+    """
     kept = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
     return f"`{kept['command']}`, version of {kept['version']}.", kept["result"]
 
@@ -110,6 +119,35 @@ def motor() -> str:
     return f"{said} {words}\n\n{_table(('cause', 'probability', 'parameter', 'value'), rows)}"
 
 
+def clean_install() -> str:
+    """What lands in site-packages, and the first commands of a new environment."""
+    said, found = _read("clean_install")
+    landed = ", ".join(f"`{name}` ({count} files)" for name, count in found["landed"].items())
+    rows = [
+        (f"`{step['command']}`", f"{step['seconds']:.1f}", step["last_line"].strip())
+        for step in found["steps"]
+    ]
+    (built,) = (step["binaries"] for step in found["steps"] if "binaries" in step)
+    words = (
+        f"In site-packages: {landed}. Binaries of the FMU, by their own headers: "
+        f"{', '.join(sorted(built.values()))}."
+    )
+    return f"{said} {words}\n\n{_table(('command', 'wall seconds', 'its last line'), rows)}"
+
+
+def code_size() -> str:
+    """Longest functions, most arguments, longest line, of the code as it stands."""
+    found = list(functions())
+    longest = sorted(found, key=lambda f: -f.lines)[:5]
+    many = sorted((f for f in found if f.arguments > 6), key=lambda f: -f.arguments)
+    rows = [("longest functions", f"{f.lines} lines", f"`{f.file}` `{f.name}`") for f in longest]
+    rows += [("most arguments", str(f.arguments), f"`{f.file}` `{f.name}`") for f in many]
+    columns, place = longest_line()
+    rows.append(("longest line", f"{columns} columns", f"`{place}`"))
+    words = f"`python -m benchmarks.code_size`: {len(found)} functions"
+    return f"{words}, {len(many)} with more than six arguments.\n\n{_table(('', '', ''), rows)}"
+
+
 def _counted(outcomes: Sequence[dict[str, Any]], parts: Sequence[str]) -> str:
     """Outcomes by package and state."""
     states = list(dict.fromkeys(o["state"] for o in outcomes))
@@ -141,6 +179,7 @@ def standard_library() -> str:
         "Math",
         "Mechanics.Translational.Examples",
         "Mechanics.Rotational.Examples",
+        "Electrical.Analog.Examples",
     )
     others = [
         (o["model"].split(".", 1)[1], o["state"], o["said"].split(": ", 1)[-1].split(";")[0][:110])
@@ -165,3 +204,40 @@ def stiff() -> str:
     ]
     heads = ("model", "tolerance", "internal steps", "explicit ones, stable", "error")
     return f"{said}\n\n{_table(heads, rows)}"
+
+
+def public_models() -> str:
+    """Models of other public sources against their equations by hand."""
+    said, found = _read("public_models")
+    rows = [
+        (
+            row["model"],
+            row["repository"],
+            row["state"],
+            "" if row["error"] is None else f"{row['error']:.0e}",
+            row["said"].split(": ", 1)[-1][:110],
+        )
+        for row in found
+    ]
+    return f"{said}\n\n{_table(('model', 'of', '', 'error', 'said'), rows)}"
+
+
+def differential() -> str:
+    """Random models against an interpreter of their own."""
+    said, found = _read("differential")
+    counts = ", ".join(f"{n} {state}" for state, n in found["counts"].items())
+    pieces = ", ".join(f"{name} {n}" for name, n in found["pieces"].items())
+    others = [(o["seed"], o["state"], o["said"][:110]) for o in found["others"]]
+    table = f"\n\n{_table(('seed', '', 'said'), others)}" if others else ""
+    return f"{said} {found['models']} models: {counts}. Pieces drawn: {pieces}.{table}"
+
+
+def compiler_times() -> str:
+    """Build and step of the gantry."""
+    said, found = _read("compiler_times")
+    same = "the same bytes" if found["same_bytes"] else "different bytes"
+    return (
+        f"{said} CPU time of a build of the gantry's FMU: {found['cold_s']:g} s cold, "
+        f"{found['warm_s']:g} s warm; a step of 1 ms at rest: {found['step_us']:g} us. Two builds "
+        f"of the same sources: {same}."
+    )

@@ -43,6 +43,23 @@ def shares() -> str:
     return f"{words}\n\n{table(('settings', 'met', 'met, the print unrounded'), rows)}"
 
 
+def tables() -> str:
+    """Every printed number that has ours, table by table."""
+    said, found = read("thesis")
+    by_table: dict[str, dict[str, dict[str, str]]] = {}
+    for cell in found["cells"]:
+        text = f"{cell['ours']:.3g} / {cell['printed']:.3g}{' *' if cell['met'] else ''}"
+        text = f"({text})" if cell["repeat_of"] else text
+        by_table.setdefault(cell["table"], {}).setdefault(cell["row"], {})[cell["column"]] = text
+    parts = [f"{said} Ours / printed, * within 25 %, (..) printed before by another table."]
+    for name, rows in by_table.items():
+        columns = list(dict.fromkeys(column for row in rows.values() for column in row))
+        lines = [(row, *(cells.get(c, "") for c in columns)) for row, cells in rows.items()]
+        kinds = sorted({c["kind"] for c in found["cells"] if c["table"] == name})
+        parts.append(f"Table {name} ({', '.join(kinds)}):\n\n{table(('', *columns), lines)}")
+    return "\n\n".join(parts)
+
+
 def conclusions() -> str:
     said, found = read("thesis")
     rows = []
@@ -86,23 +103,7 @@ def findings() -> str:
 
 def board() -> str:
     said, found = read("thesis_board")
-    margins = {
-        row["controller"]: (_margin(row["margins_linear"]), _margin(row["margins_cosimulated"]))
-        for row in found["rows"]
-    }
-    heads = ("gain, delay margin, python-control", "co-simulated")
-    return _board(said, found, heads, margins)
-
-
-def board_all() -> str:
-    said, found = read("thesis_board_all")
-    return _board(said, found, (), {})
-
-
-def _board(
-    said: str, found: dict[str, Any], heads: Sequence[str], more: dict[str, Sequence[str]]
-) -> str:
-    """more: further columns, by controller."""
+    searched = found["searched_to"]
     rows, worst = [], []
     for row in found["rows"]:
         name, drawn = row["controller"], row["drawn_plants"]
@@ -114,7 +115,8 @@ def _board(
                 f"{row['command_noise']:.3f}",
                 f"{row['share_at_limits']:.0%}",
                 f"{drawn['median']:.2f} ({drawn['worst']:.2f})" if drawn else "",
-                *more.get(name, ()),
+                _margin(row["margins_linear"], searched["linear"]),
+                _margin(row["margins_cosimulated"], searched["cosimulated"]),
             )
         )
         by = {f: [] for f in FAMILIES}
@@ -124,12 +126,13 @@ def _board(
         worst.append((f"`{name}`", *(f"{max(v):.2f}" for v in by.values())))
     limits, missed = found["limits"], found["missed"]
     verdict = "met" if found["met"] else f"missed on {', '.join(missed)}"
-    first = ("controller", "nominal", "median", "worst", "on", "command noise [V]", "at limits")
+    heads = ("controller", "nominal", "median", "worst", "on", "command noise [V]", "at limits")
+    margins = ("gain, delay margin, python-control", "co-simulated")
     return (
         f"{said} RMSE f_n [N], the worse of straight and curved, over {len(found['structures'])} "
         f"structures. Asked of `robust_fv`: {limits['structure']} N wherever the thesis' PI stays "
         f"below {limits['where_pi_below']} N, {limits['nominal']} N on the nominal plant: "
-        f"**{verdict}**.\n\n{table((*first, 'drawn plants', *heads), rows)}\n\n"
+        f"**{verdict}**.\n\n{table((*heads, 'drawn plants', *margins), rows)}\n\n"
         "Worst in each family of structures:\n\n"
         f"{table(('controller', *FAMILIES), worst)}"
     )
@@ -195,14 +198,22 @@ def tuning() -> str:
     )
 
 
-def _margin(found: dict[str, Any] | None) -> str:
+def _margin(found: dict[str, Any] | None, searched: dict[str, float | None]) -> str:
     if found is None:
         return "no linear model"
     if found.get("stable") is False or found["gain"] == 0.0:
         return "unstable"
-    gain = "none" if found["gain"] is None else f"{found['gain']:.1f}"
-    delay = "none" if found["delay"] is None else f"{1e3 * found['delay']:.0f} ms"
-    return f"{gain}, {delay}"
+    gain = _beyond(searched["gain"]) if found["gain"] is None else f"{found['gain']:.1f}"
+    if found["delay"] is None:
+        return f"{gain}, {_beyond(searched['delay'], 'ms')}"
+    return f"{gain}, {1e3 * found['delay']:.0f} ms"
+
+
+def _beyond(end: float | None, unit: str = "") -> str:
+    """end: up to which was searched, a factor or s; None: everywhere."""
+    if end is None:
+        return "none"
+    return f"> {1e3 * end:.0f} ms" if unit else f"> {end:g}"
 
 
 def gap() -> str:
@@ -223,6 +234,19 @@ def gap() -> str:
         )
         for rows in (found["factors"], found["structures"][:SHOWN])
     ]
+    tests = [
+        (
+            t["test"],
+            t["name"],
+            f"{t['gain']:.1f}",
+            "" if t["predicted"] is None else f"{t['predicted']:.1f} / {t['measured']:g} N",
+        )
+        for t in found.get("tests", ())
+    ]
+    parts_of = (
+        "On the tests of the parts, rival explanations (0: the best of its test):",
+        table(("test", "explained by", "log units", "ours / measured"), tests),
+    )
     heads = (
         "RMS difference from Table 3.12",
         "Table 4.7",
@@ -239,25 +263,57 @@ def gap() -> str:
         ranked[0],
         "On top of the best, one effect at its usual size:",
         ranked[1],
+        *(parts_of if tests else ()),
+        "Every measured cell on the best combination:",
+        table(("", "measured", "predicted", "stray, deviations"), _strays(found)),
     )
     return "\n\n".join(parts)
 
 
-def contents() -> str:
-    from pneugantry.thesis.contents import contents as entries
+def _strays(found: dict[str, Any]) -> list[tuple[str, ...]]:
+    return [
+        (
+            f"Table {c['table']}, {c['workpiece']}, {c['row']}, {c['column']}",
+            f"{c['value']:g}",
+            f"{c['predicted']:.3g} ± {c['sd']:.2g}",
+            f"{c['stray']:.1f}",
+        )
+        for c in found["cells"]
+    ]
 
-    rows = [(e.name, f"`{e.ours}`" if e.ours else "-", e.why_not) for e in entries()]
-    heads = ("", "ours", "why not, or what is left out")
-    return f"`pneugantry thesis --list`.\n\n{table(heads, rows)}"
+
+def contents() -> str:
+    from pneugantry.thesis.contents import contents_report
+
+    listed = contents_report()
+    _, found = read("thesis")
+    beside: dict[str, list[bool]] = {}
+    for cell in found["cells"]:
+        beside.setdefault(f"Table {cell['table']}", []).append(cell["met"])
+    rows = [
+        (
+            e["name"],
+            f"`{e['ours']}`" if e["ours"] else "-",
+            f"{sum(met)} of {len(met)}" if (met := beside.get(e["name"])) else "",
+            e["why_not"],
+        )
+        for e in listed["entries"]
+    ]
+    heads = ("", "ours", "numbers met", "why not, or what is left out")
+    return (
+        f"`pneugantry thesis --list`: {listed['ours']} of {len(rows)} have ours beside them. "
+        "Numbers within 25 %: of [the tables above](#every-printed-number).\n\n"
+        f"{table(heads, rows)}"
+    )
 
 
 PARTS: dict[str, Callable[[], str]] = {
     "shares": shares,
+    "tables": tables,
     "conclusions": conclusions,
     "numbers": numbers,
     "findings": findings,
     "board": board,
-    "board_all": board_all,
     "variants": variants,
     "tuning": tuning,
     "gap": gap,

@@ -7,7 +7,7 @@ import json
 import logging
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,7 +18,16 @@ from modelica_fmu.toolchain import find_compiler, find_platform, flags_for, host
 if TYPE_CHECKING:
     from modelica_fmu.compiled import CompiledModel
 
-__all__ = ["BuildResult", "build_class", "build_compiled", "fmu_path", "source_key"]
+__all__ = [
+    "PLAIN",
+    "BuildResult",
+    "ClassSource",
+    "Target",
+    "build_class",
+    "build_compiled",
+    "fmu_path",
+    "source_key",
+]
 
 COMPILER = Path(__file__).parent
 _LOG = logging.getLogger(__name__)  # INFO: what is being made, for whoever shows progress
@@ -30,6 +39,35 @@ class BuildResult(NamedTuple):
     rebuilt: bool
 
 
+@dataclass(frozen=True)
+class ClassSource:
+    """A Modelica class and what it is compiled from.
+
+    model: its file; None: it is looked up in the libraries. starts: values of parameters in place
+    of the model's own. libraries: package folders or files in which classes are looked up, those of
+    MODELICAPATH behind them.
+    """
+
+    name: str
+    model: Path | None
+    starts: Mapping[str, float] = field(default_factory=dict)
+    libraries: Sequence[Path] = ()
+
+
+@dataclass(frozen=True)
+class Target:
+    """What an FMU is built for. platforms: their names, None for this machine alone; force: it is
+    built anew even where it is up to date.
+    """
+
+    fmi: FmiVersion = "2.0"
+    platforms: Sequence[str] | None = None
+    force: bool = False
+
+
+PLAIN = Target()  # FMI 2.0, for this machine, kept where it is up to date
+
+
 def fmu_path(class_name: str, fmi: FmiVersion, out: Path) -> Path:
     """File of a class's FMU: "Drive_Motor.fmu", and "..._fmi3.fmu" for FMI 3.0."""
     suffix = "_fmi3" if fmi == "3.0" else ""
@@ -37,35 +75,29 @@ def fmu_path(class_name: str, fmi: FmiVersion, out: Path) -> Path:
 
 
 def build_class(
-    class_name: str,
-    model: Path | None,
+    source: ClassSource,
     out: Path | Callable[[str], Path],
-    fmi: FmiVersion = "2.0",
-    platforms: Sequence[str] | None = None,
-    force: bool = False,
-    starts: Mapping[str, float] | None = None,
-    libraries: Sequence[Path] = (),
+    target: Target = PLAIN,
     tool: str = "modelica_fmu",
 ) -> BuildResult:
     """Builds the FMU of a Modelica class into the folder `out`, or `out(source_key)`.
 
-    starts: values of parameters in place of the model's own. libraries: package folders or files in
-    which classes are looked up, those of MODELICAPATH behind them. tool: what the FMU says made
-    it. It is rebuilt only if a Modelica
-    file that was read, the compiler, its libraries, the C compiler, its flags or the platforms
-    differ from those that the manifest beside it names. Raises InputError for unusable Modelica,
-    an unknown parameter or platform and a missing C compiler.
+    tool: what the FMU says made it. It is rebuilt only if a Modelica file that was read, the
+    compiler, its libraries, the C compiler, its flags or the platforms differ from those that the
+    manifest beside it names. Raises InputError for unusable Modelica, an unknown parameter or
+    platform and a missing C compiler.
     """
-    of_starts = repr(sorted(starts.items())) if starts else ""
-    where = "".join(f" {Path(folder).resolve()}" for folder in libraries)
+    model = source.model
+    of_starts = repr(sorted(source.starts.items())) if source.starts else ""
+    where = "".join(f" {Path(folder).resolve()}" for folder in source.libraries)
     files = [model] if model is not None and model.is_file() else []
-    key = source_key(files, class_name + of_starts + where, fmi, platforms)
+    key = source_key(files, source.name + of_starts + where, target.fmi, target.platforms)
     read: list[Path] = []
 
     def compiled() -> CompiledModel:
         from modelica_fmu.compiler import compile_model  # CasADi loads slowly
 
-        made = compile_model(model, class_name, starts, libraries)
+        made = compile_model(model, source.name, source.starts, source.libraries)
         read.extend(made.files)
         return replace(made, tool=tool)
 
@@ -84,7 +116,7 @@ def build_class(
 
     folder = out(key) if callable(out) else out
     return build_compiled(
-        compiled, fmu_path(class_name, fmi, folder), key, fmi, platforms, provenance, force
+        compiled, fmu_path(source.name, target.fmi, folder), key, target, provenance
     )
 
 
@@ -92,20 +124,19 @@ def build_compiled(
     compiled: Callable[[], CompiledModel],
     path: Path,
     key: str,
-    fmi: FmiVersion,
-    platforms: Sequence[str] | None,
+    target: Target,
     provenance: Callable[[], Mapping[str, Any]],
-    force: bool = False,
 ) -> BuildResult:
     """Packages what `compiled()` returns at `path`, unless the manifest there has the same key."""
     manifest = path.with_suffix(".manifest.json")
-    if not force and _fresh(path, manifest, key):
+    if not target.force and _fresh(path, manifest, key):
         return BuildResult(path, manifest, rebuilt=False)
     from modelica_fmu.package import package_fmu
 
     _LOG.info("equations of %s", path.stem)
     made = compiled()
-    package_fmu(made, fmi, path, platforms, provenance={"source_key": key, **provenance()})
+    said = {"source_key": key, **provenance()}
+    package_fmu(made, target.fmi, path, target.platforms, provenance=said)
     return BuildResult(path, manifest, rebuilt=True)
 
 

@@ -35,6 +35,19 @@ class Variable:
     derivative_of: int | None = None  # value reference of the state, for kind "derivative"
 
 
+TIME = Variable(
+    "time",
+    "time",
+    "Real",
+    "independent",
+    "continuous",
+    None,
+    0,
+    unit="s",
+    description="Simulation time",
+)
+
+
 @dataclass(frozen=True)
 class CompiledModel:
     """A model ready for packaging.

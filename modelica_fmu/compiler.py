@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
 
-from modelica_fmu import generate, ir
+from modelica_fmu import generate
 from modelica_fmu.about import about_file
-from modelica_fmu.compiled import BaseType, CompiledModel, Variable
+from modelica_fmu.compiled import CompiledModel, Variable
 from modelica_fmu.errors import InputError
-from modelica_fmu.expressions import Translator
-from modelica_fmu.expressions import flatten as flat_values
 from modelica_fmu.frontend import FlatModel, flatten
-from modelica_fmu.functions import FunctionLibrary
 from modelica_fmu.generate import Expressions, Layout
 from modelica_fmu.hybrid import HybridSystem, build_system
 from modelica_fmu.index_reduction import reduce_index
 from modelica_fmu.initialisation import Initial, initial_system, is_fixed, is_free_parameter
 from modelica_fmu.sorting import solve
-from modelica_fmu.symbols import PlainScope, Scalar, constant
-from modelica_fmu.units import rate_unit
+from modelica_fmu.symbols import Scalar
+from modelica_fmu.variables import fmi_variables
 
 CORE = ("core.h", "core.c")
-PARAMETERS = ("parameter", "calculated", "constant")
-MOST_PARAMETERS = 100  # that a bound follows from, one by the other
 
 
 def compile_model(
@@ -67,10 +61,9 @@ def compile_system(
     layout = _layout(system)
     _restart(layout.parameters, starts or {}, model)
     expressions = _expressions(system, layout, solved, initial)
-    variables = _variables(system, layout, initial)
-    states = [v.index_reference for v in variables if v.variable.kind == "state"]
-    derivatives = [v.index_reference for v in variables if v.variable.kind == "derivative"]
-    plain, enumerations = _typed(tuple(v.variable for v in variables), model)
+    plain, enumerations = _typed(fmi_variables(system, layout, initial), model)
+    states = [i for i, v in enumerate(plain) if v.kind == "state"]
+    derivatives = [i for i, v in enumerate(plain) if v.kind == "derivative"]
     h, c = generate.source(
         system,
         layout,
@@ -138,11 +131,6 @@ def _restart(parameters: Sequence[Scalar], starts: Mapping[str, float], model: F
                 hint="give one that it has",
             )
         known[name].value = ca.SX(value)
-
-
-class _Placed:
-    def __init__(self, variable: Variable, reference: int) -> None:
-        self.variable, self.index_reference = variable, reference
 
 
 def _layout(system: HybridSystem) -> Layout:
@@ -291,192 +279,6 @@ def _sequential(assigns: dict[str, ca.SX], memory: dict[str, ca.SX]) -> dict[str
         if not changed:
             break
     return result
-
-
-def _variables(system: HybridSystem, layout: Layout, initial: Initial) -> list[_Placed]:
-    """All FMI variables; their order is that of the value references."""
-    model = system.table.model
-    source = system.table.source
-    scope = PlainScope(system.table, FunctionLibrary(source, model.functions))
-    translate = Translator(source, scope, events=False)
-    fixed = _fixed_parameters(system, layout)
-    sought = {s.name for s in initial.unknowns}
-    made: list[Variable] = [
-        Variable(
-            "time",
-            "time",
-            "Real",
-            "independent",
-            "continuous",
-            None,
-            0,
-            unit="s",
-            description="Simulation time",
-        )
-    ]
-    for i, s in enumerate(layout.parameters):
-        variability = "fixed" if s.discrete_valued or s.name in fixed else "tunable"
-        made.append(
-            _variable(
-                s,
-                "parameter",
-                i,
-                translate,
-                "parameter",
-                variability,
-                "exact",
-                generate.constant_start(s),
-            )
-        )
-    for i, s in enumerate(layout.calculated):
-        variability = "fixed" if s.name in fixed else "tunable"
-        made.append(
-            _variable(
-                s,
-                "calculated",
-                len(layout.parameters) + i,
-                translate,
-                "calculatedParameter",
-                variability,
-                "calculated",
-            )
-        )
-    for i, s in enumerate(layout.inputs):
-        variability = "discrete" if s.discrete_valued else "continuous"
-        made.append(
-            _variable(
-                s, "input", i, translate, "input", variability, None, generate.constant_start(s)
-            )
-        )
-    first = len(made)
-    for i, s in enumerate(layout.states):
-        exact = s.value is None or s.value.is_constant()
-        start = generate.constant_start(s) if exact else None
-        how = "approx" if s.name in sought else "exact"
-        made.append(
-            _variable(
-                s,
-                "state",
-                i,
-                translate,
-                "local",
-                "continuous",
-                how if exact else "calculated",
-                start,
-            )
-        )
-    for i, s in enumerate(layout.states):
-        unit = rate_unit(s.variable.unit)
-        made.append(
-            Variable(
-                f"der({s.name})",
-                "derivative",
-                "Real",
-                "local",
-                "continuous",
-                "calculated",
-                i,
-                unit=unit,
-                description=f"Rate of {s.name}",
-                derivative_of=first + i,
-            )
-        )
-    for i, s in enumerate(layout.algebraics):
-        causality = "output" if s.variable.causality == "output" else "local"
-        made.append(
-            _variable(
-                s,
-                "algebraic",
-                i,
-                translate,
-                causality,
-                "discrete" if s.discrete_valued else "continuous",
-                "calculated",
-            )
-        )
-    for i, s in enumerate(layout.memories):
-        if s.kind == "discrete" and not s.variable.protected:
-            made.append(_variable(s, "discrete", i, translate, "local", "discrete", "calculated"))
-    return [_Placed(v, i) for i, v in enumerate(made)]
-
-
-def _fixed_parameters(system: HybridSystem, layout: Layout) -> set[str]:
-    """Parameters that start values or sample times depend on cannot be tuned while running."""
-    expressions = [s.value for s in layout.states + layout.memories if s.value is not None]
-    expressions += [v for s in system.samples for v in (s.start, s.interval)] + [
-        d.maximum for d in system.delays
-    ]
-    names = {v.name() for e in expressions for v in ca.symvar(e)}
-    for s in reversed(layout.calculated):
-        if s.name in names and s.value is not None:
-            names |= {v.name() for v in ca.symvar(s.value)}
-    return names
-
-
-def _variable(
-    s: Scalar,
-    kind: str,
-    index: int,
-    translate: Translator,
-    causality: str,
-    variability: str,
-    initial: str | None,
-    start: float | None = None,
-) -> Variable:
-    v = s.variable
-    low, high = (_bound(tree, s, translate) for tree in (v.min, v.max))
-    nominal = _bound(v.nominal if kind == "state" else None, s, translate, at_start=True)
-    for what, number in (("value", start), ("min", low), ("max", high), ("nominal", nominal)):
-        if number is not None and not math.isfinite(number):
-            raise translate.source.refuse(
-                f"the {what} of {s.name} is {number}", v, hint="give a finite number"
-            )
-    base: BaseType = v.type if v.type in ("Real", "Integer", "Boolean") else "Enumeration"  # type: ignore[assignment]
-    return Variable(
-        name=s.name,
-        kind=kind,  # type: ignore[arg-type]
-        type=base,
-        causality=causality,  # type: ignore[arg-type]
-        variability=variability,  # type: ignore[arg-type]
-        initial=initial,  # type: ignore[arg-type]
-        index=index,
-        start=start,  # type: ignore[arg-type]
-        unit=v.unit if base == "Real" else None,
-        description=v.description or None,
-        min=low,
-        max=high,
-        nominal=nominal,
-        enumeration=v.type if base == "Enumeration" else None,
-    )
-
-
-def _bound(
-    tree: ir.Expr | None, s: Scalar, translate: Translator, at_start: bool = False
-) -> float | None:
-    """The number that a bound is. One that depends on parameters is none; `at_start`: it is what
-    the parameters' own values make it. InputError for one that depends on a variable.
-    """
-    if tree is None:
-        return None
-    value = translate(tree)
-    for subscript in s.subscripts:
-        value = value[subscript - 1] if isinstance(value, list) else value
-    number = constant(value)
-    if number is not None:
-        return number
-    table = translate.scope.table
-    values = flat_values(value)
-    for _ in range(MOST_PARAMETERS):
-        symbols = [symbol for item in values for symbol in ca.symvar(item)]
-        if not symbols:
-            return float(values[0]) if at_start and len(values) == 1 else None
-        known = [table.scalars.get(symbol.name()) for symbol in symbols]
-        if any(k is None or k.kind not in PARAMETERS or k.value is None for k in known):
-            break
-        values = ca.substitute(values, symbols, [k.value for k in known])
-    raise translate.source.refuse(
-        f"a bound of {s.name} depends on a variable", s.variable, hint="give a number"
-    )
 
 
 def _dependencies(

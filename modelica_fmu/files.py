@@ -1,4 +1,5 @@
-"""Results written whole or not at all, without destroying what stands at their path.
+"""Results written whole or not at all, without destroying what stands at their path; sources read
+only where a read comes to an end.
 
 A regular file is replaced in one step; a link is followed; what is no regular file (a pipe, a
 terminal, /dev/stdout) is written through and stays what it is.
@@ -18,12 +19,13 @@ from pathlib import Path
 
 from modelica_fmu.errors import InputError
 
-__all__ = ["check_folder", "check_target", "write_atomically"]
+__all__ = ["check_folder", "check_source", "check_target", "write_atomically"]
 
 DESCRIPTOR = re.compile(r"/dev/(stdin|stdout|stderr)|(?:/dev/fd|/proc/self/fd)/(\d+)")
 STANDARD = {"stdin": 0, "stdout": 1, "stderr": 2}
 THROUGH = {stat.S_IFCHR: "device", stat.S_IFIFO: "pipe"}  # written through
 REFUSED = {stat.S_IFBLK: "a disk", stat.S_IFSOCK: "a socket", stat.S_IFDIR: "a folder"}
+ENDLESS = {stat.S_IFBLK: "a disk", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device"}
 
 
 def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], object]) -> None:
@@ -43,6 +45,23 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], objec
             _replace(Path(os.path.realpath(path)), write)
     except OSError as error:
         raise _unwritable(path, error) from None
+
+
+def check_source(path: str | os.PathLike[str], pipes: bool = False) -> None:
+    """Raises InputError where something stands at `path` that cannot be read to an end: a device as
+    /dev/zero, a disk, a socket; and a pipe, unless `pipes`: it is read once, when it is written to.
+    Says nothing of what is not there, or a folder.
+    """
+    path = Path(path)
+    try:
+        kind = _kind(path)
+    except OSError:
+        return  # whoever reads it says why not
+    found = ENDLESS.get(kind or 0)
+    if kind == stat.S_IFIFO and not pipes:
+        found = "a pipe"
+    if found:
+        raise InputError(f"is {found}, expected a file", file=path, hint="name a file")
 
 
 def check_target(path: str | os.PathLike[str]) -> None:

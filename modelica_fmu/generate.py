@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from string import Template
 
 import casadi as ca
 
@@ -96,47 +97,16 @@ def groups(system: HybridSystem, layout: Layout) -> dict[str, ca.SX]:
     }
 
 
-def header(system: HybridSystem, layout: Layout, e: Expressions, hoisted: int) -> str:
-    loops = [len(loop.symbols) for loop in system.loops]
-    sizes = {
-        "N_STATES": len(layout.states),
-        "N_INPUTS": len(layout.inputs),
-        "N_PARAMETERS": len(layout.parameters),
-        "N_CALCULATED": len(layout.calculated),
-        "N_RELATIONS": len(system.relations),
-        "N_MEMORIES": len(layout.memories),
-        "N_ALGEBRAICS": len(layout.algebraics),
-        "N_OUTPUTS": layout.n_outputs,
-        "N_BRANCHES": len(system.branches),
-        "N_SAMPLES": len(system.samples),
-        "N_DELAYS": len(system.delays),
-        "N_ASSERTIONS": len(system.assertions),
-        "N_HOISTED": hoisted,
-        "N_LOOPS": len(loops),
-        "N_LOOPED": sum(loops),
-        "N_INITIAL": len(e.initial_unknowns),
-        "N_LARGEST": max([*loops, len(e.initial_unknowns) + sum(loops)]),
-        "N_ROUNDINGS": len(system.roundings),
-        "N_CONSTRAINTS": len(e.constraints),
-        "CHAINED": int(e.chained),
-        "N_SEEDS": len(layout.states)
-        + len(layout.inputs)
-        + len(layout.parameters)
-        + sum(loops)
-        + 1,
-    }
-    position = {s.name: i for i, s in enumerate(layout.parameters)}
-    sizes |= {define: position[name] for name, define in SOLVER.items()}
-    defines = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
-    return f"""/* Generated from a Modelica model: sizes and functions of the model. */
+HEADER = Template("""\
+/* Generated from a Modelica model: sizes and functions of the model. */
 #ifndef MODEL_H
 #define MODEL_H
 #include "core.h"
 
-{defines}
+$defines
 #define AT_LEAST_1(n) ((n) > 0 ? (n) : 1)
 
-typedef struct {{
+typedef struct {
     double time;
     double x[AT_LEAST_1(N_STATES)];
     double u[AT_LEAST_1(N_INPUTS)];
@@ -151,12 +121,12 @@ typedef struct {{
     double w[AT_LEAST_1(N_LOOPED)];     /* unknowns of algebraic loops, found by iteration */
     double r[AT_LEAST_1(N_ROUNDINGS)];  /* frozen results of floor() */
     double h[AT_LEAST_1(N_HOISTED)];    /* whatever depends on parameters alone */
-}} ModelData;
+} ModelData;
 
-typedef struct {{
+typedef struct {
     const char *message;
     int warning;
-}} ModelAssertion;
+} ModelAssertion;
 
 extern const double model_parameter_starts[], model_input_starts[], model_nominals[];
 extern const unsigned char model_inclusive[];   /* relation i is true at 0 */
@@ -190,7 +160,40 @@ extern const char *const model_loop_names[];
 extern const char model_initial_kind[]; /* of each unknown: x, p, d */
 extern const int model_initial_index[];
 #endif
-"""
+""")
+
+
+def header(system: HybridSystem, layout: Layout, e: Expressions, hoisted: int) -> str:
+    loops = [len(loop.symbols) for loop in system.loops]
+    sizes = {
+        "N_STATES": len(layout.states),
+        "N_INPUTS": len(layout.inputs),
+        "N_PARAMETERS": len(layout.parameters),
+        "N_CALCULATED": len(layout.calculated),
+        "N_RELATIONS": len(system.relations),
+        "N_MEMORIES": len(layout.memories),
+        "N_ALGEBRAICS": len(layout.algebraics),
+        "N_OUTPUTS": layout.n_outputs,
+        "N_BRANCHES": len(system.branches),
+        "N_SAMPLES": len(system.samples),
+        "N_DELAYS": len(system.delays),
+        "N_ASSERTIONS": len(system.assertions),
+        "N_HOISTED": hoisted,
+        "N_LOOPS": len(loops),
+        "N_LOOPED": sum(loops),
+        "N_INITIAL": len(e.initial_unknowns),
+        "N_LARGEST": max([*loops, len(e.initial_unknowns) + sum(loops)]),
+        "N_ROUNDINGS": len(system.roundings),
+        "N_CONSTRAINTS": len(e.constraints),
+        "CHAINED": int(e.chained),
+        "N_SEEDS": sum(map(len, (layout.states, layout.inputs, layout.parameters)))
+        + sum(loops)
+        + 1,
+    }
+    position = {s.name: i for i, s in enumerate(layout.parameters)}
+    sizes |= {define: position[name] for name, define in SOLVER.items()}
+    defines = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
+    return HEADER.substitute(defines=defines)
 
 
 def source(

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING
 
 from platformdirs import user_cache_path
 
-from modelica_fmu import BuildResult, build_class, build_compiled, fmu_path, source_key
+from modelica_fmu import (
+    PLAIN,
+    BuildResult,
+    ClassSource,
+    Target,
+    build_class,
+    build_compiled,
+    fmu_path,
+    source_key,
+)
 from modelica_fmu.description import FmiVersion
 from modelica_fmu.errors import InputError
 from pyfmi_runner.plant import DEFAULT_CLASS
@@ -18,7 +27,14 @@ from pyfmi_runner.plant import DEFAULT_CLASS
 if TYPE_CHECKING:
     from modelica_fmu.compiled import CompiledModel
 
-__all__ = ["BuildResult", "build_controller_fmu", "build_fmu", "cache_folder", "default_model"]
+__all__ = [
+    "BuildResult",
+    "build_controller_fmu",
+    "build_fmu",
+    "build_source",
+    "cache_folder",
+    "default_model",
+]
 
 HERE = Path(__file__).resolve().parents[1]  # of the checkout, or site-packages
 CONTROLLERS = HERE / "controllers"
@@ -45,27 +61,26 @@ def build_fmu(
     fmi: FmiVersion = "2.0",
     out: Path | None = None,
     platforms: Sequence[str] | None = None,
-    force: bool = False,
     starts: Mapping[str, float] | None = None,
-    libraries: Sequence[Path] = (),
 ) -> BuildResult:
-    """`build_class` of the gantry's model, into the user's cache unless `out` names a folder.
-
-    With libraries and without a model, the class is one of theirs.
+    """The FMU of a class of `model` (None: the gantry's), in the user's cache unless `out` names a
+    folder; see `build_class`.
     """
-    model = model or (None if libraries else default_model())
-    folder = out or _cached
-    return build_class(
-        class_name, model, folder, fmi, platforms, force, starts, libraries, tool=TOOL
-    )
+    source = ClassSource(class_name, model or default_model(), starts or {})
+    return build_source(source, Target(fmi, platforms), out)
+
+
+def build_source(
+    source: ClassSource, target: Target = PLAIN, out: Path | None = None
+) -> BuildResult:
+    """As `build_fmu`, of a class with its libraries."""
+    return build_class(source, out or _cached, target, tool=TOOL)
 
 
 def build_controller_fmu(
     name: str,
-    fmi: FmiVersion = "2.0",
+    target: Target = PLAIN,
     out: Path | None = None,
-    platforms: Sequence[str] | None = None,
-    force: bool = False,
     **options: object,
 ) -> BuildResult:
     """Builds the FMU of a controller of the catalogue, `options` its own (`gains="table_3_7"`).
@@ -85,17 +100,15 @@ def build_controller_fmu(
         ) from None
     class_name = f"PneuGantry.Controllers.{name}"
     sources = sorted([*CONTROLLERS.glob("*.py"), *EXPORT.glob("*.py")])
-    key = source_key(sources, f"{class_name} {controller.params}", fmi, platforms)
+    key = source_key(sources, f"{class_name} {controller.params}", target.fmi, target.platforms)
 
     def compiled() -> CompiledModel:
         from pyfmi_runner.export.controller import compile_controller
 
         return compile_controller(class_name, controller)
 
-    path = fmu_path(class_name, fmi, out or _cached(key))
-    return build_compiled(
-        compiled, path, key, fmi, platforms, lambda: {"casadi": version("casadi")}, force
-    )
+    path = fmu_path(class_name, target.fmi, out or _cached(key))
+    return build_compiled(compiled, path, key, target, lambda: {"casadi": version("casadi")})
 
 
 def _cached(key: str) -> Path:

@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from modelica_fmu.errors import InputError
-from modelica_fmu.files import write_atomically
+from modelica_fmu.files import check_source, write_atomically
 from pyfmi_runner.command_order import commands_swapped
 from pyfmi_runner.mat_file import read_mat
 
@@ -177,6 +177,7 @@ def read_table(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
             file=path,
             hint="name one .parquet or .csv file in it",
         )
+    check_source(path)
     try:
         with path.open("rb") as stream:
             head = stream.read(4)

@@ -19,6 +19,7 @@ from typing import Any
 from controllers.catalogue import controller_named, make_controller
 from controllers.interface import Controller
 from modelica_fmu.errors import InputError
+from modelica_fmu.files import check_source
 
 __all__ = ["SUFFIX", "controller_of", "is_known_controller", "read_controller"]
 
@@ -46,6 +47,7 @@ def read_controller(path: Path, **options: Any) -> Controller:
     """The controller that a Python file offers, made anew. The file is run: give only files that
     you trust. options: what its class takes, as `gains`. Raises InputError naming the file.
     """
+    check_source(path)
     try:
         text = path.read_bytes()
     except OSError as error:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from modelica_fmu.errors import InputError
+from modelica_fmu.files import check_source
 from pyfmi_runner.log import MEASURED, PHASES, STROKE_X, STROKE_Z, write_atomically
 from pyfmi_runner.sensors import SensorParams, check_sensors, converter_steps
 from pyfmi_runner.timing import LoopTiming
@@ -226,7 +227,7 @@ class Fields:
         name: str = self.of_type("controller", str, default)
         if self.file is None or not name.lower().endswith((".py", ".fmu")):
             return name
-        path = (Path(self.file).parent / name).resolve()
+        path = Path(os.path.abspath(Path(self.file).parent / name))  # a link keeps its name
         if name.lower().endswith(".py") and not path.is_file():
             self.refuse("controller", f"no such file {path}", "check the path")
         return str(path) if path.is_file() else name
@@ -470,6 +471,7 @@ def parse_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
     line and column).
     """
     path = Path(path)
+    check_source(path, pipes=True)
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from modelica_fmu.errors import InputError
+from modelica_fmu.files import check_source
 from pyfmi_runner.log import parsed_numbers
 
 __all__ = [
@@ -190,6 +191,7 @@ def read_profile(path: str | os.PathLike[str], *, surface_finish: bool = False) 
 
 
 def _profile_table(path: Path) -> tuple[Array, Array]:
+    check_source(path)
     try:
         table = pd.read_csv(path, comment="#", skipinitialspace=True, encoding="utf-8-sig")
     except FileNotFoundError:

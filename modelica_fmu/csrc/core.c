@@ -7,6 +7,7 @@
  * far side, where the event iteration finds the new modes. Where stability alone keeps steps short an implicit method takes over
  * (implicit.h). */
 #include "model.h"
+#include <float.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -14,13 +15,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define EVENT_WIDTH 1e-10     /* s, bracket of an event */
+#define EVENT_WIDTH 1e-10     /* s, bracket of an event; of a communication step no more than WIDTH_SHARE */
+#define WIDTH_SHARE 1e-6
 #define INDICATOR_MARGIN 1e-10 /* model exchange: indicators cross zero this far beyond the relation's own threshold */
 #define MAX_ITERATIONS 50     /* of one event iteration */
+#define MAX_RESTLESS 12       /* relations whose values are tried one after the other where following them leads nowhere */
 #ifndef MAX_EVENTS
 #define MAX_EVENTS 200        /* within one communication step; after them each mode holds for this part of it */
 #endif
-#define MIN_STEP 1e-9         /* s */
+#define MIN_STEP 10           /* brackets of an event */
 
 typedef struct {
     ModelData q;
@@ -28,7 +31,8 @@ typedef struct {
     double condition[AT_LEAST_1(N_BRANCHES)]; /* when-conditions after the last event iteration */
     double tick_start[AT_LEAST_1(N_SAMPLES)], tick_interval[AT_LEAST_1(N_SAMPLES)];
     int64_t tick_count[AT_LEAST_1(N_SAMPLES)]; /* ticks already taken */
-    double step; /* last internal step that the error estimate allowed, s */
+    double step;  /* last internal step that the error estimate allowed, s */
+    double width; /* bracket of an event in this communication step, s */
     double delay_used[AT_LEAST_1(N_DELAYS)]; /* 0: nothing reads the delayed value with the present parameters */
     int started, rates_valid, parameters_changed, events_possible;
     int guessed;                  /* the initial system's first guess has been made */
@@ -265,49 +269,91 @@ static int take_memories(Instance *s, const double *d) {
     return changed;
 }
 
+/* Whether some choice of the restless relations agrees with the equations; it is taken, with as few of them true as can be. */
+static int search_relations(Instance *s, const unsigned char *restless) {
+    Core *c = &s->c;
+    int which[MAX_RESTLESS], n = 0;
+    for (int i = 0; i < N_RELATIONS; i++) {
+        if (!restless[i]) continue;
+        if (n == MAX_RESTLESS) return 0;
+        which[n++] = i;
+    }
+    for (int count = 0; count <= n; count++)
+        for (int choice = 0; choice < 1 << n; choice++) {
+            int true_ones = 0, agrees = 1, changed = 1;
+            for (int i = 0; i < n; i++) true_ones += choice >> i & 1;
+            if (true_ones != count) continue;
+            for (int i = 0; i < n; i++) c->q.m[which[i]] = choice >> i & 1;
+            for (int round = 0; round < MAX_ITERATIONS && agrees && changed; round++) { /* the others follow */
+                invalidate(s);
+                rates(s);
+                changed = refresh(s);
+                for (int i = 0; i < n; i++) agrees &= c->q.m[which[i]] == (choice >> i & 1);
+            }
+            if (agrees && !changed) return 1;
+        }
+    return 0;
+}
+
+/* Relations that agree with the equations, for the present pre(): by following them, where they go round in circles by trying. */
+static int settle_relations(Instance *s) {
+    unsigned char restless[AT_LEAST_1(N_RELATIONS)] = {0};
+    for (int round = 0; round < MAX_ITERATIONS; round++) {
+        double m[AT_LEAST_1(N_RELATIONS)];
+        memcpy(m, s->c.q.m, sizeof m);
+        invalidate(s);
+        rates(s);
+        if (!refresh(s)) return 1;
+        for (int i = 0; i < N_RELATIONS; i++) restless[i] |= round >= MAX_ITERATIONS / 2 && m[i] != s->c.q.m[i];
+    }
+    return search_relations(s, restless);
+}
+
+/* What fires, and the new values of memories and states; whether anything of it is new. */
+static int update(Instance *s, double *condition, double *x) {
+    double d[AT_LEAST_1(N_MEMORIES)];
+    if (N_BRANCHES) model_conditions(&s->c.q, condition);
+    int any = fire(s, condition);
+    if (any || N_MEMORIES) {
+        model_updates(&s->c.q, d, x);
+        any |= take_memories(s, d);
+    }
+    return any;
+}
+
 /* New relations, when-clauses and memories until nothing changes any more. */
 static CoreStatus iterate_events(Instance *s) {
     Core *c = &s->c;
-    double condition[AT_LEAST_1(N_BRANCHES)], d[AT_LEAST_1(N_MEMORIES)], x[AT_LEAST_1(N_STATES)];
-    for (int round = 0; round < MAX_ITERATIONS; round++) {
-        invalidate(s);
-        rates(s);
-        int changed = refresh(s);
-        if (changed) continue;
+    double condition[AT_LEAST_1(N_BRANCHES)], x[AT_LEAST_1(N_STATES)];
+    int any = 1, settled = 1;
+    for (int round = 0; any && settled && round < MAX_ITERATIONS; round++) {
         memcpy(c->q.pre, c->q.d, sizeof c->q.pre);
-        if (N_BRANCHES) model_conditions(&c->q, condition);
-        int any = fire(s, condition);
-        if (any || N_MEMORIES) {
-            model_updates(&c->q, d, x);
-            any |= take_memories(s, d);
+        settled = settle_relations(s);
+        if (!settled) break;
+        memcpy(x, c->q.x, sizeof x);
+        any = update(s, condition, x);
 #if CHAINED
-            for (int inner = 0, new = any; new && inner < MAX_ITERATIONS; inner++) { /* with the same pre() */
-                do {
-                    invalidate(s);
-                    rates(s);
-                } while (refresh(s) && ++inner < MAX_ITERATIONS);
-                model_conditions(&c->q, condition);
-                fire(s, condition);
-                model_updates(&c->q, d, x);
-                new = take_memories(s, d);
-            }
+        for (int inner = 0, new = any; new && settled; inner++) { /* with the same pre() */
+            settled = settle_relations(s) && inner < MAX_ITERATIONS;
+            double d[AT_LEAST_1(N_MEMORIES)];
+            model_conditions(&c->q, condition);
+            fire(s, condition);
+            model_updates(&c->q, d, x);
+            new = take_memories(s, d);
+        }
 #endif
-            for (int i = 0; i < N_STATES; i++) c->q.x[i] = x[i];
-        }
+        memcpy(c->q.x, x, sizeof x);
         if (N_BRANCHES) memcpy(c->condition, condition, sizeof condition);
-        if (!any) {
-            memset(c->q.tick, 0, sizeof c->q.tick);
-            if (N_SAMPLES) model_conditions(&c->q, c->condition);
-            memset(c->q.fired, 0, sizeof c->q.fired);
-            return check_finite(s);
-        }
     }
     memset(c->q.tick, 0, sizeof c->q.tick);
+    if (N_SAMPLES && !any && settled) model_conditions(&c->q, c->condition);
     memset(c->q.fired, 0, sizeof c->q.fired);
-    say(s, CORE_WARNING, "logEvents", "event iteration at t = %.9g s did not settle in %d rounds", c->q.time, MAX_ITERATIONS);
+    if (settled && !any) return check_finite(s);
     invalidate(s);
     rates(s);
-    return check_finite(s);
+    CoreStatus status = check_finite(s);
+    if (status != CORE_OK) return status;
+    return say(s, CORE_ERROR, "logStatusError", "the conditions at t = %.9g s contradict one another: the event has no solution", c->q.time);
 }
 
 /* ---- time events -------------------------------------------------------------------------------------------------------------- */
@@ -385,7 +431,7 @@ static void attempt_explicit(Instance *s, double time, const double *x0, const d
         if (!(error <= trial->error)) trial->error = error; /* keeps a NaN */
     }
     trial->rate = 0;
-    if (s->c.steps + 1 < STIFF_WATCH && h > MIN_STEP) return;
+    if (s->c.steps + 1 < STIFF_WATCH && h > MIN_STEP * s->c.width) return;
     double far = 0, apart = 0; /* two points at the step's end, and their rates */
     for (int i = 0; i < N_STATES; i++) {
         const double size = scaled(trial, i);
@@ -406,7 +452,7 @@ static double locate(Instance *s, double time, const double *x0, const double *k
     int side = 0;
     memcpy(low_z, z0, sizeof low_z);
     memcpy(high_z, trial->z, sizeof high_z);
-    for (int round = 0; round < 100 && high - low > EVENT_WIDTH; round++) {
+    for (int round = 0; round < 100 && high - low > s->c.width; round++) {
         double guess = high;
         for (int i = 0; i < N_RELATIONS; i++) {
             if (holds(i, high_z[i]) == (s->c.q.m[i] != 0)) continue;
@@ -416,8 +462,8 @@ static double locate(Instance *s, double time, const double *x0, const double *k
             if (low + share * (high - low) < guess) guess = low + share * (high - low);
         }
         if (round > 30) guess = 0.5 * (low + high);
-        if (guess < low + 0.4 * EVENT_WIDTH) guess = low + 0.4 * EVENT_WIDTH;
-        if (guess > high - 0.4 * EVENT_WIDTH) guess = high - 0.4 * EVENT_WIDTH;
+        if (guess < low + 0.4 * s->c.width) guess = low + 0.4 * s->c.width;
+        if (guess > high - 0.4 * s->c.width) guess = high - 0.4 * s->c.width;
         Trial inner;
         attempt(s, time, x0, k1, guess, &inner);
         if (contradicted(s->c.q.m, inner.z)) {
@@ -490,7 +536,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     for (;;) {
         attempt(s, time, x0, k1, h, &trial);
         if (trial.error <= 1) break;
-        if (h <= MIN_STEP) {
+        if (h <= MIN_STEP * c->width) {
             if (c->implicit || !(h * trial.rate > STIFF_LIMIT)) break;
             c->implicit = 1; /* too stiff even for the shortest explicit step */
             c->q.time = time;
@@ -505,7 +551,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
         last = 0;
     }
     *event = locating && contradicted(c->q.m, trial.z);
-    if (locating && !*event && trial.passed_through && h > 16 * MIN_STEP) { /* look closer: two half steps */
+    if (locating && !*event && trial.passed_through && h > 16 * MIN_STEP * c->width) { /* look closer: two half steps */
         Trial half;
         attempt(s, time, x0, k1, 0.5 * h, &half);
         if (contradicted(c->q.m, half.z)) trial = half, h = 0.5 * h, last = 0, *event = 1;
@@ -515,7 +561,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
         last = last && h >= left;
     } else {
         double grow = trial.error > 1e-6 ? 0.9 / sqrt(sqrt(trial.error)) : 5;
-        c->step = fmax(MIN_STEP, h * fmin(5, fmax(0.5, grow)));
+        c->step = fmax(MIN_STEP * c->width, h * fmin(5, fmax(0.5, grow)));
         watch_stiffness(s, h, &trial);
     }
     s->taken++;
@@ -556,6 +602,7 @@ CoreStatus core_step(Instance *s, double time, double step) {
     const double end = time + step, longest = s->c.q.p[P_MAX_STEP];
     double held = time; /* modes are kept until then */
     s->c.steps = s->c.stiff = 0;
+    s->c.width = fmax(fmin(EVENT_WIDTH, WIDTH_SHARE * step), 4 * DBL_EPSILON * fabs(time));
     int events = 0;
     if (!(end - (end - longest) > 0.5 * longest)) /* a sampled clock would tick for ever without getting there */
         return say(s, CORE_ERROR, "logStatusError", "a step to t = %g s: its end is no number that internal steps of %g s can reach", end, longest);

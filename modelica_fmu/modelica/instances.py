@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any, NamedTuple, Union
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.ir import Place
@@ -94,6 +94,17 @@ class Inherited:
     protected: bool = False
     final: bool = False
     connection: str = ""
+    value: Bound | None = None  # of the instance itself; its components' are parts of it
+
+
+class Primitive(NamedTuple):
+    """The predefined type or enumeration behind a type, None where there is none, with what was
+    modified and dimensioned on the way.
+    """
+
+    type: Scope | None
+    mods: dict[str, Mod]
+    dims: tuple[Bound, ...]
 
 
 class Instance:
@@ -106,11 +117,10 @@ class Instance:
         mods: dict[str, Mod],
         parent: Instance | None,
         evaluator: Evaluator,
-        value: Bound | None = None,
         given: Inherited | None = None,
     ) -> None:
         self.name, self.scope, self.parent, self.evaluator = name, scope, parent, evaluator
-        self.value, self.given = value, given or Inherited()
+        self.given = given or Inherited()
         self.slots: dict[str, Slot] = {}
         self.sections: list[tuple[ClassDef, Frame]] = []  # classes whose equations count
         self.depth: int = parent.depth + 1 if parent else 0
@@ -248,13 +258,13 @@ class Maker:
             given.final or component.final or bool(self.mod and self.mod.final),
             given.connection or component.connection,
         )
-        base, mods, dims = self._primitive(target, handed)
+        primitive = self._primitive(target, handed)
         mod = self.mod
-        if self.owner.value is not None and (mod is None or mod.value is None):
-            part = self.owner.value.part(self.component.name)
+        if given.value is not None and (mod is None or mod.value is None):
+            part = given.value.part(self.component.name)
             mod = merge(mod, Mod(component.place, part))
-        if base is not None:
-            return self._leaf(name, component, base, mods, (*component.dims, *dims), handed, mod)
+        if primitive.type is not None:
+            return self._leaf(name, component, primitive, handed, mod)
         if target.cls.kind == "type" and target.cls.literals is None and not target.bases():
             raise refuse(f"{target.cls.name} is no type of a component", component.place)
         if "partial" in target.cls.prefixes and not self._is_package():
@@ -291,25 +301,23 @@ class Maker:
             ]
         mods = dict(mod.inner) if mod is not None else {}
         value = mod.value if mod is not None else None
-        return Instance(name, target, mods, self.owner, self.evaluator, value, handed)
+        given = replace(handed, value=value)
+        return Instance(name, target, mods, self.owner, self.evaluator, given)
 
     def _size(self, dim: Expr, place: Place) -> int:
         if isinstance(dim, Colon):
             raise refuse(f"the size of {self.component.name} is open", place, hint="give it")
         return self.evaluator.size(dim, self.frame)
 
-    def _primitive(
-        self, target: Scope, handed: Inherited
-    ) -> tuple[Scope | None, dict[str, Mod], tuple[Bound, ...]]:
-        """The predefined type or enumeration behind a type, with what was modified on the way."""
+    def _primitive(self, target: Scope, handed: Inherited) -> Primitive:
         mods: dict[str, Mod] = {}
         dims: tuple[Bound, ...] = ()
         for _ in range(100):
             if target.builtin or target.cls.literals is not None:
-                return target, mods, dims
+                return Primitive(target, mods, dims)
             bases = target.bases()
             if len(bases) != 1:
-                return None, {}, ()
+                return Primitive(None, {}, ())
             extends, base = bases[0]
             frame = Frame(None, target)
             mods = merge_all(mods, modifiers_of(extends.modifiers, frame))
@@ -319,7 +327,7 @@ class Maker:
                 handed.causality = handed.causality or alias.causality
                 handed.connection = handed.connection or alias.connection
             elif any(isinstance(e, Component) for e in target.cls.elements):
-                return None, {}, ()
+                return Primitive(None, {}, ())
             target = base
         raise refuse(f"the type {target.path} stands for itself", self.component.place)
 
@@ -327,13 +335,13 @@ class Maker:
         self,
         name: str,
         component: Component,
-        base: Scope,
-        mods: dict[str, Mod],
-        dims: tuple[Expr | Bound, ...],
+        primitive: Primitive,
         handed: Inherited,
         mod: Mod | None,
     ) -> Leaf:
-        inner = merge_all(mod.inner if mod is not None else {}, mods)
+        base = primitive.type
+        assert base is not None
+        inner = merge_all(mod.inner if mod is not None else {}, primitive.mods)
         binding = mod.value if mod is not None else None
         leaf = Leaf(
             name,
@@ -351,7 +359,7 @@ class Maker:
             component.description,
             base.cls.literals,
         )
-        leaf.dims = self._dims(leaf, dims)
+        leaf.dims = self._dims(leaf, (*component.dims, *primitive.dims))
         return leaf
 
     def _dims(self, leaf: Leaf, dims: tuple[Expr | Bound, ...]) -> tuple[int, ...]:

@@ -108,7 +108,9 @@ def _mark_gains(ax: Axes, picture: LocusPicture, top: float) -> None:
         if abs(highest - last) > CLEAR * top:  # labels that do not cover each other
             last = complex(highest)
             place = (float(highest.real), float(highest.imag))
-            ax.annotate(f"{gain:.2g}", place, (4, 4), textcoords="offset points", fontsize=7)
+            beyond = picture.limit is None or gain > picture.limit[0]
+            aside, to = ((4, 4), "left") if beyond else ((-5, -9), "right")  # clear of the limit
+            ax.annotate(f"{gain:.2g}", place, aside, textcoords="offset points", fontsize=7, ha=to)
 
 
 def root_locus_figure(panels: Mapping[str, LocusPicture]) -> Figure:

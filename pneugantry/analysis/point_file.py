@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
+from modelica_fmu.files import check_source, write_atomically
 from pneugantry.analysis.operating_point import OperatingPoint
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import write_atomically
 
 __all__ = ["point_table", "read_point", "write_point"]
 
@@ -39,6 +39,7 @@ def write_point(point: OperatingPoint, path: Path) -> None:
 
 def read_point(path: Path, file: FmuFile) -> OperatingPoint:
     """A point for this FMU. Raises InputError that names the file, the field and the hint."""
+    check_source(path)
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

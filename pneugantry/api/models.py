@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from modelica_fmu import ClassSource, Target
 from modelica_fmu.description import FmiVersion
 from modelica_fmu.errors import InputError
 from pneugantry.api.html import html_page, html_table
 from pneugantry.api.inputs import FmuSource, PathLike, fmu_from
-from pyfmi_runner.build import build_controller_fmu, build_fmu
+from pyfmi_runner.build import build_controller_fmu, build_source, default_model
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.plant import COMMANDS, DEFAULT_CLASS, OUTPUTS, TASK
 
@@ -82,12 +83,13 @@ def build(
     uses; without a model, the class is one of theirs. Raises InputError naming file, line and hint.
     """
     folder = None if out is None else Path(out)
+    target = Target(fmi, platforms, force)
     if controller is not None:
-        made = build_controller_fmu(controller, fmi, folder, platforms, force)
+        made = build_controller_fmu(controller, target, folder)
     else:
-        source = None if model is None else Path(model)
-        folders = [Path(library) for library in libraries]
-        made = build_fmu(class_name, source, fmi, folder, platforms, force, libraries=folders)
+        file = Path(model) if model is not None else None if libraries else default_model()
+        source = ClassSource(class_name, file, libraries=[Path(one) for one in libraries])
+        made = build_source(source, target, folder)
     return BuiltFmu(made.path, made.manifest, made.rebuilt)
 
 

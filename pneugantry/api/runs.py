@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import pandas as pd
@@ -182,7 +181,7 @@ def chosen_scenario(
             fields["phases"] = short_phases(workpiece)
     if controller:
         own = controller.lower().endswith(".py")
-        fields["controller"] = str(Path(controller).resolve()) if own else controller
+        fields["controller"] = os.path.abspath(controller) if own else controller
     if changes.get("phases"):
         fields["phases"] = _phases(str(changes["phases"]), workpiece or chosen.workpiece)
     seed = changes.get("seed")

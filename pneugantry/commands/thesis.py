@@ -173,7 +173,9 @@ def _gap(options: argparse.Namespace, tell: Tell) -> Answer:
     from pneugantry.thesis.gap_report import draw_gap, gap_lines, gap_report
 
     draws = min(max(options.draws, 2), DRAWS)
-    gap = run_gap(build_fmu().path, workers=max(options.workers, 1), tell=tell, draws=draws)
+    fmu, workers = build_fmu().path, max(options.workers, 1)
+    with _store(options, fmu) as store:
+        gap = run_gap(fmu, workers=workers, tell=tell, draws=draws, store=store)
     lines = list(gap_lines(gap))
     if not options.no_figures:
         lines.append(f"picture: {draw_gap(gap, options.out)}")

@@ -236,4 +236,4 @@ def _full_path(fields: Fields, key: str, name: str) -> str:
     if not os.path.isfile(path):
         hint = "check the path; it is taken from the folder of this file"
         fields.refuse(key, f"no such file {path}", hint)
-    return str(path.resolve())
+    return os.path.abspath(path)  # a link keeps its name

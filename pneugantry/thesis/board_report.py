@@ -8,7 +8,9 @@ from dataclasses import asdict
 from statistics import median
 from typing import Any
 
+from pneugantry.analysis.command_loop import FACTORS
 from pneugantry.thesis.entrants import ROBUST
+from pneugantry.thesis.loop_limits import HIGHEST_GAIN, LONGEST
 from pneugantry.thesis.structure_board import (
     LIMIT,
     NOMINAL_LIMIT,
@@ -24,8 +26,8 @@ FAMILIES = ("friction", "valve", "contact", "sensors", "catalogue", "beyond")
 
 
 def board_report(board: StructureBoard) -> dict[str, Any]:
-    """The JSON, `thesis_board/1`; infinite margins are null: none was found up to the search's
-    end.
+    """The JSON, `thesis_board/1`; infinite margins are null: none was found up to `searched_to`
+    (delay None: at any).
     """
     asked = board.asked()
     return {
@@ -33,6 +35,10 @@ def board_report(board: StructureBoard) -> dict[str, Any]:
         "limits": {"structure": LIMIT, "nominal": NOMINAL_LIMIT, "where_pi_below": PI_LIMIT},
         "met": board.met,
         "missed": {n: r for n, (_, r) in asked.items() if r > LIMIT},
+        "searched_to": {
+            "linear": {"gain": float(FACTORS[-1]), "delay": None},
+            "cosimulated": {"gain": HIGHEST_GAIN, "delay": LONGEST},
+        },
         "structures": {s.name: s.family for s in board.structures},
         "rows": [_row(row) for row in board.rows],
     }
@@ -98,7 +104,8 @@ def _family_lines(board: StructureBoard) -> Iterator[str]:
 def _margin_lines(board: StructureBoard) -> Iterator[str]:
     yield (
         "\nMargins of the z loop on the thesis' plant: gain, delay [ms], smallest |1 + L| from "
-        "python-control; gain, delay from co-simulation"
+        "python-control; gain, delay from co-simulation, searched up to "
+        f"{HIGHEST_GAIN:g} and {1e3 * LONGEST:g} ms"
     )
     for row in board.rows:
         if row.found is None:

@@ -14,7 +14,16 @@ from pneugantry.thesis.printed import PRINTED_NOTES
 from pneugantry.thesis.runner import Results
 from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["WHOLE", "Finding", "finding_runs", "findings", "limit_gains"]
+__all__ = [
+    "MATERIALS",
+    "ROUGHNESS",
+    "WHOLE",
+    "Finding",
+    "finding_runs",
+    "findings",
+    "limit_gains",
+    "rough_run",
+]
 
 F_ND, V_TD = 30.0, -0.06  # N, m/s
 EDGES = ("straight", "curved")
@@ -36,8 +45,9 @@ EBPA = {
 # the curved edge to its end, past the -10 degree dip that the tables' window leaves out
 WHOLE = Run("curved", choice=replace(CHOICE, motion=10.0))
 DIP = (0.42, 0.52)  # m
-ROUGHNESS = (0.25, 0.5, 1.0, 1.5)  # of the fitted finish's heights
-MATERIALS = {"wood": (1.0, 9.0), "aluminium": (2.0, 10.4), "steel": (4.2, 15.6)}  # N, Table 3.8
+ROUGHNESS = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5)  # of the fitted finish's heights
+# N, Table 3.8: RMSE f_n, ME f_n
+MATERIALS = {"wood": (1.0, 9.0), "aluminium": (2.0, 10.4), "steel": (4.2, 15.6)}
 
 
 @dataclass(frozen=True)
@@ -55,7 +65,7 @@ def finding_runs() -> list[Run]:
         *EBPA.values(),
         Run("curved", "pi_fv_ebpa"),
         WHOLE,
-        *(_rough(share) for share in ROUGHNESS),
+        *(rough_run(share) for share in ROUGHNESS),
     ]
 
 
@@ -134,7 +144,7 @@ def _whole_edge(results: Results) -> Finding:
     return Finding("Curved edge, whole", text, numbers)
 
 
-def _rough(share: float) -> Run:
+def rough_run(share: float) -> Run:
     """The straight edge with the finish's heights times `share`, gains as in §3.5."""
     heights = tuple(
         (f"workpiece.A[{k}]", share * a) for k, a in enumerate(CHOICE.measured.amplitude, start=1)
@@ -147,7 +157,7 @@ def _materials(results: Results) -> Finding:
     for name, (rmse, me) in MATERIALS.items():
         numbers |= {f"{name}, measured: RMSE f_n [N]": rmse, f"{name}, measured: ME f_n [N]": me}
     for share in ROUGHNESS:
-        scores = results[_rough(share)]
+        scores = results[rough_run(share)]
         numbers |= {
             f"finish x {share:g}: RMSE f_n [N]": scores.rmse_fn,
             f"finish x {share:g}: ME f_n [N]": scores.me_fn,

@@ -6,6 +6,8 @@ Table 3.12. Then on our plant: edge, contact and scored windows in every combina
 the best one the friction scatter of Tables C.1, C.2, tau over x, and every effect of the catalogue
 at its usual size. A combination's score is the log likelihood of the measured cells.
 
+The tests of the parts (Fig. 4.14, Tables 4.1-4.5) rank their own rivals: `gap_tests`.
+
 A cell's prediction is the mean over draws of the edge; its variance is that of the draws, plus that
 of the print's rounding, plus (TOLERANCE of the prediction) squared for a rig that is nowhere quite
 the drawing. Student's t with few degrees of freedom: ME is a single sample, and may stray.
@@ -14,11 +16,12 @@ the drawing. Student's t with few degrees of freedom: ME is a single sample, and
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +30,9 @@ from scipy.stats import t as student
 from controllers.catalogue import make_controller
 from modelica_fmu.errors import RunError
 from pneugantry.thesis.conditions import CHOICE, SOFT, Choice, Run, scenario_of
+from pneugantry.thesis.gap_tests import PartTest, part_tests
 from pneugantry.thesis.printed import COLUMNS, Printed, printed_rows
+from pneugantry.thesis.run_store import RunStore
 from pneugantry.thesis.runner import Tell, Workers
 from pneugantry.thesis.scores import score_log
 from pneugantry.thesis.structures import NOMINAL, Structure, catalogue_structures, scatter
@@ -119,6 +124,7 @@ class Gap:
     predicted: Array  # of the best combination
     deviation: Array  # its standard deviation
     unexplained: list[str]  # columns that stray
+    tests: list[PartTest]  # of the parts, by test, best first
 
     @property
     def strays(self) -> Array:
@@ -242,25 +248,51 @@ def chosen_windows(cells: Sequence[GapCell], drawn: dict[str, Array], c: Combina
     return np.stack(columns, axis=1)
 
 
-def run_gap(fmu: Path, *, workers: int = 2, tell: Tell | None = None, draws: int = DRAWS) -> Gap:
-    """Runs everything and ranks."""
+def _kept_cells(
+    fmu: str, edge: str, contact: str, structure: Structure, draws: int
+) -> dict[str, Any]:
+    """`predicted_cells` as JSON holds it."""
+    found = predicted_cells(fmu, edge, contact, structure, draws)
+    return {"windows": found and {window: rows.tolist() for window, rows in found.items()}}
+
+
+def _cells_from(value: Mapping[str, Any]) -> dict[str, Array] | None:
+    windows = value["windows"]
+    return windows and {window: np.array(rows) for window, rows in windows.items()}
+
+
+def run_gap(
+    fmu: Path,
+    *,
+    workers: int = 2,
+    tell: Tell | None = None,
+    draws: int = DRAWS,
+    store: RunStore | None = None,
+) -> Gap:
+    """Runs everything that the store does not hold, and ranks."""
     cells, path = measured_cells(), str(fmu)
-    with Workers(fmu, workers, tell) as pool:
+    with Workers(fmu, workers, tell, store) as pool:
+
+        def started(edge: str, contact: str, structure: Structure) -> Future[Any]:
+            name = f"gap {edge} {contact} {structure} {draws}"
+            return pool.keep(name, _kept_cells, path, edge, contact, structure, draws)
+
+        parts = pool.keep("gap parts", _kept_tests, path)
         pairs = list(product(EDGES, CONTACTS))
-        jobs = pool.start([(predicted_cells, (path, e, c, NOMINAL, draws)) for e, c in pairs])
-        drawn = {pair: job.result() for pair, job in zip(pairs, jobs, strict=True)}
+        jobs = [started(edge, contact, NOMINAL) for edge, contact in pairs]
+        drawn = {p: _cells_from(job.result()) for p, job in zip(pairs, jobs, strict=True)}
         worth = _combinations(cells, drawn)
         best = max(worth, key=worth.__getitem__)
         others = [*scatter(), *catalogue_structures(FmuFile.read(fmu))]
-        jobs = pool.start(
-            [(predicted_cells, (path, best.edge, best.contact, s, draws)) for s in others]
-        )
+        jobs = [started(best.edge, best.contact, s) for s in others]
         added = {
             s: likelihood(cells, chosen_windows(cells, found, best))[0]
             for s, job in zip(others, jobs, strict=True)
-            if (found := job.result()) is not None
+            if (found := _cells_from(job.result())) is not None
         }
-    chosen = chosen_windows(cells, drawn[best.edge, best.contact], best)
+    reference = drawn[best.edge, best.contact]
+    assert reference is not None  # it scored best
+    chosen = chosen_windows(cells, reference, best)
     total, predicted, deviation = likelihood(cells, chosen)
     return Gap(
         print_gaps(),
@@ -271,7 +303,12 @@ def run_gap(fmu: Path, *, workers: int = 2, tell: Tell | None = None, draws: int
         predicted,
         deviation,
         _unexplained(cells, predicted, deviation),
+        [PartTest(*test) for test in parts.result()],
     )
+
+
+def _kept_tests(fmu: str) -> list[PartTest]:
+    return part_tests(FmuFile.read(fmu))
 
 
 def _combinations(

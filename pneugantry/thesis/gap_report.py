@@ -12,6 +12,7 @@ import numpy as np
 from pneugantry.analysis.plots import save
 from pneugantry.analysis.plots_thesis import Bars, bars_figure
 from pneugantry.thesis.gap import CLEAR, TABLES, Gap, GapCell, Ranked
+from pneugantry.thesis.gap_tests import PartTest
 
 __all__ = ["draw_gap", "gap_lines", "gap_report"]
 
@@ -27,6 +28,7 @@ def gap_report(gap: Gap) -> dict[str, Any]:
         "best": asdict(gap.best),
         "factors": [asdict(r) for r in gap.factors],
         "structures": [asdict(r) for r in gap.structures],
+        "tests": [test._asdict() for test in gap.tests],
         "cells": [
             {**c._asdict(), "predicted": float(p), "sd": float(d), "stray": float(s)}
             for c, p, d, s in rows
@@ -57,9 +59,21 @@ def answer(gap: Gap) -> list[str]:
         said.append(f"on top of that {top.name} gains {top.gain:.1f} log units")
     else:
         said.append("no single effect at its usual size gains more than the odds of 20 to 1")
+    said += [_test_sentence(gap, test) for test in dict.fromkeys(t.test for t in gap.tests)]
     unknown = ", ".join(gap.unexplained)
     said.append(f"unknown: {unknown}" if unknown else "no column strays beyond two deviations")
     return said
+
+
+def _test_sentence(gap: Gap, test: str) -> str:
+    """The best rival, and the nearest that is clearly worse."""
+    rivals = [t for t in gap.tests if t.test == test]
+    near = [t.name for t in rivals[1:] if t.gain > -CLEAR]
+    worse = next((t for t in rivals if t.gain <= -CLEAR), None)
+    said = f"{test}: {rivals[0].name}"
+    if near:
+        said += f" (not told from {', '.join(near)})"
+    return said if worse is None else f"{said}; {worse.name} loses {-worse.gain:.1f} log units"
 
 
 def gap_lines(gap: Gap) -> Iterator[str]:
@@ -76,6 +90,8 @@ def gap_lines(gap: Gap) -> Iterator[str]:
     yield from (_line(r) for r in gap.structures[:SHOWN])
     rest = [r for r in gap.structures[SHOWN:] if r.name == "nothing"]
     yield from (_line(r) for r in rest)
+    yield "\nTests of the parts, by what explains them: log units lost (0: the best)"
+    yield from (_test_line(test) for test in gap.tests)
     yield "\nCells: measured, predicted +- deviation, stray in deviations (! beyond 2)"
     yield from _cell_lines(gap)
     yield "\nAnswer"
@@ -84,6 +100,13 @@ def gap_lines(gap: Gap) -> Iterator[str]:
 
 def _line(r: Ranked) -> str:
     return f"  {r.name:<38}{r.gain:>8.1f}   P {r.probability:.2f}"
+
+
+def _test_line(test: PartTest) -> str:
+    span = ""
+    if test.predicted is not None and test.measured is not None:
+        span = f"   measured {test.measured:g} N, ours {test.predicted:.1f} N"
+    return f"  {test.test + ': ' + test.name:<58}{test.gain:>8.1f}{span}"
 
 
 def _cell_lines(gap: Gap) -> Iterator[str]:

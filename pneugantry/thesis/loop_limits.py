@@ -23,9 +23,11 @@ from pyfmi_runner.fmu import FmuFile
 
 __all__ = ["FoundMargins", "cosimulated_margins", "linear_margins"]
 
-MOVING = 0.5  # N, standard deviation of f_n over the last second: the loop oscillates
+# Standard deviation over the last second beyond which the loop oscillates: of f_n [N], and of u_z
+# [V] about its line, for an oscillation too fast to reach the contact (a calm loop: 1e-12 V)
+MOVING, RESTLESS = 0.5, 5e-3
 LAST = 1.0  # s
-HIGHEST_GAIN, LONGEST = 16.0, 0.19  # searched up to; s
+HIGHEST_GAIN, LONGEST = 30.0, 0.19  # searched up to, the former as `loop_margins` does; s
 HALVINGS = 7
 
 
@@ -78,7 +80,9 @@ def _calm(entrant: Entrant, fmu: FmuFile, changed: tuple[tuple[str, float], ...]
         return False
     assert trace is not None
     late = trace.time > trace.time[-1] - LAST
-    return bool(np.std(trace.f_n[late]) < MOVING)
+    u_z = trace.u_z[late]
+    line = np.polynomial.Polynomial.fit(trace.time[late], u_z, 1)(trace.time[late])
+    return bool(np.std(trace.f_n[late]) < MOVING and np.std(u_z - line) < RESTLESS)
 
 
 def _last_calm(

@@ -9,6 +9,7 @@ from typing import NamedTuple
 __all__ = [
     "ABLATION",
     "COLUMNS",
+    "JATTA_SET_POINTS",
     "PRINTED_NOTES",
     "SPEEDS",
     "WORKPIECES",
@@ -119,8 +120,10 @@ _CONTROLLERS = (
     ("5.5", "curved", "pi_fv_mbpm", (6.6, 0.159, 0.8, 0.048)),
     ("5.5", "curved", "pi_fv_mbpm_5", (7.4, 0.159, 1.0, 0.048)),
 )
-# Table 6.1 repeats Tables 3.12, 4.8 and 5.5; its own rows are those of Jatta's electric robot (DFV)
+# Table 6.1 repeats Tables 3.4, 3.12, 4.8 and 5.5; Jatta's electric robot (DFV) ran at set points of
+# its own: f_nd [N], v_td [m/s]
 _JATTA = (("straight", (13.11, None, 2.95, None)), ("curved", (16.56, None, 4.02, None)))
+JATTA_SET_POINTS = {"straight": (30.0, -0.02), "curved": (20.0, -0.01)}  # Table 3.4
 # What the print says that a reader of the tables alone would miss: name, text, numbers
 PRINTED_NOTES: tuple[tuple[str, str, tuple[tuple[str, float], ...]], ...] = (
     (
@@ -176,7 +179,9 @@ def printed_rows() -> list[Printed]:
 
 def _table_6_1() -> list[Printed]:
     rows = [
-        Printed("6.1", f"Jatta DFV, {piece}", piece, "experiment", line) for piece, line in _JATTA
+        Printed(table, f"Jatta DFV, {piece}", piece, "experiment", line)
+        for table in ("3.4", "6.1")
+        for piece, line in _JATTA
     ]
     for table, kind in (("3.12", "experiment"), ("4.8", "simulation")):
         rows += [

@@ -6,7 +6,8 @@ of its loops from the critical point (`needed`). Of those that do, the best is t
 f_n, relative to what is asked for (1.0 N on the nominal plant, 1.5 N elsewhere, the thesis' PI FV
 where that exceeds 4 N or the friction is a stick band), has the smallest mean sixth power over
 training runs: structures and draws of the random finish that no board scores. Local random search;
-`python -m pneugantry.thesis.robust_design [NAME ...]` prints values, cost and distance.
+`python -m pneugantry.thesis.robust_design [NAME ...]` prints values, cost and distance, with
+`--no-margins` those that the runs alone ask for.
 
 Dead time and presliding together are left out of the linear demand: at rest the displacement-
 dependent law is a spring without loss, which no controller fast enough holds 10 ms late; off rest
@@ -15,6 +16,7 @@ it slips. Runs judge that case (contact phase of every run with dead time).
 
 from __future__ import annotations
 
+import argparse
 import math
 import sys
 from collections.abc import Callable, Mapping
@@ -233,16 +235,17 @@ def training_runs() -> list[Run]:
 
 
 class Tuner:
-    """Costs of candidates on one FMU."""
+    """Costs of candidates on one FMU. margins: the distances of `needed` are demanded."""
 
-    def __init__(self, fmu: FmuFile) -> None:
-        self.fmu, self.plants, self.runs = fmu, design_plants(fmu), training_runs()
+    def __init__(self, fmu: FmuFile, *, margins: bool = True) -> None:
+        self.fmu, self.margins = fmu, margins
+        self.plants, self.runs = design_plants(fmu), training_runs()
         benchmark = [run_one(run, fmu).scores.rmse_fn for run in self.runs]
         self.asked = [_asked(run, rmse) for run, rmse in zip(self.runs, benchmark, strict=True)]
 
     def shortfall(self, peer: Peer, values: Flat) -> float:
         """By how much a candidate misses the distance asked for; 0 where it does not."""
-        if not peer.linear:
+        if not peer.linear or not self.margins:
             return 0.0
         controller = make_controller(peer.controller, **peer.options(values))
         found = distances(controller, self.plants)
@@ -301,10 +304,18 @@ def _nearest(peer: Peer, values: Flat, tuner: Tuner) -> float:
     return min(found[p.label] for p in tuner.plants if needed(p) > 0.0)
 
 
-def main(names: list[str]) -> None:
-    tuner = Tuner(FmuFile.read(build_fmu().path))
-    for name in names or list(PEERS):
-        found = tune(PEERS[name], tuner)
+def main(words: list[str]) -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(PEERS))
+    parser.add_argument("--no-margins", action="store_true", help="judge by the runs alone")
+    parser.add_argument("--candidates", type=int, default=CANDIDATES, metavar="N")
+    asked = parser.parse_args(words)
+    unknown = [name for name in asked.names if name not in PEERS]
+    if unknown:
+        parser.error(f"no peer {unknown[0]!r}; known are {', '.join(PEERS)}")
+    tuner = Tuner(FmuFile.read(build_fmu().path), margins=not asked.no_margins)
+    for name in asked.names or list(PEERS):
+        found = tune(PEERS[name], tuner, asked.candidates)
         values = ", ".join(f'"{key}": {value:.3g}' for key, value in found.values.items())
         print(f"{name}: cost {found.cost:.3f}, smallest |1 + L| {found.distance:.2f}\n  {values}")
         sys.stdout.flush()

@@ -38,6 +38,8 @@ RUN_MODULES = (
     "analysis/metrics.py",
 )
 VALUE_MODULES = (  # what other kept results are computed with
+    "thesis/gap.py",
+    "thesis/gap_tests.py",
     "thesis/judge.py",
     "thesis/loop_limits.py",
     "thesis/perfect.py",

@@ -40,6 +40,7 @@ from pneugantry.thesis.leaderboard import (
 from pneugantry.thesis.perfect import PerfectRun
 from pneugantry.thesis.plant_tests import Hysteresis, hysteresis, identified_lags
 from pneugantry.thesis.printed import WORKPIECES
+from pneugantry.thesis.rig_tables import lag_cells, material_cells, part_cells
 from pneugantry.thesis.run_store import RunStore
 from pneugantry.thesis.runner import Results, Tell, Workers
 from pneugantry.thesis.settings import CONTACTS
@@ -59,6 +60,7 @@ class PlantTests:
 
     friction: dict[str, Hysteresis]  # DDFM, VDFM
     lags: dict[str, float]  # s, identified
+    parts: list[Cell]  # of tables that tests of the parts fill
     limits: dict[str, float]  # V/N
     stationary: Responses
     anfis: AnfisFit
@@ -68,7 +70,7 @@ class PlantTests:
 class Study:
     """What `pneugantry thesis` found."""
 
-    cells: list[Cell]  # at the fitted setting
+    cells: list[Cell]  # of every table, at the fitted setting
     shares: dict[str, dict[str, Range]]  # of met cells, by group of settings
     verdicts: list[Verdict]
     findings: list[Finding]
@@ -141,7 +143,7 @@ def run_study(
         )
         plant: PlantTests = tests[0].result()
         return Study(
-            cells(results),
+            _all_cells(results, plant),
             cell_shares(results, draws),
             verdicts_of(results, draws, pairs, judged),
             findings(results, plant.limits),
@@ -154,6 +156,22 @@ def run_study(
         )
 
 
+def _all_cells(results: Results, plant: PlantTests) -> list[Cell]:
+    """Tables in the order of the thesis, appendices last."""
+    found = [
+        *cells(results),
+        *plant.parts,
+        *lag_cells(plant.lags),
+        *material_cells(results),
+    ]
+    return sorted(found, key=lambda cell: _place(cell.table))
+
+
+def _place(table: str) -> tuple[str, int]:
+    chapter, number = table.split(".")
+    return chapter, int(number)
+
+
 def _times(timed: Sequence[Future[Any]]) -> dict[str, float]:
     return {name: us for future in timed for name, us in future.result().items()}
 
@@ -163,6 +181,7 @@ def _plant(fmu: str) -> PlantTests:
     return PlantTests(
         {"DDFM": hysteresis(file, DDFM, CHOICE), "VDFM": hysteresis(file, VDFM, CHOICE)},
         identified_lags(file),
+        part_cells(file),
         limit_gains(file),
         stationary_responses(fmu),
         anfis_fit(file),

@@ -18,6 +18,7 @@ __all__ = [
     "run_of",
     "speed_run",
     "table_runs",
+    "tracked_rows",
     "unique_cells",
 ]
 
@@ -32,13 +33,14 @@ class Cell:
     table: str
     row: str
     column: str
-    kind: str  # "simulation" or "experiment"
+    kind: str  # "simulation", "experiment", or "test" of a part
     printed: float
     ours: float
     repeat_of: str = ""  # the table that printed the same number of the same run before
 
     @property
     def met(self) -> bool:
+        """Within TOLERANCE."""
         return abs(self.ours / self.printed - 1.0) <= TOLERANCE
 
     @property
@@ -76,16 +78,19 @@ def run_of(row: Printed) -> Run:
         return Run(row.workpiece, finish="modelled")
     if row.table in ("4.11", "4.12", "4.13", "4.14", "4.15"):
         return ablation_run(row.workpiece, row.row.split(",")[0])
-    if row.row.startswith(
-        "Jatta"
-    ):  # an electric robot's numbers; ours: its controller on our plant
-        return Run(row.workpiece, "dfv")
     name = row.row.split(",")[0] if row.table in ("3.14", "5.2", "5.5", "6.1") else "pi_fv"
     return Run(row.workpiece, "pi_fv" if name.endswith("PI FV") else name)
 
 
+def tracked_rows() -> list[Printed]:
+    """Printed lines with a run under the thesis' set points; Jatta's robot had others
+    (`rig_tables`).
+    """
+    return [row for row in printed_rows() if not row.row.startswith("Jatta")]
+
+
 def table_runs() -> list[Run]:
-    return [run_of(row) for row in printed_rows()]
+    return [run_of(row) for row in tracked_rows()]
 
 
 def cells(results: Results) -> list[Cell]:
@@ -94,7 +99,7 @@ def cells(results: Results) -> list[Cell]:
     """
     found: list[Cell] = []
     seen: dict[tuple[Run, str], str] = {}
-    for row in printed_rows():
+    for row in tracked_rows():
         run = run_of(row)
         for column, printed, ours in zip(COLUMNS, row.values, results[run], strict=True):
             if printed is None:

@@ -13,7 +13,7 @@ import casadi as ca
 
 from controllers.interface import U_MAX, U_MIN, Command, Controller, Reference, Sense
 from modelica_fmu import generate
-from modelica_fmu.compiled import CompiledModel, Variable
+from modelica_fmu.compiled import TIME, CompiledModel, Variable
 from modelica_fmu.errors import InputError
 from modelica_fmu.frontend import FlatModel, FlatVariable
 from modelica_fmu.generate import Expressions, Layout
@@ -272,74 +272,61 @@ def _symbolic_leaves(value: Any, path: str) -> Iterator[tuple[str, Any]]:
 
 
 def _variables(layout: Layout, period: str) -> tuple[Variable, ...]:
-    made = [
-        Variable(
-            "time",
-            "time",
-            "Real",
-            "independent",
-            "continuous",
-            None,
-            0,
-            unit="s",
-            description="Simulation time",
-        )
-    ]
+    return (TIME, *_parameters(layout, period), *_inputs(layout), *_memories(layout))
+
+
+def _parameters(layout: Layout, period: str) -> Iterator[Variable]:
     texts = {
         period: "Sampling period",
         "idle.u_x": "Command while not enabled",
         "idle.u_z": "Command while not enabled",
     }
+    bounds = BOUNDS | {period: (1e-6, 1.0)}
     for i, s in enumerate(layout.parameters):
-        low, high = (BOUNDS | {period: (1e-6, 1.0)}).get(s.name, (None, None))
-        unit, text = (
-            ("s" if s.name == period else s.variable.unit),
-            texts.get(s.name, s.variable.description),
+        low, high = bounds.get(s.name, (None, None))
+        yield Variable(
+            s.name,
+            "parameter",
+            "Real",
+            "parameter",
+            "fixed" if s.name in texts else "tunable",
+            "exact",
+            i,
+            generate.constant_start(s),
+            unit="s" if s.name == period else s.variable.unit,
+            description=texts.get(s.name, s.variable.description) or None,
+            min=low,
+            max=high,
         )
-        made.append(
-            Variable(
-                s.name,
-                "parameter",
-                "Real",
-                "parameter",
-                "fixed" if s.name in texts else "tunable",
-                "exact",
-                i,
-                generate.constant_start(s),
-                unit=unit,
-                description=text or None,
-                min=low,
-                max=high,
-            )
-        )
+
+
+def _inputs(layout: Layout) -> Iterator[Variable]:
     for i, s in enumerate(layout.inputs):
         real = s.variable.type == "Real"
-        made.append(
-            Variable(
-                s.name,
-                "input",
-                "Real" if real else "Boolean",
-                "input",
-                "continuous" if real else "discrete",
-                None,
-                i,
-                generate.constant_start(s),
-                unit=s.variable.unit,
-                description=s.variable.description,
-            )
+        yield Variable(
+            s.name,
+            "input",
+            "Real" if real else "Boolean",
+            "input",
+            "continuous" if real else "discrete",
+            None,
+            i,
+            generate.constant_start(s),
+            unit=s.variable.unit,
+            description=s.variable.description,
         )
+
+
+def _memories(layout: Layout) -> Iterator[Variable]:
     for i, s in enumerate(layout.memories):
-        made.append(
-            Variable(
-                s.name,
-                "discrete",
-                "Real",
-                "output" if s.name in OUTPUTS else "local",
-                "discrete",
-                "calculated",
-                i,
-                unit=s.variable.unit,
-                description=s.variable.description or None,
-            )
+        yield Variable(
+            s.name,
+            "discrete",
+            "Real",
+            "output" if s.name in OUTPUTS else "local",
+            "discrete",
+            "calculated",
+            i,
+            unit=s.variable.unit,
+            description=s.variable.description or None,
         )
-    return tuple(made)

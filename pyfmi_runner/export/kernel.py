@@ -76,7 +76,7 @@ COMPARE: dict[type, Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
 }
-MEND = (
+HINT = (
     "write it with arithmetic, math.*, conditionals and fixed loops, or keep the controller native"
 )
 
@@ -137,7 +137,7 @@ class _Run:
     def refusal(self, node: ast.AST | None, message: str) -> InputError:
         line = getattr(node, "lineno", 0) + self.above
         return InputError(
-            f"{message}: not possible in an exported kernel", file=f"{self.file}:{line}", hint=MEND
+            f"{message}: not possible in an exported kernel", file=f"{self.file}:{line}", hint=HINT
         )
 
     def result(self, args: tuple[Value, ...], keywords: Names) -> Value:

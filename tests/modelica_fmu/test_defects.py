@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tiny import library_of
 
@@ -213,3 +214,82 @@ def test_the_experiment_of_a_model_is_the_default_of_its_fmu(tmp_path: Path) -> 
         file.write_text(text.format(annotation))
         made = compile_model(file, "M")
         assert (made.default_stop, made.tool) == (stop, "modelica_fmu")
+
+
+STICKING = """model M
+  constant Real inertia = 0.05, slides = 80, breaks = 90;
+  Real w(start = -10, fixed = true), phi(start = 0, fixed = true), a, sa;
+  Integer mode(start = -1, fixed = true);
+  Boolean forward, backward, locked;
+  output Boolean stuck = locked;
+equation
+  forward = pre(mode) == 0 and (sa > breaks or pre(forward) and sa > slides);
+  backward = pre(mode) == 0 and (sa < -breaks or pre(backward) and sa < -slides);
+  locked = not (pre(mode) == 1 or forward or pre(mode) == -1 or backward);
+  a = if locked then 0 elseif forward or pre(mode) == 1 then sa - breaks else sa + breaks;
+  mode = if (pre(mode) == 1 or forward) and w > 0 then 1
+    elseif (pre(mode) == -1 or backward) and w < 0 then -1 else 0;
+  der(phi) = w;
+  der(w) = a;
+  inertia*a = 10 - (if locked then sa elseif forward or pre(mode) == 1 then slides else -slides);
+end M;
+"""
+
+
+def test_what_stops_sliding_sticks(tmp_path: Path) -> None:
+    """Relations that the last mode left behind decided the next one: it slid back and forth."""
+    model = library_of(STICKING, tmp_path).start()
+    t, w, phi, stuck = model.run(0.02, "w", "phi", "stuck", step=1e-3)
+    rate = (10 + 80) / 0.05  # rad/s2
+    stop = 10 / rate
+    assert w == pytest.approx(np.minimum(rate * t - 10, 0), abs=1e-6)
+    assert phi[-1] == pytest.approx(-0.5 * rate * stop**2, abs=1e-7)
+    assert (stuck == (t > stop)).all()
+    assert not model.messages
+
+
+def test_an_event_without_a_solution_stops_the_run(tmp_path: Path) -> None:
+    model = library_of(
+        "model M\n  output Boolean b(start = false, fixed = true);\nequation\n"
+        "  b = time > 1 and not pre(b);\nend M;\n",
+        tmp_path,
+    ).start()
+    assert model.step(0.9) == 0
+    assert model.step(0.2) == 3
+    assert any("contradict one another" in m for _, m in model.messages)
+
+
+def test_relations_that_follow_each_other_in_circles_are_tried(tmp_path: Path) -> None:
+    """Each of the two, followed from both false or both true, changes the other at once."""
+    model = library_of(
+        """model M
+  Real x, y;
+  output Boolean a, b;
+equation
+  a = x > 1;
+  b = y > 1;
+  x = if b then 0 else 2*time;
+  y = if a then 0 else 2*time;
+end M;
+""",
+        tmp_path,
+    ).start()
+    t, a, b = model.run(1.0, "a", "b", step=0.04)
+    assert ((a + b) == (t > 0.5)).all()
+
+
+def test_events_of_a_model_that_lives_for_nanoseconds(tmp_path: Path) -> None:
+    """Brackets and shortest steps were numbers of seconds: 1e-10 and 1e-9."""
+    model = library_of(
+        """model M
+  Real x(start = 0, fixed = true), y(start = 0, fixed = true);
+equation
+  der(x) = 1e9*(1 - x);
+  der(y) = if x > 0.3 then 1e9 else 0;
+end M;
+""",
+        tmp_path,
+    ).start()
+    t, x, y = model.run(2e-9, "x", "y", step=1e-10)
+    assert x == pytest.approx(1 - np.exp(-1e9 * t), abs=1e-5)
+    assert y[-1] == pytest.approx(2 + np.log(0.7), abs=1e-5)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from modelica_fmu.errors import InputError
-from modelica_fmu.files import check_folder, check_target, write_atomically
+from modelica_fmu.files import check_folder, check_source, check_target, write_atomically
 
 needs_posix = pytest.mark.skipif(os.name != "posix", reason="links, pipes and devices of POSIX")
 
@@ -132,3 +132,24 @@ def test_asking_leaves_nothing_behind(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="no file can be written there"):
         check_folder(tmp_path / "file")
+
+
+@needs_posix
+def test_a_source_that_has_no_end_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "zero.csv").symlink_to("/dev/zero")
+    with pytest.raises(InputError, match=r"zero\.csv: is a device, expected a file"):
+        check_source(tmp_path / "zero.csv")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="pipe: is a pipe, expected a file"):
+        check_source(tmp_path / "pipe")
+
+
+@needs_posix
+def test_a_source_that_ends_is_not_refused(tmp_path: Path) -> None:
+    """Nor what is absent or a folder: whoever reads it says more."""
+    (tmp_path / "a").touch()
+    os.mkfifo(tmp_path / "pipe")
+    check_source(tmp_path / "pipe", pipes=True)
+    for path in (tmp_path / "a", tmp_path / "absent", tmp_path, "a\0b"):
+        check_source(path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "pipe"]

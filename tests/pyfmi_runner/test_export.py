@@ -20,6 +20,7 @@ from numba.extending import register_jitable
 
 from controllers.catalogue import controller_names, make_controller
 from controllers.interface import Command, Controller, Reference, Sense, clip_command
+from modelica_fmu import Target
 from modelica_fmu.errors import InputError
 from pyfmi_runner.build import build_controller_fmu, build_fmu
 from pyfmi_runner.export.controller import compile_controller
@@ -60,7 +61,7 @@ def plant() -> FmuFile:
 
 
 def controller_fmu(name: str, fmi: str = "2.0") -> FmuFile:
-    return FmuFile.read(build_controller_fmu(name, fmi).path)  # type: ignore[arg-type]
+    return FmuFile.read(build_controller_fmu(name, Target(fmi)).path)  # type: ignore[arg-type]
 
 
 def same(a: Log, b: Log) -> bool:

@@ -83,7 +83,9 @@ def test_the_nominal_campaign_replays_to_the_noise_floor(gantry: FmuFile) -> Non
 def test_a_campaign_of_the_truth_plant_replays_to_the_noise_floor(
     gantry: FmuFile, tmp_path: Path
 ) -> None:
-    for name, gap in gaps(measured_on(nominal(), tmp_path), gantry).items():
+    found = gaps(measured_on(nominal(), tmp_path), gantry)
+    assert tuple(found) == SEVEN
+    for name, gap in found.items():
         assert max(gap.channels.values()) <= FLOOR, name
 
 
@@ -156,7 +158,9 @@ def test_every_block_of_a_recorded_campaign_is_judged(name: str, gantry: FmuFile
 
 
 def test_on_the_nominal_rig_every_block_is_at_its_floor(gantry: FmuFile, tmp_path: Path) -> None:
-    for name, entry in block_gaps(measured_on(nominal(), tmp_path), gantry).items():
+    entries = block_gaps(measured_on(nominal(), tmp_path), gantry)
+    assert {block for entry in entries.values() for block in entry} == set(BLOCKS)
+    for name, entry in entries.items():
         for block, found in entry.items():
             # a window of the friction block that starts near break-away sticks or slides by the
             # luck of its noise

@@ -30,7 +30,9 @@ STILL = 1500  # samples since the command last moved: ten lags of z, five of x
 
 @dataclass(frozen=True)
 class Noise:
-    """A row of Table 3.3. low, high: 95 % interval of the RMS; snr: 20 log10(full scale / RMS)."""
+    """A row of Table 3.3. low, high: 95 % interval of the RMS; snr: 20 log10(full scale / RMS),
+    infinite for a channel that does not move at all, as of a simulation without noise.
+    """
 
     channel: str
     rms: float
@@ -64,7 +66,7 @@ def sensor_noise(campaign: Campaign) -> list[Noise]:
                     rms,
                     low,
                     high,
-                    20 * math.log10(FULL_SCALE[channel] / rms),
+                    20 * math.log10(FULL_SCALE[channel] / rms) if rms else math.inf,
                     SIGMA[channel],
                     freedom,
                 )

@@ -143,6 +143,7 @@ def test_unfinished_plateaus_do_not_shift_the_lag() -> None:
     slow = steps(
         _lagging({0.0: 0.49}), "x"
     )  # 1.5 s are three lags: 5 % of the step are still to come
+    assert len(slow) == 6
     for s in slow:
         assert s.tau.value == pytest.approx(0.49, abs=5 * s.tau.sigma)
         assert s.tau_65.value == pytest.approx(0.49, rel=0.02)

@@ -55,7 +55,9 @@ def test_smith_predictor_buys_gain_margin_and_costs_bandwidth(
     loop: ForceLoop, fmu: FmuFile
 ) -> None:
     plain = lag_row(loop).thesis
-    for row in smith_rows(loop, *thesis_gains("z")):
+    rows = smith_rows(loop, *thesis_gains("z"))
+    assert rows
+    for row in rows:
         assert row.stable
         assert (row.margins.gain_margin or 0.0) > 5 * (plain.gain_margin or 0.0)
         assert (row.margins.bandwidth or 0.0) < 0.5 * (plain.bandwidth or 0.0)

@@ -61,3 +61,14 @@ def test_marked_gains_are_dots_on_the_branches(loci: dict[str, RootLocus]) -> No
     assert isinstance(picture, LocusPicture)
     labels = [text.get_text() for text in root_locus_figure({"z": picture}).axes[0].texts]
     assert f"{picture.marked[1]:.2g}" in labels
+
+
+def test_no_label_covers_the_limit(loci: dict[str, RootLocus]) -> None:
+    figure = root_locus_figure({"z": locus_picture(loci["z"])})
+    picture = locus_picture(loci["z"])
+    assert picture.limit is not None
+    figure.canvas.draw()
+    mark = figure.axes[0].transData.transform((0.0, picture.limit[1]))
+    labels = [text for text in figure.axes[0].texts if text.get_text()]
+    assert labels
+    assert not any(text.get_window_extent().contains(*mark) for text in labels)

@@ -71,7 +71,9 @@ def test_structures_hold_what_the_board_promises(fmu):
 def test_robust_controller_meets_its_limit_where_it_is_hardest(fmu, name):
     structure = next(s for s in structures() if s.name == name)
     limit = NOMINAL_LIMIT if structure is NOMINAL else LIMIT
-    for run in entrant_runs(ROBUST, [structure])[name]:
+    runs = entrant_runs(ROBUST, [structure])[name]
+    assert runs
+    for run in runs:
         done = run_one(run, fmu)
         assert done.scores.rmse_fn <= limit
         assert done.effort.noise_z < 0.2  # V
