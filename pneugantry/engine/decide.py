@@ -42,8 +42,8 @@ class Chances:
 
     temper: float = 6.0  # -2 log evidence that makes a hypothesis e^(1/2) times less likely
     entry: float = 40.0  # -2 log evidence that an effect must bring to be as likely as none
-    unknown_at: float = 0.3  # excess (see `unknown_score`) at which unknown is as likely as not
-    unknown_per: float = 0.05  # excess that makes it e times likelier
+    unknown_at: float = 0.2  # excess (see `unknown_score`) at which unknown is as likely as not
+    unknown_per: float = 0.03  # excess that makes it e times likelier
     usual: Mapping[Channel, float] | None = None  # excess ratio of a sound rig's channel
 
 

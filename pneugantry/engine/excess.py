@@ -23,7 +23,8 @@ __all__ = ["Channel", "Excess", "Floors", "excess_of", "floors_of"]
 Channel = tuple[str, str]  # view, signal
 Floors = dict[tuple[Channel, str], Whitener]  # by channel and record
 DRAWS = 3
-CLIPPED = 6.0  # noise levels beyond which a residual counts no further
+CLIPPED = 6.0  # noise levels beyond which a draw of noise is an event
+LARGEST = 3.0  # noise levels beyond which a residual counts no further: an event may be mistimed
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors) -> Excess:
 
 
 def _size(rows: Array, level: float) -> float:
-    bound = CLIPPED * level
+    bound = LARGEST * level
     return float(np.sqrt(np.mean(np.clip(rows, -bound, bound) ** 2)))
 
 

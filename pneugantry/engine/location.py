@@ -70,16 +70,22 @@ class _Share:
 
 
 def where(
-    fitter: Fitter, found: Search, answer: Fit, levels: Mapping[str, float] | None = None
+    fitter: Fitter,
+    found: Search,
+    answer: Fit,
+    levels: Mapping[str, float] | None = None,
+    unknown: float = 1.0,
 ) -> tuple[Place, ...]:
     """Blocks by their share, the largest first; none where nothing stands out of the noise.
 
     answer: the fit whose effects are claimed; `found.null` where none is, so that all that
-    tolerance leaves counts for the views that show it. levels: as for `floor_below`.
+    tolerance leaves counts for the views that show it. levels: as for `floor_below`. unknown:
+    probability that what is left has a cause at all, by which it counts.
     """
     floor = floor_below(fitter, answer, levels)
-    shares = [*_explained(fitter, found, answer), *_left(fitter, answer, floor)]
-    whole = sum(s.total for s in shares)
+    left = [replace(s, left=unknown * s.left) for s in _left(fitter, answer, floor)]
+    shares = [*_explained(fitter, found, answer), *left]
+    whole = max(sum(s.total for s in shares), 1e-300)
     blocks = dict.fromkeys(s.block for s in shares)
     places = []
     for block in blocks:

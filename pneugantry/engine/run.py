@@ -142,7 +142,12 @@ def _answer(
     score = unknown_score(excess, task.chances.usual)
     decision = decide(evidence, score, task.chances, worse=worse)
     claimed = decision.best if not worse else found.null
-    places = where(fitter, found, claimed) if decision.verdict != "none" else ()
+    levels = dict.fromkeys((s.name for s in task.plant.signals), excess.level)
+    places = (
+        where(fitter, found, claimed, levels, decision.unknown)
+        if decision.verdict != "none"
+        else ()
+    )
     clock.lap("confirmation")
     diagnosis = Diagnosis(
         verdict=decision.verdict,
