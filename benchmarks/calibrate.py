@@ -1,8 +1,8 @@
 """Weights of the decision from rigs whose truth is known.
 
 `python -m benchmarks.calibrate FOLDER...`: each FOLDER holds campaigns that have been diagnosed
-(diagnosis.json beside truth.json, as `pneugantry blind` leaves them). Prints how the present
-weights score on them, those that score best, and how these score on every rig when it is left out.
+(diagnosis.json beside truth.json). Prints how the present weights score
+on them, the weights that score best, and how these score on every rig when it is left out.
 """
 
 from __future__ import annotations

@@ -30,6 +30,10 @@ __all__ = [
     "read_part",
 ]
 
+# Of a row, after which each mode holds for as large a share of it: nothing of a row's inside is
+# read, and a part that chatters would cost as much as a hundred that do not.
+EVENTS = 8
+
 Array = NDArray[np.float64]
 CSRC = Path(__file__).parent / "csrc"
 
@@ -170,7 +174,7 @@ def read_part(folder: Path, key: str) -> Part | None:
 
 def part_key(model: Path, what: str) -> str:
     """Hash of what decides a part: sources, compiler, flags, outputs and known variables."""
-    key = source_key([model], what, "batch", None)
+    key = source_key([model], f"{what}, {EVENTS} events", "batch", None)
     return hashlib.sha256(key.encode()).hexdigest()[:24]
 
 
@@ -179,6 +183,7 @@ def _compile(compiled: CompiledModel, folder: Path) -> None:
     core = ("core.c", "core.h", "implicit.h", "newton.h")
     sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in core}
     sources |= {"batch.c": (CSRC / "batch" / "batch.c").read_text(encoding="utf-8")}
+    sources["core.c"] = f"#define MAX_EVENTS {EVENTS}\n{sources['core.c']}"
     sources |= dict(compiled.sources)
     for name, text in sources.items():
         (folder / name).write_text(text, encoding="utf-8")

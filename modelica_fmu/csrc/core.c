@@ -17,7 +17,9 @@
 #define EVENT_WIDTH 1e-10     /* s, bracket of an event */
 #define INDICATOR_MARGIN 1e-10 /* model exchange: indicators cross zero this far beyond the relation's own threshold */
 #define MAX_ITERATIONS 50     /* of one event iteration */
+#ifndef MAX_EVENTS
 #define MAX_EVENTS 200        /* within one communication step; after them each mode holds for this part of it */
+#endif
 #define MIN_STEP 1e-9         /* s */
 
 typedef struct {

@@ -19,6 +19,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simulation
 
 __all__ = [
+    "FAILED",
     "Parabola",
     "Problem",
     "Solution",
@@ -35,6 +36,7 @@ TRIES = 5  # damped steps from one point
 FAILED = 1e12  # stands for a simulation that failed
 LEAST = 1e-9  # damping; more would keep combinations that the data leave open from their priors
 LARGE = 5.0  # standard deviations of what stands out
+FARTHEST = 6.0  # prior spreads to which a point about an end may be moved
 PROBES = (-30.0, -10.0, -3.0, 3.0, 10.0, 30.0)  # standard deviations
 FIRST = 1e-3  # damping after a step that failed
 KEPT = (0.3, 4.0)  # share of a step's promise within which its columns serve for the next one
@@ -64,7 +66,7 @@ class Weighing:
         """-2 log likelihood of what stands out alone."""
         total = 0.0
         for cell, r in residuals.items():
-            w = self.innovations(cell, r)
+            w = np.nan_to_num(self.innovations(cell, r))
             total += float(noise.loss(w[np.abs(w) > LARGE], self.freedom).sum())
         return total
 
@@ -74,7 +76,7 @@ class Weighing:
         normal, gradient = np.zeros((len(names), len(names))), np.zeros(len(names))
         for cell, r in residuals.items():
             index = [i for i, name in enumerate(names) if (cell, name) in columns]
-            if index:
+            if index and np.isfinite(r).all():
                 w = self.innovations(cell, r)
                 root = np.sqrt(noise.weights(w, self.freedom))
                 j = np.column_stack(
@@ -173,6 +175,8 @@ def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | Non
     normal, _ = weighing.normal(point, start.residuals, start.columns)
     covariance = np.linalg.inv(normal + problem.prior.square)
     sigma = np.sqrt(np.diag(covariance))
+    spreads = np.array([c.spread for c in point.coordinates])
+    farthest = np.maximum(np.abs(point.theta), FARTHEST * spreads)
     best: tuple[float, Array] | None = None
     for view in dict.fromkeys(c[0] for c in problem.cells):
         own = {c: r for c, r in start.residuals.items() if c[0] == view}
@@ -188,6 +192,7 @@ def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | Non
             if c.name in read
             for k in PROBES
         ]
+        moves = [m for m in moves if np.all(np.abs(point.theta + m) <= farthest)]
         tried = [inside(point.moved(point.theta + m)) for m in moves]
         found = sim.run({c: [t.values(c[1]) for t in tried] for c in own})
         before = weighing.costs(own)[view]

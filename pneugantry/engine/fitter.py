@@ -11,6 +11,7 @@ import numpy as np
 from pneugantry.engine import noise
 from pneugantry.engine.catalogue import Form
 from pneugantry.engine.descent import (
+    FAILED,
     Parabola,
     Problem,
     Solution,
@@ -36,6 +37,7 @@ from pneugantry.engine.views import View
 
 __all__ = ["Fit", "Fitter"]
 
+SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 
 
@@ -264,8 +266,13 @@ class Fitter:
             solution = descend(self._problem(own, known, fine), solution, None, ROUGH)
             total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
             columns |= solution.columns
-        point = inside(start.point.moved(total.least()))
-        return Solution(point, self.simulation.residuals(point, cells), columns)
+        before, least = start.point.theta, total.least()
+        for share in SHARES:
+            point = inside(start.point.moved(before + share * (least - before)))
+            residuals = self.simulation.residuals(point, cells)
+            if all(np.isfinite(r).all() for r in residuals.values()):
+                return Solution(point, residuals, columns)
+        return start
 
     def _jointly(
         self, start: Solution, known: Parabola, cells: Sequence[Cell], fine: bool = True
@@ -329,7 +336,9 @@ class Fitter:
     def coloured(self, residuals: Residuals) -> Noise:
         return {
             cell: tuple(
-                noise.coloured([r[:, c]], self.rules.quietest * sigma)
+                noise.coloured(
+                    [r[:, c]] if np.isfinite(r).all() else [], self.rules.quietest * sigma
+                )
                 for c, sigma in enumerate(self.simulation.views[cell[0]].sigmas)
             )
             for cell, r in residuals.items()
@@ -398,6 +407,7 @@ class Fitter:
         found: list[float] = []
         for c, w in enumerate(of_view):
             terms = noise.loss(w(residual[:, c]), self.rules.tails) + 2 * math.log(w.sigma)
+            terms = np.nan_to_num(terms, nan=FAILED, posinf=FAILED)
             parts = np.array_split(terms, max(1, len(terms) // length))
             found += [float(p.sum()) for p in parts]
         return np.array(found)

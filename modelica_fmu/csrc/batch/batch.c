@@ -14,6 +14,10 @@
 #define EXPORTED __attribute__((visibility("default")))
 #endif
 
+/* Internal steps that a run may take, at first and for each row: one that chatters would cost as much as thousands that do not. */
+#define STEPS_AT_FIRST 2000
+#define STEPS_PER_ROW 100
+
 typedef struct {
     size_t n_runs, n_parameters, n_rows, n_inputs, n_corrected, n_outputs;
     double period;             /* s */
@@ -66,6 +70,7 @@ static int one_run(Instance *s, const Batch *b, size_t run, const size_t *index,
         if (N_STATES == 0 || k + 1 == b->n_rows) continue;
         if (!same) good = set_all(s, b->n_inputs, b->inputs, b->over + k * b->n_inputs);
         good = good && correct(s, b, index, k, x) && core_step(s, time, b->period) <= CORE_WARNING;
+        good = good && core_taken(s) < STEPS_AT_FIRST + STEPS_PER_ROW * (k + 1);
     }
     for (size_t i = k * b->n_outputs; i < b->n_rows * b->n_outputs; i++) result[i] = NAN;
     return k == b->n_rows;
