@@ -143,7 +143,7 @@ def test_the_plant_with_the_answer_in_it_moves_as_the_replay(found: Found, tmp_p
     model, fmu = write_augmented(tmp_path, found)
     text = model.read_text(encoding="utf-8")
     assert "extends Cart(" in text
-    assert f"F_0 = {found.values['F_0']!r}" in text
+    assert f"F_0 = {float(found.values['F_0'])!r}" in text
     assert "offset: probability" in text
     held = found.task.data.held_out
     assert held is not None
