@@ -13,7 +13,7 @@ from pneugantry.commands.diagnose import print_diagnosis
 from pneugantry.options import out_folder
 from pneugantry.progress import Stages, bar, loop_progress
 from pyfmi_runner.build import build_fmu
-from pyfmi_runner.campaign import read_campaign
+from pyfmi_runner.campaign import DRIVEN, read_campaign
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import write_log
 from pyfmi_runner.run import RunResult, run_scenario
@@ -67,7 +67,8 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     )
     write_log(results["curved"].log, options.out / "curved.parquet")
     truth = None if options.campaign else _drawn(options.seed, options.out / "campaign")
-    campaign = read_campaign(options.campaign or options.out / "campaign", strict=False)
+    folder = options.campaign or options.out / "campaign"
+    campaign = read_campaign(folder, strict=False, needs=DRIVEN)
     print(f"\ndiagnosis of {campaign.name}:")
     with Stages("diagnose", sum(len(run.log) for run in campaign)) as say:
         diagnosed = diagnose(campaign, fmu=fmu, workers=1, say=say)

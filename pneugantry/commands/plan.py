@@ -80,7 +80,7 @@ def _case(options: argparse.Namespace) -> Case:
 
         return case_of(options.source, cache, options.catalogue)
     from pneugantry.plants.gantry.experiments import case_of as campaign_case
-    from pyfmi_runner.campaign import read_campaign
+    from pyfmi_runner.campaign import DRIVEN, read_campaign
 
-    campaign = read_campaign(options.source)
+    campaign = read_campaign(options.source, needs=DRIVEN)
     return campaign_case(campaign, cache, options.catalogue, not options.logs_only)

@@ -88,6 +88,9 @@ def _resampled(record: Record, quantity: str, view: View, rows: int) -> Array:
     raw = np.asarray(record.signals[quantity] if values is None else values, dtype=float)
     every = view.decimation
     mean = raw[: len(raw) // every * every].reshape(-1, every).mean(axis=1)
+    if len(mean) < LONGEST + rows:  # a view with a rate of its own
+        at = (np.arange(LONGEST + rows) + 0.5) * len(raw) / (LONGEST + rows) - 0.5
+        mean = np.interp(at, np.arange(len(raw)), raw)
     padded = np.pad(mean, AROUND // 2, mode="edge")
     return np.convolve(padded, np.full(AROUND, 1 / AROUND), "valid")[LONGEST : LONGEST + rows]
 

@@ -64,7 +64,7 @@ class Extras:
     next_experiment: Mapping[str, Any] | None = None  # what, scenario, separates, separation
     phases: Mapping[str, Sequence[Phase]] = field(default_factory=dict)  # by record
     setups: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # by record: head, words
-    source: str = "FOLDER"  # what `pneugantry diagnose` was given
+    source: str = ""  # what `pneugantry diagnose` was given; empty: not known
 
 
 def write_page(found: Found, path: Path, extras: Extras | None = None) -> Path:

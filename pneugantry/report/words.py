@@ -201,7 +201,8 @@ def next_steps(verdict: str, *, doubted: bool, source: str) -> list[str]:
             "Record the held-out experiment once more, and diagnose again.",
             "Look at the signals below where the augmented plant leaves the measured ones.",
         ]
-    augmented = f"pneugantry diagnose {source} --augmented out/ writes the plant with the effect"
+    command = f"pneugantry diagnose {source}" if source else "The same command with"
+    augmented = f"{command} --augmented out/ writes the plant with the effect"
     return {
         "none": ["Use the model as it is; its fitted tolerance stands below."],
         "identified": [

@@ -19,7 +19,7 @@ from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA
 from pyfmi_runner.plant import DEFAULT_CLASS, own_profile, plant_parameters
 
-__all__ = ["data_of", "measured_of", "plant_of", "record_of", "views_of"]
+__all__ = ["commanded", "data_of", "measured_of", "plant_of", "record_of", "views_of"]
 
 HELD_OUT = "contour_straight"
 BLOCKS = {
@@ -123,10 +123,10 @@ def views_of(plant: Plant, campaign: Campaign, cache: Path, rules: Rules) -> lis
     """Views cut from the model, and that of the controller where it is known."""
     measured = [s.name for s in plant.signals]
     views: list[View] = list(build_views(plant, measured, cache, PERIOD * rules.thinning, rules))
-    return [*views, ControllerView(_commanded(campaign.logs))]
+    return [*views, ControllerView(commanded(campaign.logs))]
 
 
-def _commanded(runs: Mapping[str, LoggedRun]) -> dict[str, LoggedRun]:
+def commanded(runs: Mapping[str, LoggedRun]) -> dict[str, LoggedRun]:
     """Runs whose controller reads no channel that they lack; such channels are NaN."""
     found = {}
     for name, run in runs.items():

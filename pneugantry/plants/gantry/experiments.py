@@ -13,7 +13,7 @@ from pneugantry.engine.plan import Case, Experiment
 from pneugantry.engine.plant import Plant, Record, Signal, thinned
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.catalogue import catalogue_of
-from pneugantry.plants.gantry.describe import plant_of, record_of
+from pneugantry.plants.gantry.describe import commanded, plant_of, record_of
 from pneugantry.plants.gantry.next_experiment import candidates
 from pneugantry.plants.gantry.timing import ControllerView
 from pyfmi_runner.build import build_fmu
@@ -54,7 +54,7 @@ def case_of(
         catalogue_of(catalogue),
         rules,
         cache,
-        others=(ControllerView(campaign.logs),),
+        others=(ControllerView(commanded(campaign.logs)),),
         experiments=tuple(_experiments(campaign, plant, rules)) if experiments else (),
         sensors=_sensors(measured, rules.thinning),
         notes=tuple(campaign.notes),

@@ -117,7 +117,7 @@ def test_an_fmu_gives_parameters_and_no_equations(gantry: FmuFile, tmp_path: Pat
 def replace_start(gantry: FmuFile, heavier: FmuFile) -> FmuFile:
     """The gantry as if its mass were declared as the other's, though it is not."""
     variables = {**gantry.variables, "axis_x.m": heavier.variables["axis_x.m"]}
-    return replace(gantry, variables=variables)
+    return replace(gantry, description=replace(gantry.description, variables=variables))
 
 
 @pytest.mark.slow
