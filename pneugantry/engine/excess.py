@@ -24,6 +24,7 @@ Channel = tuple[str, str]  # view, signal
 Floors = dict[tuple[Channel, str], Whitener]  # by channel and record
 DRAWS = 3
 CLIPPED = 6.0  # noise levels beyond which a draw of noise is an event
+NOISIEST = 2.0  # times its quoted noise that a sensor may have; more is no noise
 LARGEST = 3.0  # noise levels beyond which a residual counts no further: an event may be mistimed
 
 
@@ -70,7 +71,7 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors) -> Excess:
     }
     own = {ch: [w for (other, _), w in white.items() if other == ch] for ch, _ in white}
     bulk = {ch: spread(rows) for ch, rows in own.items()}
-    level = float(np.median(list(bulk.values()))) if bulk else 1.0
+    level = min(float(np.median(list(bulk.values()))), NOISIEST) if bulk else 1.0
     return Excess(
         level,
         bulk,

@@ -65,10 +65,16 @@ class Fit:
         """-2 log evidence; smaller is better."""
         return sum(float(s.sum()) for s in self.stretches.values()) + self.cost
 
-    def gain(self, base: Fit, doubt: float) -> float:
-        """Fall of -2 log evidence from `base` to here, that of the likelihood `doubted`."""
-        fall = np.concatenate([s - self.stretches[c] for c, s in base.stretches.items()])
-        return base.cost - self.cost + doubted(fall, doubt)
+    def gain(self, base: Fit, rules: Rules) -> float:
+        """Fall of -2 log evidence from `base` to here, that of the likelihood `doubted`: changes
+        of a stretch that are immaterial count as none.
+        """
+        falls = []
+        for cell, before in base.stretches.items():
+            rows = base.residuals[cell].size / len(before)
+            fall, least = before - self.stretches[cell], rules.material**2 * rows
+            falls.append(fall - np.clip(fall, -least, least))
+        return base.cost - self.cost + doubted(np.concatenate(falls), rules.doubt)
 
     def values(self, record: str | None) -> dict[str, float]:
         """Parameters of a record; None: those of no record in particular."""

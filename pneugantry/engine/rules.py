@@ -38,5 +38,6 @@ class Rules:
     reformed: int = 2  # effects that are then tried in their other forms
     entry: float = 10.0  # fall of -2 log evidence that an effect must bring (field: very strong)
     doubt: float = 2.0  # standard errors over stretches by which a gain is lowered (field)
+    material: float = 0.2  # change of a residual, in noise levels, below which it is none (design)
     rounds: int = 6  # steps of the search, at most
     block: float = 0.5  # s of a record that are drawn together in a bootstrap

@@ -37,6 +37,7 @@ from pneugantry.engine.views import View
 __all__ = ["Found", "Task", "run"]
 
 Say = Callable[[str], None]
+Keys = tuple[str, ...]  # effects of a hypothesis, sorted
 RIVALS = 4  # fits that are also judged by the record that no fit saw
 
 
@@ -114,11 +115,10 @@ def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     """All that was tried; the best few with what the held-out record says of them, beside the
     nuisances alone.
     """
-    fits: dict[tuple[str, ...], Fit] = {}
+    fits: dict[Keys, Fit] = {}
     for fit in sorted((*found.tried, found.null, found.best), key=lambda f: f.evidence):
         fits.setdefault(tuple(sorted(fit.keys)), fit)
-    null, doubt = found.null, fitter.rules.doubt
-    costs = {k: -f.gain(null, doubt) for k, f in fits.items()}
+    null, costs = found.null, _costs(fits, fitter.rules)
     held = task.data.held_out
     if held is not None:
         foretelling = Foretelling(fitter, task.views, held)
@@ -130,6 +130,18 @@ def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
         finally:
             foretelling.close()
     return [Evidence(fit, costs[k]) for k, fit in fits.items()]
+
+
+def _costs(fits: Mapping[Keys, Fit], rules: Rules) -> dict[Keys, float]:
+    """Less what each effect brings beside the others: from the likeliest hypothesis that has one
+    effect less, else from none at all.
+    """
+    costs: dict[Keys, float] = {(): 0.0}
+    for keys in sorted(fits, key=len)[1:]:
+        fewer = [k for k in costs if len(k) == len(keys) - 1 and set(k) < set(keys)]
+        base = min(fewer, key=lambda k: costs[k], default=())
+        costs[keys] = costs[base] - fits[keys].gain(fits[base], rules)
+    return costs
 
 
 def _answer(

@@ -75,17 +75,16 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
         tried += fits
         if not fits:
             break
-        doubt = fitter.rules.doubt
         finals = _finals(fitter, best, fits)
         tried += finals
-        top = max(finals, key=lambda f: f.gain(best, doubt), default=None)
-        if top is None or top.gain(best, doubt) < bar:
+        top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
+        if top is None or top.gain(best, fitter.rules) < bar:
             break
         without = fitter.explore(best.hypothesis, top)
         if best.evidence - without.evidence > bar:  # the base had not reached its best
             best = fitter.again(without, thorough=True)
             tried.append(best)
-            if top.gain(best, doubt) < bar:
+            if top.gain(best, fitter.rules) < bar:
                 continue
         steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
         best = fitter.again(_pruned(fitter, top, bar, steps, tried), thorough=True)
