@@ -130,11 +130,10 @@ def headline(found: dict[str, Any], summaries: dict[str, str] | None = None) -> 
         )
     if verdict == "unknown":
         unknown = found.get("unknown_probability") or math.nan
-        like = found.get("resembles")
         beside = " and ".join(_named(c, summaries or {}) for c in _beside(found))
         return (
             f"A real effect{where} that no entry of the catalogue explains (probability "
-            f"{percent(unknown)}){f'; it behaves like {like}' if like else ''}"
+            f"{percent(unknown)})"
             f"{f'; beside it {beside}' if beside else ''}; with what could be fitted, {far}."
         )
     if verdict == "ambiguous":

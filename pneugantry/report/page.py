@@ -203,7 +203,7 @@ def _json(data: dict[str, Any]) -> str:
 def _rest(found: Found, facts: Mapping[str, Any], unseen: Sequence[str]) -> dict[str, Any]:
     """Tolerance, what is left, limits and notes, each once."""
     rows = tolerance(found)
-    few = [d for i, d in enumerate(rows) if d.strained or i < FEW]
+    few = [d for i, d in enumerate(rows) if d.unusual or i < FEW]
     limits = found.diagnosis.limits
     return {
         "tolerance": few,

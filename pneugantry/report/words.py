@@ -35,7 +35,7 @@ NOTHING = "no effect (tolerance and noise alone)"
 OUTSIDE = "something that the catalogue lacks"
 MOST = 10  # hypotheses that are listed
 LEAST = 0.005  # probability from which on one is
-STRAINED = 3.0  # standard deviations of tolerance that are worth a mark
+UNUSUAL = 3.0  # standard deviations of tolerance that are worth a mark
 
 
 def label(keys: Sequence[str]) -> str:
@@ -137,8 +137,8 @@ class Deviation:
         return self.value / self.nominal - 1.0 if self.nominal else math.nan
 
     @property
-    def strained(self) -> bool:
-        return abs(self.deviations) > STRAINED
+    def unusual(self) -> bool:
+        return abs(self.deviations) > UNUSUAL
 
 
 def tolerance(found: Found) -> list[Deviation]:
@@ -207,7 +207,7 @@ def next_steps(verdict: str, *, doubted: bool, source: str) -> list[str]:
         "none": ["Use the model as it is; its fitted tolerance stands below."],
         "identified": [
             f"{augmented}, as Modelica and FMU: simulate with that one.",
-            "Mend the cause on the rig if it can be mended, record again: the verdict should be "
+            "Fix the cause on the rig if it can be fixed, record again: the verdict should be "
             "none.",
         ],
         "ambiguous": ["Run the next experiment below and add its log."],

@@ -24,7 +24,6 @@ FOLDERS = (
 )
 KINDS = {".py", ".mo", ".c", ".h", ".md", ".toml", ".html", ".ipynb"}
 REBUILT = (  # and what speaks of the parts that are being replaced
-    "pneugantry/diagnosis/",
     "pneugantry/engine/",
     "pneugantry/plants/",
     "pneugantry/commands/diagnose.py",
