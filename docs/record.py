@@ -26,7 +26,7 @@ COMMANDS = {  # name: the command, without --json
     "replay": f"pneugantry replay {NOMINAL}",
     "solver_check": "python -m benchmarks.solver_check",
     "clean_install": "python -m benchmarks.clean_install --zig",
-    "thesis": "pneugantry thesis --draws 4 --plants 10 --no-figures",
+    "thesis": "pneugantry thesis --no-figures",
     "thesis_gap": "pneugantry thesis --gap --draws 2 --no-figures",
     "thesis_board": "pneugantry thesis --board",
     "thesis_variants": "pneugantry thesis --variants --draws 1",
