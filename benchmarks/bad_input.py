@@ -203,7 +203,8 @@ def tried(case: Case, folder: Path, seconds: float = SECONDS) -> Outcome:
     wrong = faults(case, code, said, (before, standing(folder)))
     for name in case.changes:
         wrong += [] if is_result(folder / name) else [f"{name} holds no result"]
-    return Outcome(case.kind, command, code, said.strip(), took, "; ".join(wrong))
+    said = said.replace(f"{folder}{os.sep}", "").strip()
+    return Outcome(case.kind, command, code, said, took, "; ".join(wrong))
 
 
 def is_result(path: Path) -> bool:

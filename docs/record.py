@@ -25,6 +25,7 @@ COMMANDS = {  # name: the command, without --json
     "motor": "pneugantry diagnose examples/motor/plant.toml",
     "replay": f"pneugantry replay {NOMINAL}",
     "solver_check": "python -m benchmarks.solver_check",
+    "bad_input": "python -m benchmarks.bad_input",
     "clean_install": "python -m benchmarks.clean_install --zig",
     "thesis": "pneugantry thesis --no-figures",
     "thesis_gap": "pneugantry thesis --gap --draws 2 --no-figures",
