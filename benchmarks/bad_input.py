@@ -11,6 +11,7 @@ import argparse
 import hashlib
 import json
 import os
+import re
 import signal
 import stat
 import subprocess
@@ -24,6 +25,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 SECONDS = 120.0  # longest time of a case; one that waits for ever is a failure
 COLUMNS = "time,u_x,u_z,x,z,v_x,v_z,f_x,f_z,f_ax,f_az"
+PROGRESS = re.compile(r"\w+: .*\(\d+ s so far")  # of a command that takes its time
 DEVICES = ("/dev/full", "/dev/null", "/dev/zero")
 
 __all__ = ["CASES", "Case", "Outcome", "main", "tried"]
@@ -201,7 +203,8 @@ def tried(case: Case, folder: Path, seconds: float = SECONDS) -> Outcome:
     wrong = faults(case, code, said, (before, standing(folder)))
     for name in case.changes:
         wrong += [] if is_result(folder / name) else [f"{name} holds no result"]
-    return Outcome(case.kind, command, code, said.strip(), took, "; ".join(wrong))
+    said = said.replace(f"{folder}{os.sep}", "").strip()
+    return Outcome(case.kind, command, code, said, took, "; ".join(wrong))
 
 
 def is_result(path: Path) -> bool:
@@ -219,7 +222,7 @@ def faults(
     if code < 0:
         return [said]
     found = [] if code == case.code else [f"exit code {code}, expected {case.code}"]
-    lines = said.splitlines()
+    lines = [line for line in said.splitlines() if not PROGRESS.match(line)]
     if case.says and len(lines) != 1:
         found.append(f"{len(lines)} lines, expected one")
     if "Traceback" in said:

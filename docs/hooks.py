@@ -75,6 +75,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "effects": effects,
     "modules": file_map,
     "printed": printed,
+    "bad_input": recorded.bad_input,
     "clean_install": recorded.clean_install,
     "code_size": recorded.code_size,
     "replay": recorded.replay,

@@ -12,6 +12,7 @@ from benchmarks.code_size import functions, longest_line
 DATA = Path(__file__).parent / "results" / "data"
 
 __all__ = [
+    "bad_input",
     "clean_install",
     "code_size",
     "compiler_times",
@@ -133,6 +134,27 @@ def clean_install() -> str:
         f"{', '.join(sorted(built.values()))}."
     )
     return f"{said} {words}\n\n{_table(('command', 'wall seconds', 'its last line'), rows)}"
+
+
+def bad_input() -> str:
+    """Unusable input and special files: what each command said."""
+    said, found = _read("bad_input")
+    rows = [
+        tuple(
+            " ".join(str(cell).split()).replace("|", "&#124;")
+            for cell in (
+                case["kind"],
+                f"`{case['command']}`",
+                case["code"],
+                case["said"].removeprefix("pneugantry: ") if case["code"] else "",
+                case["wrong"] or "as promised",
+            )
+        )
+        for case in found["cases"]
+    ]
+    wrong = sum(bool(case["wrong"]) for case in found["cases"])
+    counted = f"{len(rows)} cases, {wrong} not as promised."
+    return f"{said} {counted}\n\n{_table(('what', 'command', 'exit code', 'said', ''), rows)}"
 
 
 def code_size() -> str:

@@ -159,9 +159,10 @@ def _said(found: Gap) -> str:
     return next(sentence for sentence in answer(found) if sentence.startswith("test:"))
 
 
-def test_without_margins_a_candidate_is_judged_by_its_runs_alone(fmu, monkeypatch):
-    monkeypatch.setattr("pneugantry.thesis.robust_design.training_runs", list)
-    asked, free = Tuner(fmu), Tuner(fmu, margins=False)
+def test_tuned_for_the_nominal_plant_a_candidate_needs_no_margin(fmu, monkeypatch):
+    for name in ("training_runs", "nominal_runs"):
+        monkeypatch.setattr(f"pneugantry.thesis.robust_design.{name}", list)
+    asked, free = Tuner(fmu), Tuner(fmu, nominal=True)
     peer = PEERS["pi_fv"]
     fierce = {**peer.start, "f_z.k_p": 20.0 * peer.start["f_z.k_p"]}
     assert asked.shortfall(peer, fierce) > 0.0
