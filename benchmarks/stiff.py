@@ -155,6 +155,7 @@ equation
   J2*der(w2) = torque;
   when pre(slips) <> 0 and pre(slips)*(w1 - w2) < -1e-9 then
     slips = 0;
+    reinit(w2, w1);
   elsewhen pre(slips) == 0 and together > most then
     slips = 1;
   elsewhen pre(slips) == 0 and together < -most then

@@ -1,14 +1,14 @@
 """The catalogue of effects: data, one small TOML file per effect. A user adds an effect by adding a
 file.
 
-    name = "valve_delay"
-    block = "valve_{axis}"          where it sits
-    axes = ["x", "z"]               one effect for each; without them "{axis}" stands nowhere
-    refines = ["viscous_friction"]  optional: effects without which it is nothing
+    name = "motor_delay"
+    block = "motor_{axis}"          where it sits
+    axes = ["a", "b"]               one effect for each; without them "{axis}" stands nowhere
+    refines = ["motor_lag"]         optional: effects without which it is nothing
     [[form]]                        one or several functional forms; the best one stands for it
     [form.settings]
-    "axis_{axis}.friction.law" = 3  switched on with the form
-    [form.parameters."valve_{axis}.delay_time"]   what is fitted: a parameter of the model, or
+    "drive_{axis}.law" = 3          switched on with the form
+    [form.parameters."motor_{axis}.delay_time"]   what is fitted: a parameter of the model, or
                                     "sensors.SIGNAL.WHAT" (see `sensors`); "table[1:11]" stands for
                                     eleven
 

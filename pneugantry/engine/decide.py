@@ -38,7 +38,7 @@ CLEAR = 0.8  # probability of its hypothesis from which an answer is identified
 
 @dataclass(frozen=True)
 class Chances:
-    """Weights of the decision, fitted per plant; their defaults are the gantry's."""
+    """Weights of the decision; the defaults are those of decision 0105, fit your own plant's."""
 
     temper: float = 6.0  # -2 log evidence that makes a hypothesis e^(1/2) times less likely
     entry: float = 40.0  # -2 log evidence that an effect must bring to be as likely as none

@@ -38,6 +38,8 @@ __all__ = ["Found", "Task", "run"]
 
 Say = Callable[[str], None]
 Keys = tuple[str, ...]  # effects of a hypothesis, sorted
+BLAMED = 1.1  # times the gap with tolerance alone from which on effects make it worse
+NOTABLE = 2.0  # times the floor from which on a gap is more than noise
 RIVALS = 4  # fits that are also judged by the record that no fit saw
 
 
@@ -149,8 +151,8 @@ def _answer(
 ) -> Found:
     likeliest = decide(evidence, 0.0, task.chances).best
     excess = excess_of(fitter, likeliest, floors_of(fitter, likeliest))
-    nominal, augmented, gap, note = _confirmed(fitter, task, likeliest)
-    worse = bool(likeliest.keys) and gap is not None and gap.augmented > gap.nominal
+    c = _confirmed(fitter, task, found.null, likeliest)
+    worse = bool(likeliest.keys) and c.gap is not None and _worse(c.gap, c.plain)
     score = unknown_score(excess, task.chances.usual)
     decision = decide(evidence, score, task.chances, worse=worse)
     claimed = decision.best if not worse else found.null
@@ -166,8 +168,8 @@ def _answer(
         where=places,
         causes=causes_of(decision.answers, task.catalogue, decision.chosen),
         answer_set=answer_set(decision.answers),
-        gap=gap,
-        notes=(*task.notes, *note),
+        gap=c.gap,
+        notes=(*task.notes, *c.notes),
         limits=task.limits,
         seconds=clock.seconds,
         steps=found.steps,
@@ -179,18 +181,37 @@ def _answer(
     return Found(task, diagnosis, found, tuple(evidence), decision, excess, nominal, augmented, gap)
 
 
-def _confirmed(
-    fitter: Fitter, task: Task, fit: Fit
-) -> tuple[Replay | None, Replay | None, Gap | None, tuple[str, ...]]:
-    """The record that no fit saw, replayed nominal and augmented."""
+@dataclass(frozen=True, eq=False)
+class _Confirmed:
+    """The record that no fit saw, replayed: nominal, under the answer, with its tolerance alone."""
+
+    nominal: Replay | None
+    augmented: Replay | None
+    plain: Replay | None
+    gap: Gap | None
+    notes: tuple[str, ...] = ()
+
+
+def _worse(gap: Gap, plain: Replay | None) -> bool:
+    """Whether the augmented plant replays its record surely worse than the nominal one: by more
+    than noise, over all stretches, and with all values that the fit leaves open. Where `plain`, the
+    plant with its tolerance alone, replays no better, the effects are not to blame.
+    """
+    open_too = gap.spread is None or gap.spread[0] > gap.nominal
+    blamed = plain is None or gap.augmented > BLAMED * plain.gap
+    return gap.augmented > NOTABLE * gap.floor and gap.ci95[1] < 0 and open_too and blamed
+
+
+def _confirmed(fitter: Fitter, task: Task, null: Fit, fit: Fit) -> _Confirmed:
     record = task.data.held_out or task.data.fitted[-1]
+    own = [{}, values_on(fit, record), values_on(null, record), *draws(fit, record)]
     try:
-        own = [{}, values_on(fit, record), *draws(fit, record)]
-        nominal, augmented, *others = replays(task.plant, record, own, task.cache)
+        nominal, augmented, plain, *others = replays(task.plant, record, own, task.cache)
     except RunError as error:
-        return None, None, None, (str(error),)
+        return _Confirmed(None, None, None, None, (str(error),))
     if nominal is None or augmented is None:
-        return nominal, augmented, None, (f"{record.name} could not be replayed",)
+        note = f"{record.name} could not be replayed"
+        return _Confirmed(nominal, augmented, plain, None, (note,))
     floor = floor_of(noise_levels(task.plant, record, fitter.rules))
     gap = gap_of(nominal, augmented, fitter.rules, record.period, floor=floor, others=others)
-    return nominal, augmented, gap, ()
+    return _Confirmed(nominal, augmented, plain, gap)

@@ -13,7 +13,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 ROOT = Path(__file__).resolve().parents[3]
-SCHEMA = json.loads((ROOT / "docs/reference/schemas/plant.json").read_text(encoding="utf-8"))
+SCHEMA = json.loads((ROOT / "docs/reference/plant.schema.json").read_text(encoding="utf-8"))
 LOG = {"train": {"file": "train.csv"}}
 
 
