@@ -178,7 +178,17 @@ def _answer(
         weighed=tuple((e.fit.keys, e.cost) for e in evidence),
         stands_out=score,
     )
-    return Found(task, diagnosis, found, tuple(evidence), decision, excess, nominal, augmented, gap)
+    return Found(
+        task,
+        diagnosis,
+        found,
+        tuple(evidence),
+        decision,
+        excess,
+        c.nominal,
+        c.augmented,
+        c.gap,
+    )
 
 
 @dataclass(frozen=True, eq=False)
