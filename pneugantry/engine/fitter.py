@@ -199,7 +199,7 @@ class Fitter:
             self.simulation.forget()
         residuals, made = self.simulation.linearised(start, cells, wanted)
         solution = Solution(start, residuals, {**columns, **made})
-        solution = self._by_view(solution, known, cells)
+        solution = self._by_view(solution, known, cells, fine=False)
         solution = self._jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
 

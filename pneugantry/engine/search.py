@@ -149,14 +149,16 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
 
 
 def _chosen(fitter: Fitter, promised: Sequence[Candidate], bar: float) -> list[Candidate]:
-    """The best start of the most promising effects, in either order of promise."""
-    chosen: dict[tuple[str, str], Candidate] = {}
+    """The best start of the most promising effects, in either order of promise: the two may differ
+    in the start.
+    """
+    chosen: dict[tuple[str, str, tuple[float, ...]], Candidate] = {}
     for measure in ("gain", "plain"):
         ranked = sorted(promised, key=lambda c: -getattr(c, measure))
         least = max(bar, fitter.rules.hopeful * getattr(ranked[0], measure)) if ranked else bar
         best = {c.effect.key: c for c in reversed(ranked) if getattr(c, measure) > least}
         for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[: fitter.rules.screened]:
-            chosen.setdefault((c.effect.key, c.form.name), c)
+            chosen.setdefault((c.effect.key, c.form.name, tuple(c.starts.values())), c)
     return list(chosen.values())
 
 
