@@ -241,7 +241,7 @@ def gap() -> str:
             f"{t['gain']:.1f}",
             "" if t["predicted"] is None else f"{t['predicted']:.1f} / {t['measured']:g} N",
         )
-        for t in found.get("tests", ())
+        for t in found["tests"]
     ]
     parts_of = (
         "On the tests of the parts, rival explanations (0: the best of its test):",
@@ -263,7 +263,7 @@ def gap() -> str:
         ranked[0],
         "On top of the best, one effect at its usual size:",
         ranked[1],
-        *(parts_of if tests else ()),
+        *parts_of,
         "Every measured cell on the best combination:",
         table(("", "measured", "predicted", "stray, deviations"), _strays(found)),
     )
