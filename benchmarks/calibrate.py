@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.calibration import Known, fitted, known_case, log_score
+from pneugantry.engine.calibration import FITTED, Known, fitted, known_case, log_score
 from pneugantry.engine.decide import Chances
 
 __all__ = ["cases_in", "left_out", "main"]
 
 PARTS = 5  # of the rigs, each left out in turn
-FIELDS = ("temper", "entry", "unknown_at", "unknown_per")
 
 
 def cases_in(folders: Sequence[Path]) -> list[Known]:
@@ -64,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _words(chances: Chances) -> str:
-    return "  ".join(f"{n} {getattr(chances, n):.3g}" for n in FIELDS)
+    return "  ".join(f"{n} {getattr(chances, n):.3g}" for n in FITTED)
 
 
 if __name__ == "__main__":

@@ -16,11 +16,11 @@ from scipy.optimize import minimize
 from pneugantry.engine.decide import UNKNOWN, Chances, Weighed, shares, unknown_probability
 from pneugantry.engine.plant import Array
 
-__all__ = ["Known", "fitted", "known_case", "log_score"]
+__all__ = ["FITTED", "Known", "fitted", "known_case", "log_score"]
 
 LEAST = 0.01  # probability that a truth has at least: one rig must not decide
-# Rigs that the present weights count for: a few cases move them little. Spread of each logarithm.
-PRIOR = {"temper": 1.0, "entry": 1.0, "unknown_at": 1.0, "unknown_per": 1.0}
+FITTED = ("temper", "entry", "unknown_at", "unknown_per")
+# Their logarithms have a spread of 1 about the present ones: a few cases move them little.
 
 
 @dataclass(frozen=True)
@@ -65,21 +65,19 @@ def _of(case: Known, chances: Chances) -> float:
 
 def fitted(cases: Sequence[Known], start: Chances) -> Chances:
     """The weights of the largest log probability, near those to start from."""
-    names = list(PRIOR)
-    logs = np.log([getattr(start, n) for n in names])
-    spread = np.array(list(PRIOR.values()))
+    logs = np.log([getattr(start, n) for n in FITTED])
 
     def chances(step: Array) -> Chances:
-        temper, entry, at, per = (float(v) for v in np.exp(logs + step * spread))
+        temper, entry, at, per = (float(v) for v in np.exp(logs + step))
         return replace(start, temper=temper, entry=entry, unknown_at=at, unknown_per=per)
 
     def cost(step: Array) -> float:
         return float(step @ step) / 2 - len(cases) * log_score(cases, chances(step))
 
-    simplex = np.vstack([np.zeros(len(names)), 0.3 * np.eye(len(names))])
+    simplex = np.vstack([np.zeros(len(FITTED)), 0.3 * np.eye(len(FITTED))])
     found = minimize(
         cost,
-        np.zeros(len(names)),
+        np.zeros(len(FITTED)),
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "maxiter": 2000, "xatol": 1e-3, "fatol": 1e-4},
     )

@@ -17,6 +17,7 @@ from modelica_fmu.batch import Subsystem
 from modelica_fmu.errors import RunError
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.foreign import ForeignPlant, foreign_signals
+from pneugantry.engine.noise import NOISIEST
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, sensed
@@ -37,7 +38,6 @@ __all__ = [
 Values = Mapping[str, float]
 BOOTSTRAPS = 400
 NOTHING = 0.05  # mean square beyond the floor's, below which there is no gap to shrink
-NOISIEST = 2.0  # largest noise, in units of the quoted one, that counts as a sensor's noise
 PARTED = 10.0  # times the misfit so far by which a stretch and all later ones have parted
 DRAWS = 15  # replays with parameters drawn from what a fit leaves open
 LEAKS = 6  # rounds in which readings that leak into each other settle

@@ -3,7 +3,7 @@
 Evidence of simulations is overconfident: a model that is a little wrong everywhere misfits a little
 in every row, and the rows agree. So evidence counts by a share of it (`Chances.temper`), and what
 no catalogue explains is judged by how far residuals stand out of the sensors' noise. These few
-numbers are fitted to campaigns whose truth is known (`pneugantry calibrate`).
+numbers are fitted to campaigns whose truth is known (`python -m benchmarks.calibrate`).
 """
 
 from __future__ import annotations

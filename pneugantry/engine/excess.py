@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneugantry.engine.fitter import Fit, Fitter
-from pneugantry.engine.noise import LONGEST, Whitener, spread, whitener_of
+from pneugantry.engine.noise import LONGEST, NOISIEST, Whitener, spread, whitener_of
 from pneugantry.engine.plant import Array
 from pneugantry.engine.synthetic import changes_of, noisy
 
@@ -24,7 +24,6 @@ Channel = tuple[str, str]  # view, signal
 Floors = dict[tuple[Channel, str], Whitener]  # by channel and record
 DRAWS = 3
 CLIPPED = 6.0  # noise levels beyond which a draw of noise is an event
-NOISIEST = 2.0  # times its quoted noise that a sensor may have; more is no noise
 LARGEST = 3.0  # noise levels beyond which a residual counts no further: an event may be mistimed
 
 
@@ -83,9 +82,3 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors) -> Excess:
 def _size(rows: Array, level: float) -> float:
     bound = LARGEST * level
     return float(np.sqrt(np.mean(np.clip(rows, -bound, bound) ** 2)))
-
-
-def _bounds(rows: Array) -> tuple[float, float]:
-    """An event that one more draw of noise moves is no noise."""
-    bound = CLIPPED * spread([rows])
-    return -bound, bound

@@ -158,7 +158,7 @@ class Fitter:
         known, cells = prior(coordinates), tuple(self.simulation.cells)
         self.simulation.forget()
         residuals, columns = self.simulation.linearised(start, cells, set(known.names), fine=False)
-        solution = self._by_view(Solution(start, residuals, columns), known, cells, fine=False)
+        solution = self._by_view(Solution(start, residuals, columns), known, cells)
         solution = self._settled(solution, known, cells)
         scale = self._tolerance(solution.point)
         coordinates = self.coordinates(Hypothesis(), scale)
@@ -199,7 +199,7 @@ class Fitter:
             self.simulation.forget()
         residuals, made = self.simulation.linearised(start, cells, wanted)
         solution = Solution(start, residuals, {**columns, **made})
-        solution = self._by_view(solution, known, cells, fine=False)
+        solution = self._by_view(solution, known, cells)
         solution = self._jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
 
@@ -217,7 +217,8 @@ class Fitter:
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
     def _settled(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """Jointly, from the best point about it, until none about it is better.
+        """Jointly, from the best point about it or with each view apart once more, until neither is
+        better.
 
         An event that a simulation misses (a break-away) shows in no derivative.
         """
@@ -225,8 +226,9 @@ class Fitter:
         for _ in range(self.rules.turns):
             colour = self.coloured(solution.residuals)
             cost = self._cost(solution, known, colour)
-            for propose in (self._near, self._apart):
-                proposed = propose(solution, known, cells, colour)
+            near = probed(self._problem(cells, known), solution, colour)
+            for apart in (False, True):
+                proposed = self._by_view(solution, known, cells) if apart else near
                 if proposed is None:
                     continue
                 turned = self._jointly(proposed, known, cells)
@@ -239,26 +241,14 @@ class Fitter:
                 break
         return solution
 
-    def _near(
-        self, start: Solution, known: Parabola, cells: Sequence[Cell], colour: Noise
-    ) -> Solution | None:
-        """The best point about a solution; None where none is better."""
-        return probed(self._problem(cells, known), start, colour)
-
-    def _apart(
-        self, start: Solution, known: Parabola, cells: Sequence[Cell], colour: Noise
-    ) -> Solution:
-        """Each view by itself once more, by steps that look over events."""
-        return self._by_view(start, known, cells, fine=False)
-
     def _cost(self, solution: Solution, known: Parabola, colour: Noise) -> float:
         costs = Weighing(colour, self.rules).costs(solution.residuals)
         return sum(costs.values()) + known.cost(solution.point.theta)
 
-    def _by_view(
-        self, start: Solution, known: Parabola, cells: Sequence[Cell], fine: bool = True
-    ) -> Solution:
-        """Each view by itself, then the least of the sum of their parabolas."""
+    def _by_view(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        """Each view by itself, by steps that look over events, then the least of the sum of their
+        parabolas.
+        """
         columns, total = dict(start.columns), known
         for view in dict.fromkeys(c[0] for c in cells):
             own = {c for c in cells if c[0] == view}
@@ -269,7 +259,7 @@ class Fitter:
                 {c: r for c, r in start.residuals.items() if c in own},
                 {k: c for k, c in columns.items() if k[0] in own},
             )
-            solution = descend(self._problem(own, known, fine), solution, None, ROUGH)
+            solution = descend(self._problem(own, known, fine=False), solution, None, ROUGH)
             total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
             columns |= solution.columns
         before, least = start.point.theta, total.least()
@@ -280,14 +270,10 @@ class Fitter:
                 return Solution(point, residuals, columns)
         return start
 
-    def _jointly(
-        self, start: Solution, known: Parabola, cells: Sequence[Cell], fine: bool = True
-    ) -> Solution:
+    def _jointly(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """All views together, under the colour that their residuals have."""
-        problem = self._problem(cells, known, fine)
-        columns = self.simulation.columns(
-            start.point, start.residuals, cells, set(known.names), fine
-        )
+        problem = self._problem(cells, known)
+        columns = self.simulation.columns(start.point, start.residuals, cells, set(known.names))
         solution = Solution(start.point, start.residuals, {**start.columns, **columns})
         for settled in (ROUGH, self.rules.settled):
             solution = descend(problem, solution, self.coloured(solution.residuals), settled)

@@ -15,6 +15,7 @@ from pneugantry.engine.plant import Array
 
 __all__ = [
     "LONGEST",
+    "NOISIEST",
     "Noise",
     "Whitener",
     "coloured",
@@ -30,6 +31,7 @@ __all__ = [
 # records that it fits worst, and blind to a constant error in the others.
 Noise = Mapping[tuple[str, str], tuple[Whitener, ...]]
 CLIPPED = 5.0  # spreads beyond which a residual says nothing of the noise's colour
+NOISIEST = 2.0  # times its quoted noise that a sensor may have; more is no noise
 NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute value
 
 
