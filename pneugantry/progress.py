@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import math
+import statistics
 import sys
 import threading
 import time
@@ -24,6 +26,9 @@ __all__ = ["Stages", "bar", "counter", "logged", "loop_progress"]
 T = TypeVar("T")
 REFRESH = 1.0  # s, between two drawings of a stage's line
 WORTH = 2.0  # s, of a whole command below which its length is not remembered
+PAUSE = 30.0  # s, a longer gap between two ticks is a machine that slept, or a clock that jumped
+LONGEST = 6 * 3600.0  # s, a longer command is neither remembered nor foretold
+KEPT = 5  # last lengths of a command, of which the median is foretold
 WIDTH = 24  # characters of a bar
 
 
@@ -114,17 +119,36 @@ def logged(name: str, say: Callable[[str], None]) -> Iterator[None]:
         logger.removeHandler(handler)
 
 
-class Stages:
-    """`with Stages("diagnose", size=rows) as say: say("hypotheses") ...`: names each stage as it
-    begins and estimates what is left from how long the last such command took on this machine.
-
-    size: of the work, by which the estimate scales (rows, cases).
+class Watch:
+    """Seconds that were worked: a gap of more than PAUSE between two ticks counts as PAUSE, and one
+    below 0 as none. To be ticked about every second.
     """
 
-    def __init__(self, command: str, size: float = 1.0) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self.clock, self.last, self.worked = clock, clock(), 0.0
+
+    def tick(self) -> float:
+        """Seconds worked so far."""
+        now = self.clock()
+        self.worked += min(max(now - self.last, 0.0), PAUSE)
+        self.last = now
+        return self.worked
+
+
+class Stages:
+    """`with Stages("build", "binary", 5) as say: say("equations") ...`: names each stage as it
+    begins and estimates what is left from how long such commands took on this machine.
+
+    unit, size: what the work is counted in and how much it is: lengths are remembered for each
+    command and unit. A command whose length follows no count names its kind of work as unit.
+    """
+
+    def __init__(self, command: str, unit: str = "", size: float = 1.0) -> None:
         self.command, self.size = command, max(size, 1e-9)
-        self.usual = _usual(command) * self.size  # s, 0: not known
-        self.stage, self.began = "", time.perf_counter()
+        self.key = f"{command} {unit}".strip()
+        self.usual = _usual(self.key, self.size)  # s, 0: not known
+        self.stage, self.watch = "", Watch()
+        self.worked = 0.0  # s
         self.terminal = sys.stderr.isatty()
         self.told = ""
         self.end = threading.Event()
@@ -154,25 +178,23 @@ class Stages:
         if self.terminal:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
-        if kind is None and self._elapsed() > WORTH:
-            _remember(self.command, self._elapsed() / self.size)
-
-    def _elapsed(self) -> float:
-        return time.perf_counter() - self.began
+        if kind is None and WORTH < self.watch.tick() < LONGEST:
+            _remember(self.key, self.watch.worked / self.size)
 
     def _left(self) -> str:
-        left = self.usual - self._elapsed()
+        left = self.usual - self.worked
         return f", about {_seconds(left)} left" if left > 1.0 else ""
 
     def _paint(self) -> None:
         while not self.end.wait(REFRESH):
+            self.worked = self.watch.tick()
             if not self.terminal:
                 self._tell()
                 continue
-            share = min(self._elapsed() / self.usual, 0.99) if self.usual else 0.0
+            share = min(self.worked / self.usual, 0.99) if self.usual else 0.0
             filled = round(WIDTH * share)
             drawn = f" [{'#' * filled}{'.' * (WIDTH - filled)}]" if self.usual else ""
-            text = f"{self.command}: {self.stage}{drawn} {_seconds(self._elapsed())}{self._left()}"
+            text = f"{self.command}: {self.stage}{drawn} {_seconds(self.worked)}{self._left()}"
             sys.stderr.write(f"\r\x1b[K{text}")
             sys.stderr.flush()
 
@@ -180,7 +202,7 @@ class Stages:
         """A line for a stage that lasts."""
         if self.stage != self.told:
             self.told = self.stage
-            _say(f"{self.command}: {self.stage} ({_seconds(self._elapsed())} so far{self._left()})")
+            _say(f"{self.command}: {self.stage} ({_seconds(self.worked)} so far{self._left()})")
 
 
 def _seconds(value: float) -> str:
@@ -199,14 +221,25 @@ def _durations() -> dict[str, Any]:
     return table if isinstance(table, dict) else {}
 
 
-def _usual(command: str) -> float:
-    """Seconds for each unit of size, as last time; 0 where it is not known."""
-    value = _durations().get(command, 0.0)
-    return float(value) if isinstance(value, int | float) else 0.0
+def _lengths(key: str) -> list[float]:
+    """Seconds for each unit of size, of the last commands; values that cannot be are left out."""
+    values = _durations().get(key)
+    return [
+        float(v)
+        for v in (values if isinstance(values, list) else [])
+        if isinstance(v, int | float) and math.isfinite(v) and v > 0
+    ]
 
 
-def _remember(command: str, each: float) -> None:
-    text = json.dumps(_durations() | {command: each})
+def _usual(key: str, size: float) -> float:
+    """Seconds that work of this size takes; 0 where it is not known."""
+    lengths = _lengths(key)
+    usual = statistics.median(lengths) * size if lengths else 0.0
+    return usual if usual < LONGEST else 0.0
+
+
+def _remember(key: str, each: float) -> None:
+    text = json.dumps(_durations() | {key: [*_lengths(key), each][-KEPT:]})
     with contextlib.suppress(InputError):  # an estimate is no reason to fail
         write_atomically(
             cache_folder() / "durations.json",

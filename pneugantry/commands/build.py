@@ -70,7 +70,10 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from pneugantry.api import models
 
-    with Stages("build", len(options.platform or [""])) as say, logged("modelica_fmu", say):
+    with (
+        Stages("build", "binary", len(options.platform or [""])) as say,
+        logged("modelica_fmu", say),
+    ):
         built = models.build(
             options.class_name,
             model=options.model,

@@ -70,7 +70,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     folder = options.campaign or options.out / "campaign"
     campaign = read_campaign(folder, strict=False, needs=DRIVEN)
     print(f"\ndiagnosis of {campaign.name}:")
-    with Stages("diagnose", sum(len(run.log) for run in campaign)) as say:
+    with Stages("diagnose", "campaign") as say:
         diagnosed = diagnose(campaign, fmu=fmu, workers=1, say=say)
     print_diagnosis(diagnosed.json)
     if truth is not None:

@@ -53,7 +53,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from pneugantry.engine.plan_report import as_html, as_json, as_text
 
     began = time.perf_counter()
-    with Stages("plan") as say:
+    with Stages("plan", "logs" if options.logs_only else "") as say:
         say("logs")
         case = _case(options)
         if options.without:
