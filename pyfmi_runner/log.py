@@ -30,6 +30,7 @@ from pyfmi_runner.mat_file import read_mat
 
 __all__ = [
     "COLUMNS",
+    "LABELS",
     "MEASURED",
     "OPTIONAL",
     "PERIOD",
@@ -104,6 +105,7 @@ COLUMNS: Mapping[str, Column] = {
 OPTIONAL = ("f_nd", "v_td", "theta", "phase")
 REQUIRED = tuple(name for name in COLUMNS if name not in OPTIONAL)
 MEASURED = ("x", "z", "v_x", "v_z", "f_x", "f_z", "f_ax", "f_az")
+LABELS = tuple(f"{name} [{COLUMNS[name].unit}]" for name in MEASURED)  # of axes and tables
 # RMS noise of the sensors in the column's unit, Table 3.3
 SIGMA: Mapping[str, float] = {
     "x": 0.3e-3,

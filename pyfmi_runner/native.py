@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic as numba_intrinsic
 
-__all__ = ["call_plain", "call_setup", "call_step", "call_step_3", "call_values", "call_values_3"]
+__all__ = ["call_step", "call_step_3", "call_values", "call_values_3"]
 
 # numba types what it decorates as the code generator below, with its typing context: what a caller
 # sees is another function
@@ -97,32 +97,5 @@ def call_step(typingctx: Any, function: Any, component: Any, time: Any, step: An
         return _call(
             builder, f, [builder.inttoptr(c, _POINTER), time, step, ir.Constant(ir.IntType(32), 1)]
         )
-
-    return signature, generate
-
-
-@intrinsic
-def call_plain(typingctx: Any, function: Any, component: Any) -> Any:
-    """fmi2Reset, fmi2EnterInitializationMode, fmi2ExitInitializationMode: status = f(component)."""
-    signature = types.int32(types.uintp, types.uintp)
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        f, c = args
-        return _call(builder, f, [builder.inttoptr(c, _POINTER)])
-
-    return signature, generate
-
-
-@intrinsic
-def call_setup(typingctx: Any, function: Any, component: Any, start: Any) -> Any:
-    """fmi2SetupExperiment without tolerance and stop time: status = f(component, fmi2False, 0,
-    start, fmi2False, 0).
-    """
-    signature = types.int32(types.uintp, types.uintp, types.float64)
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        f, c, start = args
-        no, zero = ir.Constant(ir.IntType(32), 0), ir.Constant(ir.DoubleType(), 0.0)
-        return _call(builder, f, [builder.inttoptr(c, _POINTER), no, zero, start, no, zero])
 
     return signature, generate

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from modelica_fmu.errors import InputError
 from pneugantry.analysis.metrics import task_frame
-from pyfmi_runner.log import PHASES, Log, write_atomically
+from pyfmi_runner.log import LABELS, PHASES, Log, write_atomically
 
 __all__ = ["axes_grid", "figure_data_uri", "overlay_figure", "save", "tracking_figure"]
 
@@ -116,16 +116,6 @@ def overlay_figure(
     title: str,
 ) -> Figure:
     """Measured and simulated channels (N, 8), in the order of the logs, one axes each."""
-    labels = (
-        "x [m]",
-        "z [m]",
-        "v_x [m/s]",
-        "v_z [m/s]",
-        "f_x [N]",
-        "f_z [N]",
-        "f_ax [N]",
-        "f_az [N]",
-    )
     colours = {"nominal": NOMINAL, "augmented": AUGMENTED}
     figure, axes = axes_grid(4, 2)
     for channel, ax in enumerate(axes.ravel()):
@@ -134,7 +124,7 @@ def overlay_figure(
             ax.plot(
                 time, values[:, channel], color=colours.get(name, NOMINAL), label=name, alpha=0.85
             )
-        ax.set_ylabel(labels[channel])
+        ax.set_ylabel(LABELS[channel])
         ax.set_xlabel("time [s]")
     axes[0, 0].legend(loc="best")
     figure.suptitle(title)

@@ -7,10 +7,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from modelica_fmu.errors import InputError
-from modelica_fmu.files import write_atomically
 from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.describe import Described, described, views_of
 from pneugantry.engine.foreign import ForeignPlant
@@ -18,6 +16,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
 from pneugantry.engine.sensors import PREFIX
 from pneugantry.engine.views import View
+from pneugantry.plants.modelica import Extension, write_extension
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.fmu import FmuFile, FmuVariable
 from pyfmi_runner.scenario import parse_toml
@@ -146,66 +145,31 @@ def write_augmented(folder: Path, found: Found) -> tuple[Path, Path]:
         for n, v in sorted(values.items())
         if n in variables and variables[n].causality == "parameter" and variables[n].start != v
     }
-    name = f"Augmented{plant.class_name.rsplit('.', 1)[-1]}"
-    text = _extended(name, found, variables, changed)
-    path = folder / f"{name}.mo"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-    except OSError as error:
-        hint = "name a folder that can"
-        raise InputError(f"cannot be written ({error.strerror})", file=folder, hint=hint) from None
-    with TemporaryDirectory() as temporary:
-        whole = Path(temporary) / path.name  # the compiler takes one file
-        base = plant.model.read_text(encoding="utf-8")
-        whole.write_text(f"{base}\n{_extended(name, found, variables, {})}", encoding="utf-8")
-        starts = {n: float(v) for n, v in changed.items()}
-        return path, build_fmu(name, whole, out=folder, starts=starts).path
+    starts = {n: float(v) for n, v in changed.items()}
+    return write_extension(folder, _extension(found, variables, changed), plant.model, starts)
 
 
-def _extended(
-    name: str, found: Found, variables: Mapping[str, FmuVariable], values: Mapping[str, float]
-) -> str:
-    """Modelica text of the class under other values; those that are no plain numbers in Modelica
-    stand in comments, and reach the FMU all the same.
+def _extension(
+    found: Found, variables: Mapping[str, FmuVariable], values: Mapping[str, float]
+) -> Extension:
+    """The plant's class under other values; those that are no plain numbers in Modelica stand in
+    comments, and reach the FMU all the same.
     """
-    plain = {n: v for n, v in values.items() if _plain(n, variables)}
+    plant = found.task.plant
+    plain = {n: _literal(variables[n], v) for n, v in values.items() if _plain(n, variables)}
     said = [f"{c.key}: probability {c.probability:.2f}" for c in found.diagnosis.causes]
     said += [f"{n} = {v:.6g}" for n, v in sorted(found.values.items()) if n.startswith(PREFIX)]
     said += [f"{n} = {v:g} in the FMU" for n, v in values.items() if n not in plain]
-    comments = "".join(f"  // {line}\n" for line in said)
-    plant = found.task.plant
-    return (
-        f'model {name} "{plant.class_name} as fitted to the logs of {plant.name}"\n{comments}'
-        f"  extends {plant.class_name}{_modifiers(_tree(plain, variables), 4)};\nend {name};\n"
-    )
+    title = f"{plant.class_name} as fitted to the logs of {plant.name}"
+    name = f"Augmented{plant.class_name.rsplit('.', 1)[-1]}"
+    return Extension(name, title, plant.class_name, plain, tuple(said))
 
 
 def _plain(name: str, variables: Mapping[str, FmuVariable]) -> bool:
     return "[" not in name and variables[name].type in ("Real", "Integer", "Boolean")
 
 
-def _tree(values: Mapping[str, float], variables: Mapping[str, FmuVariable]) -> dict[str, object]:
-    """Values by the components that they lie in, as Modelica writes them."""
-    tree: dict[str, object] = {}
-    for path, value in values.items():
-        *parents, leaf = path.split(".")
-        node = tree
-        for parent in parents:
-            node = node.setdefault(parent, {})  # type: ignore[assignment]
-        kind = variables[path].type
-        node[leaf] = {"Boolean": str(bool(value)).lower(), "Integer": str(round(value))}.get(
-            kind, repr(float(value))
-        )
-    return tree
-
-
-def _modifiers(tree: Mapping[str, object], indent: int) -> str:
-    if not tree:
-        return ""
-    texts = {
-        name: _modifiers(sub, indent + 2) if isinstance(sub, Mapping) else f" = {sub}"
-        for name, sub in tree.items()
-    }
-    entries = [f"{' ' * indent}{name}{text}" for name, text in texts.items()]
-    return "(\n" + ",\n".join(entries) + ")"
+def _literal(variable: FmuVariable, value: float) -> str:
+    if variable.type == "Boolean":
+        return "true" if value else "false"
+    return str(round(value)) if variable.type == "Integer" else repr(float(value))

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pneugantry.report.svg import INK, LINE, QUIET, svg, text
+
 __all__ = [
     "CURVES",
     "SAMPLES",
@@ -30,7 +32,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Phase = tuple[str, float, float]  # name, start and end in s
-INK, LINE, QUIET = "var(--ink)", "var(--line)", "var(--quiet)"  # of the style sheet: light, dark
 CURVES = {
     "measured": ("var(--measured)", 2.4, ""),
     "nominal": ("var(--orange)", 1.3, "5 3"),
@@ -81,33 +82,6 @@ class Curves:
         return (self.rows - 1) * self.period
 
 
-def _number(value: float) -> str:
-    return f"{value:.1f}".rstrip("0").rstrip(".")
-
-
-def _text(
-    at: tuple[float, float],
-    text: str,
-    anchor: str = "middle",
-    size: float = 12,
-    weight: str = "400",
-    fill: str = INK,
-) -> str:
-    return (
-        f'<text x="{_number(at[0])}" y="{_number(at[1])}" text-anchor="{anchor}" '
-        f'font-size="{_number(size)}" font-weight="{weight}" '
-        f'fill="{fill}">{escape(text)}</text>'
-    )
-
-
-def _svg(size: tuple[float, float], body: Iterable[str], label: str, kind: str) -> str:
-    head = (
-        f'<svg class="{kind}" viewBox="0 0 {_number(size[0])} {_number(size[1])}" '
-        f'role="img" aria-label="{escape(label, quote=True)}">'
-    )
-    return head + "".join(body) + "</svg>"
-
-
 # ---------------------------------------------------------------- how far
 
 
@@ -124,25 +98,25 @@ def gap_svg(rows: Sequence[tuple[str, float, float]], floor: float, after: str) 
     def at(value: float) -> float:
         return left + width * (math.log10(max(value, 10**low)) - low) / (high - low)
 
-    body = [_text((at(floor), top - 14), f"floor {floor:.3g}", size=11)]
+    body = [text((at(floor), top - 14), f"floor {floor:.3g}", size=11)]
     for tick in _decades(low, high):
         body.append(f'<path d="M{at(tick):.1f} {top}V{bottom}" stroke="{QUIET}"/>')
-        body.append(_text((at(tick), bottom + 15), f"{tick:g}", size=11))
+        body.append(text((at(tick), bottom + 15), f"{tick:g}", size=11))
     body.append(
         f'<path d="M{at(floor):.1f} {top - 8}V{bottom}" stroke="{INK}" '
         f'stroke-dasharray="2 3" stroke-width="1.5"/>'
     )
     for i, (name, nominal, augmented) in enumerate(rows):
         y = top + row * (i + 0.5)
-        body.append(_text((left - 8, y + 4), name, "end", weight="700" if name == "all" else "400"))
+        body.append(text((left - 8, y + 4), name, "end", weight="700" if name == "all" else "400"))
         if not (math.isfinite(nominal) and math.isfinite(augmented)):
-            body.append(_text((left + 6, y + 4), "not known", "start", size=11))
+            body.append(text((left + 6, y + 4), "not known", "start", size=11))
             continue
         body += _change((at(nominal), at(augmented)), y, augmented <= nominal)
     axis = "gap = RMS of (measured − simulated)/σ  [1], logarithmic"
-    body.append(_text((left + width / 2, bottom + 32), axis, size=11))
+    body.append(text((left + width / 2, bottom + 32), axis, size=11))
     label = f"Gap by signal: ring nominal, disc {after}, dotted line floor"
-    return _svg((left + width + 14, bottom + 40), body, label, "picture gap")
+    return svg((left + width + 14, bottom + 40), body, label, "picture gap")
 
 
 def _decades(low: float, high: float) -> list[float]:
@@ -216,17 +190,17 @@ def panel_svg(curves: Curves, i: int, phases: Sequence[Phase]) -> str:
                 f'<path d="M{x(start):.1f} {p["top"]}V{base}" stroke="{QUIET}" '
                 f'stroke-dasharray="2 2"/>'
             )
-            body.append(_text((x(start), p["top"] - 4), name, "start", 9, fill=LINE))
+            body.append(text((x(start), p["top"] - 4), name, "start", 9, fill=LINE))
     for tick in ticks(low, high, 4):
         body.append(
             f'<path d="M{p["left"]} {y(tick):.1f}H{p["left"] + width}" stroke="{QUIET}" '
             f'stroke-width=".6"/>'
         )
-        body.append(_text((p["left"] - 5, y(tick) + 4), f"{tick:.6g}", "end", 10.5))
-    body += [_text((x(t), base + 13), f"{t:.6g}", size=10.5) for t in ticks(0.0, end, 8)]
-    body.append(_text((p["left"] + width, base + 26), "time [s]", "end", 10.5))
+        body.append(text((p["left"] - 5, y(tick) + 4), f"{tick:.6g}", "end", 10.5))
+    body += [text((x(t), base + 13), f"{t:.6g}", size=10.5) for t in ticks(0.0, end, 8)]
+    body.append(text((p["left"] + width, base + 26), "time [s]", "end", 10.5))
     title = f"{signal.name} [{signal.unit}]"
-    body.append(_text((p["left"], p["top"] - 17), title, "start", 11.5, "600"))
+    body.append(text((p["left"], p["top"] - 17), title, "start", 11.5, "600"))
     for name, values in own.items():
         colour, thick, dashes = CURVES[name]
         index, extremes = _extremes(values, STATIC)
@@ -242,7 +216,7 @@ def panel_svg(curves: Curves, i: int, phases: Sequence[Phase]) -> str:
         f'fill="none" stroke="{QUIET}"/>'
     )
     label = f"{signal.name} over time: {', '.join(own)}"
-    return _svg((p["width"], p["height"]), body, label, "picture panel")
+    return svg((p["width"], p["height"]), body, label, "picture panel")
 
 
 def _range(curves: Mapping[str, Array]) -> tuple[float, float]:
@@ -364,7 +338,7 @@ def strip_svg(
         f"{end * k / 4:.3g} s</text>"
         for k in range(5)
     ]
-    return _svg((left + s["width"] + 24, height), body, label, "strip")
+    return svg((left + s["width"] + 24, height), body, label, "strip")
 
 
 def _binned(residual: Array) -> Array:

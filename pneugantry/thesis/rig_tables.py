@@ -21,22 +21,13 @@ from pneugantry.thesis.runner import Results
 from pneugantry.thesis.scores import Scores, score_log
 from pneugantry.thesis.tables import Cell
 from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import LABELS
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.sensors import NO_STEPS, Channels, converter_steps
 
 __all__ = ["RIG_TABLES", "jatta_scores", "lag_cells", "material_cells", "part_cells"]
 
 TEST = "test"  # kind of these cells
-CHANNELS = (
-    "x [m]",
-    "z [m]",
-    "v_x [m/s]",
-    "v_z [m/s]",
-    "f_x [N]",
-    "f_z [N]",
-    "f_ax [N]",
-    "f_az [N]",
-)
 LARGEST: Channels = (1.0, 0.101, 1.0, 1.0, 250.0, 250.0, 400.0, 157.0)  # Table 3.3
 RMS: Channels = (0.3e-3, 0.1e-3, 1.0e-3, 0.5e-3, 0.05, 0.05, 0.05, 0.05)  # Table 3.3
 RATIO: Channels = (71.0, 60.0, 60.0, 66.0, 74.0, 74.0, 78.0, 70.0)  # dB, Table 3.3
@@ -62,7 +53,7 @@ def part_cells(fmu: FmuFile) -> list[Cell]:
 def _noise() -> Iterator[Cell]:
     for sensors, quantum in (("", NO_STEPS), (", 12-bit converter", converter_steps())):
         found = rest_noise(LARGEST, quantum)
-        for name, rms, ratio, ours in zip(CHANNELS, RMS, RATIO, found, strict=True):
+        for name, rms, ratio, ours in zip(LABELS, RMS, RATIO, found, strict=True):
             yield Cell("3.3", name + sensors, "RMS of noise", TEST, rms, ours.rms)
             yield Cell("3.3", name + sensors, "largest SNR [dB]", TEST, ratio, ours.ratio)
 

@@ -15,8 +15,8 @@ from pneugantry.engine.plant import Data, Record
 from pneugantry.engine.result import to_json
 from pneugantry.engine.run import run
 from pneugantry.plants.own import own_task
-from pyfmi_runner.block_fmu import BlockFmu
 from pyfmi_runner.build import build_fmu
+from pyfmi_runner.driven import DrivenFmu
 from pyfmi_runner.fmu import FmuFile
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,10 +28,10 @@ measured = pytest.mark.skipif(
 
 def test_the_nominal_axis_is_a_mass_in_its_loop_without_friction() -> None:
     file = FmuFile.read(build_fmu("EMPS.Axis", ROOT / "models" / "EMPS.mo").path)
-    reference = np.full((3000, 1), 0.01)
-    with BlockFmu(file) as fmu:
-        nominal = fmu.run({}, ["q_ref"], reference, ["q", "u", "friction.F"])
-        pushed = fmu.run({"offset": 10.0}, ["q_ref"], reference, ["q", "u"])
+    reference = np.full(3000, 0.01)
+    nominal, pushed = DrivenFmu(file).run(
+        ["offset"], np.array([[0.0], [10.0]]), {"q_ref": reference}, ["q", "u", "friction.F"], 1e-3
+    )
     assert nominal[-1, :2] == pytest.approx([0.01, 0.0], abs=1e-6)
     assert not nominal[:, 2].any()
     assert pushed[-1, 1] == pytest.approx(10.0 / 35.1507, rel=1e-4)  # the loop holds the force

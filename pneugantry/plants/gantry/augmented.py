@@ -7,12 +7,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-from modelica_fmu.errors import InputError
-from pyfmi_runner.build import build_fmu, default_model
+from pneugantry.plants.modelica import Extension, write_extension
+from pyfmi_runner.build import default_model
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import write_atomically
 
 __all__ = ["augmented_model", "outside_the_plant", "write_augmented"]
 
@@ -21,31 +19,24 @@ CLASS = "AugmentedGantry"
 
 def augmented_model(
     gantry: FmuFile, values: Mapping[str, float], remarks: Sequence[str] = (), name: str = CLASS
-) -> str:
-    """Modelica text of a model that extends the FMU's class with `values`, by the FMU's names;
-    values equal to its own are left out.
+) -> Extension:
+    """The FMU's class extended with `values`, by the FMU's names; values equal to its own are left
+    out.
 
     Sensor errors and loop delay are no part of a plant: they stand in comments
     (`outside_the_plant`).
     """
-    tree: dict[str, object] = {}
+    modifiers = {}
     for path, value in sorted(values.items()):
         if not _is_parameter(gantry, path) or gantry.variables[path].start == value:
             continue
-        *parents, leaf = re.sub(r"\[\d+\]$", "", path).split(".")
-        node = tree
-        for parent in parents:
-            node = node.setdefault(parent, {})  # type: ignore[assignment]
-        node[leaf] = (
+        stem = re.sub(r"\[\d+\]$", "", path)
+        modifiers[stem] = (
             _array(gantry, values, path) if path.endswith("]") else _literal(gantry, path, value)
         )
-    comments = "".join(f"  // {line}\n" for line in [*remarks, *outside_the_plant(values)])
-    modifiers = _modifiers(tree, 4)
     base = gantry.description.model
-    return (
-        f'model {name} "{base} as fitted to a measured campaign"\n{comments}  extends '
-        f"{base}{modifiers};\nend {name};\n"
-    )
+    title = f"{base} as fitted to a measured campaign"
+    return Extension(name, title, base, modifiers, (*remarks, *outside_the_plant(values)))
 
 
 def outside_the_plant(values: Mapping[str, float]) -> list[str]:
@@ -68,28 +59,12 @@ def write_augmented(
 ) -> tuple[Path, Path]:
     """Writes AugmentedGantry.mo and the FMU built from it into a folder; returns both paths.
 
-    The values reach the FMU as start values. `model`: the Modelica file of the
-    nominal class (the project's own). Raises InputError where the folder cannot be written.
+    `model`: the Modelica file of the nominal class (the project's own). Raises InputError where the
+    folder cannot be written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / f"{CLASS}.mo"
-        text = augmented_model(gantry, values, remarks)
-        write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"cannot be written ({error.strerror})", file=folder, hint="name a folder that can"
-        ) from None
     starts = {name: float(value) for name, value in values.items() if _is_parameter(gantry, name)}
-    with TemporaryDirectory() as temporary:
-        whole = Path(temporary) / path.name  # the compiler takes one file
-        whole.write_text(
-            (model or default_model()).read_text(encoding="utf-8")
-            + "\n"
-            + augmented_model(gantry, {}, remarks),
-            encoding="utf-8",
-        )
-        return path, build_fmu(CLASS, whole, out=folder, starts=starts).path
+    extension = augmented_model(gantry, values, remarks)
+    return write_extension(folder, extension, model or default_model(), starts)
 
 
 def _is_parameter(gantry: FmuFile, path: str) -> bool:
@@ -120,14 +95,3 @@ def _array(gantry: FmuFile, values: Mapping[str, float], path: str) -> str:
         + ", ".join(repr(float(values.get(n, gantry.variables[n].start or 0.0))) for n in names)
         + "}"
     )
-
-
-def _modifiers(tree: Mapping[str, object], indent: int) -> str:
-    if not tree:
-        return ""
-    texts = {
-        name: _modifiers(sub, indent + 2) if isinstance(sub, Mapping) else f" = {sub}"
-        for name, sub in tree.items()
-    }
-    entries = [f"{' ' * indent}{name}{text}" for name, text in texts.items()]
-    return "(\n" + ",\n".join(entries) + ")"

@@ -3,25 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from html import escape
+from collections.abc import Mapping
+from typing import NamedTuple
 
 from pneugantry.engine.run import Found
 from pneugantry.report.page import Extras
+from pneugantry.report.svg import LINE, svg, text
 from pyfmi_runner.campaign import Campaign, LoggedRun
 
 __all__ = ["extras_of", "plant_svg"]
 
-INK, LINE = "var(--ink)", "var(--line)"  # of the style sheet: light, dark
 DARK = "#1c2430"  # on a block's own light fill
-BLOCKS = {  # x, y, width, height, caption
-    "timing": (196, 272, 128, 54, ("timing", "delay of the loop")),
-    "valve_x": (196, 34, 128, 54, ("valve_x", "u → f_a")),
-    "valve_z": (196, 142, 128, 54, ("valve_z", "u → f_a")),
-    "friction_x": (430, 34, 150, 54, ("friction_x", "friction, mass, cable")),
-    "friction_z": (430, 142, 150, 54, ("friction_z", "friction, mass, cable")),
-    "contact": (724, 34, 130, 162, ("contact", "and workpiece")),
-    "sensors": (360, 272, 494, 54, ("sensors", "noise, scale, offset, lag")),
+
+
+class Box(NamedTuple):
+    """Where a block of the plant stands."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    captions: tuple[str, str]
+
+
+BLOCKS = {
+    "timing": Box(196, 272, 128, 54, ("timing", "delay of the loop")),
+    "valve_x": Box(196, 34, 128, 54, ("valve_x", "u → f_a")),
+    "valve_z": Box(196, 142, 128, 54, ("valve_z", "u → f_a")),
+    "friction_x": Box(430, 34, 150, 54, ("friction_x", "friction, mass, cable")),
+    "friction_z": Box(430, 142, 150, 54, ("friction_z", "friction, mass, cable")),
+    "contact": Box(724, 34, 130, 162, ("contact", "and workpiece")),
+    "sensors": Box(360, 272, 494, 54, ("sensors", "noise, scale, offset, lag")),
 }
 
 
@@ -50,34 +62,6 @@ def _setup(run: LoggedRun) -> dict[str, str]:
     return {"loop": loop, "clamped": ", ".join(setup.clamped) or "-", "workpiece": workpiece}
 
 
-def _number(value: float) -> str:
-    return f"{value:.1f}".rstrip("0").rstrip(".")
-
-
-def _text(
-    x: float,
-    y: float,
-    text: str,
-    anchor: str = "middle",
-    size: float = 12,
-    weight: str = "400",
-    fill: str = INK,
-) -> str:
-    return (
-        f'<text x="{_number(x)}" y="{_number(y)}" text-anchor="{anchor}" '
-        f'font-size="{_number(size)}" font-weight="{weight}" '
-        f'fill="{fill}">{escape(text)}</text>'
-    )
-
-
-def _svg(width: float, height: float, body: Iterable[str], label: str, kind: str) -> str:
-    head = (
-        f'<svg class="picture {kind}" viewBox="0 0 {_number(width)} {_number(height)}" '
-        f'role="img" aria-label="{escape(label, quote=True)}">'
-    )
-    return head + "".join(body) + "</svg>"
-
-
 def plant_svg(shares: Mapping[str, float]) -> str:
     """The plant's signal flow; each block filled, framed and lettered by its share. Blocks that the
     gantry does not have stand below.
@@ -93,52 +77,35 @@ def plant_svg(shares: Mapping[str, float]) -> str:
         f'<rect x="20" y="34" width="104" height="162" rx="6" fill="var(--soft)" '
         f'stroke="{LINE}" stroke-dasharray="4 3"/>'
     )
-    body += [_text(72, 112, "controller"), _text(72, 128, "(not judged)", size=10.5, fill=LINE)]
+    body += [text((72, 112), "controller"), text((72, 128), "(not judged)", size=10.5, fill=LINE)]
     places = {
         **BLOCKS,
-        **{name: (20 + 190 * i, 352, 170, 54, (name, "")) for i, name in enumerate(others)},
+        **{name: Box(20 + 190 * i, 352, 170, 54, (name, "")) for i, name in enumerate(others)},
     }
-    for name, (x, y, width, height, captions) in places.items():
-        body += _block(x, y, width, height, captions, shares.get(name, 0.0), name in shares)
+    for name, box in places.items():
+        body += _block(box, shares.get(name))
     label = (
         ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares.items() if share >= 0.005)
         or "no block carries a share"
     )
-    return _svg(
-        max(880, 20 + 190 * len(others)),
-        420 if others else 340,
-        body,
-        f"Blocks of the plant by share of the gap: {label}",
-        "plant",
-    )
+    size = (max(880, 20 + 190 * len(others)), 420 if others else 340)
+    return svg(size, body, f"Blocks of the plant by share of the gap: {label}", "picture plant")
 
 
-def _block(
-    x: float,
-    y: float,
-    width: float,
-    height: float,
-    captions: tuple[str, str],
-    share: float,
-    named: bool,
-) -> list[str]:
+def _block(box: Box, claimed: float | None) -> list[str]:
+    """One block; claimed: its share, None where none is known."""
+    share = claimed or 0.0
     share = min(max(share, 0.0), 1.0) if math.isfinite(share) else 0.0
-    middle, centre = x + width / 2, y + height / 2
+    middle, centre = box.x + box.width / 2, box.y + box.height / 2
     shade = tuple(round(255 + share * (full - 255)) for full in (240, 140, 40))
-    value = f"{100 * share:.0f} %" if named else "–"
-    frame = f'fill="rgb{shade}" stroke="{LINE}" stroke-width="{1 + 3 * share:.1f}"'
+    value = f"{100 * share:.0f} %" if claimed is not None else "–"
+    weight, size = ("700", 13) if share >= 0.1 else ("400", 11)
     return [
-        f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="6" {frame}/>',
-        _text(middle, centre - 9, captions[0], weight="600", fill=DARK),
-        _text(middle, centre + 4, captions[1], size=10.5, fill=DARK),
-        _text(
-            middle,
-            centre + 20,
-            value,
-            weight="700" if share >= 0.1 else "400",
-            size=13 if share >= 0.1 else 11,
-            fill=DARK,
-        ),
+        f'<rect x="{box.x}" y="{box.y}" width="{box.width}" height="{box.height}" rx="6" '
+        f'fill="rgb{shade}" stroke="{LINE}" stroke-width="{1 + 3 * share:.1f}"/>',
+        text((middle, centre - 9), box.captions[0], weight="600", fill=DARK),
+        text((middle, centre + 4), box.captions[1], size=10.5, fill=DARK),
+        text((middle, centre + 20), value, size=size, weight=weight, fill=DARK),
     ]
 
 
@@ -148,7 +115,7 @@ def _wires() -> list[str]:
     ) -> str:
         mark = ' marker-end="url(#tip)"' if tip else ""
         line = f'<polyline points="{points}" fill="none" stroke="{LINE}" stroke-width="1.5"{mark}/>'
-        return line + (_text(*at, label, size=11) if label else "")
+        return line + (text(at, label, size=11) if label else "")
 
     def dot(x: float, y: float) -> str:
         return f'<circle cx="{x}" cy="{y}" r="3" fill="{LINE}"/>'

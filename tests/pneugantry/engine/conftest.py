@@ -1,48 +1,19 @@
-"""A small plant of the tests: an actuator, a mass on it and a spring that is neutral."""
+"""The tests' cart, commands for it and a catalogue."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from pneugantry.engine.catalogue import Effect, Form, Parameter
-from pneugantry.engine.plant import Nuisance, Plant, Record, Signal
-
-MODEL = """package Toy
-  model Cart
-    parameter Real tau = 0.1;
-    parameter Real K = 2.0;
-    parameter Real m = 1.0;
-    parameter Real c = 0.5;
-    parameter Real spring = 0.0;
-    parameter Real unused = 1.0;
-    input Real u;
-    output Real f(start = 0.0, fixed = true);
-    output Real v(start = 0.0, fixed = true);
-    output Real s(start = 0.0, fixed = true);
-  equation
-    tau * der(f) = K * u - f;
-    m * der(v) = f - c * v - spring * s;
-    der(s) = v;
-  end Cart;
-end Toy;
-"""
-SIGNALS = (Signal("force", "f", 0.01, "N"), Signal("speed", "v", 0.01, "m/s"))
+from pneugantry.engine.plant import Plant, Record
 
 
 @pytest.fixture(scope="session")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("parts")
-
-
-@pytest.fixture(scope="session")
-def cart(tmp_path_factory: pytest.TempPathFactory) -> Plant:
-    model = tmp_path_factory.mktemp("model") / "Toy.mo"
-    model.write_text(MODEL, encoding="utf-8")
-    shares = [Nuisance(p, 0.02, relative=True, scales=True) for p in ("tau", "K", "m", "c")]
-    return Plant("cart", model, "Toy.Cart", ("u",), SIGNALS, {}, tuple(shares), {})
+def cart(tmp_path_factory: pytest.TempPathFactory, make_cart: Callable[..., Plant]) -> Plant:
+    return make_cart(tmp_path_factory.mktemp("model"))
 
 
 @pytest.fixture(scope="session")

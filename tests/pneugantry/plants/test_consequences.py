@@ -114,7 +114,7 @@ def test_a_plant_with_a_modified_array_compiles_to_the_fitted_one(
 
 def test_what_is_no_part_of_a_plant_is_said_in_comments(gantry: FmuFile) -> None:
     assert outside_the_plant(FITTED) == ["sensor: f_x.bias = 2", "controller: loop delay of 4 ms"]
-    assert "// sensor: f_x.bias = 2" in augmented_model(gantry, FITTED)
+    assert "// sensor: f_x.bias = 2" in augmented_model(gantry, FITTED).text()
 
 
 def test_the_next_experiment_tells_two_plants_apart_and_can_be_run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,30 +11,11 @@ import pytest
 
 from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.cuts import sharp_views
-from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
+from pneugantry.engine.plant import Data, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
 from pneugantry.engine.synthetic import Nominal
 
-MODEL = """package Toy
-  model Cart
-    parameter Real tau = 0.1;
-    parameter Real K = 2.0;
-    parameter Real m = 1.0;
-    parameter Real c = 0.5;
-    parameter Real spring = 0.0;
-    input Real u;
-    output Real f(start = 0.0, fixed = true);
-    output Real v(start = 0.0, fixed = true);
-    output Real s(start = 0.0, fixed = true);
-  equation
-    tau * der(f) = K * u - f;
-    m * der(v) = f - c * v - spring * s;
-    der(s) = v;
-  end Cart;
-end Toy;
-"""
-SIGNALS = (Signal("force", "f", 0.01, "N"), Signal("speed", "v", 2e-3, "m/s"))
 PERIOD, ROWS = 4e-3, 800
 RULES = Rules(band=125.0, thinning=1)
 
@@ -52,28 +34,19 @@ CATALOGUE = {
 }
 
 
-def plant_of(folder: Path) -> Plant:
-    """The cart, its model written to a folder."""
-    model = folder / "Toy.mo"
-    model.write_text(MODEL, encoding="utf-8")
-    shares = [Nuisance(p, 0.02, relative=True, scales=True) for p in ("tau", "K", "m", "c")]
-    return Plant("cart <7> & co", model, "Toy.Cart", ("u",), SIGNALS, {}, tuple(shares), {})
-
-
 def recorded(plant: Plant, cache: Path, name: str, seed: int, **rig: float) -> Record:
     """A rig with other parameters under a sweep, with noise as quoted."""
     time = PERIOD * np.arange(ROWS)
     bare = Record(name, PERIOD, {"u": np.sin((2 + seed) * time * (1 + time))}, {}, {})
     whole = Nominal(replace(plant, parameters=rig), ["f", "v"], cache).record(bare)
     draw = np.random.default_rng(seed)
-    sigma = {s.name: s.sigma for s in SIGNALS}
+    sigma = {s.name: s.sigma for s in plant.signals}
     noisy = {n: v + sigma[n] * draw.standard_normal(ROWS) for n, v in whole.signals.items()}
     return replace(whole, signals=noisy)
 
 
-def diagnosed(folder: Path, cache: Path, **rig: float) -> Found:
+def diagnosed(plant: Plant, cache: Path, **rig: float) -> Found:
     """Two records fitted, one held out; the rig's parameters are off by `rig`."""
-    plant = plant_of(folder)
     names = ("sweep", "slow", "other")
     first, second, held = (recorded(plant, cache, n, i, **rig) for i, n in enumerate(names))
     views = sharp_views(plant, ["force", "speed"], cache, [first, second], RULES)
@@ -82,17 +55,17 @@ def diagnosed(folder: Path, cache: Path, **rig: float) -> Found:
 
 
 @pytest.fixture(scope="session")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("parts")
+def plant(tmp_path_factory: pytest.TempPathFactory, make_cart: Callable[..., Plant]) -> Plant:
+    return make_cart(tmp_path_factory.mktemp("model"), "cart <7> & co", 2e-3)
 
 
 @pytest.fixture(scope="session")
-def found(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Found:
+def found(plant: Plant, cache: Path) -> Found:
     """A spring that the catalogue has."""
-    return diagnosed(tmp_path_factory.mktemp("spring"), cache, spring=0.8, m=1.01)
+    return diagnosed(plant, cache, spring=0.8, m=1.01)
 
 
 @pytest.fixture(scope="session")
-def sound(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Found:
+def sound(plant: Plant, cache: Path) -> Found:
     """Nothing wrong."""
-    return diagnosed(tmp_path_factory.mktemp("sound"), cache, m=1.01, K=1.99)
+    return diagnosed(plant, cache, m=1.01, K=1.99)
