@@ -20,6 +20,7 @@ ALLOWED = {
     "pneugantry.truth": set(),  # the independent truth plant shares no line with the product
     "pneugantry.analysis": {"modelica_fmu", "controllers", "pyfmi_runner"},
     "pneugantry.engine": {"modelica_fmu", "pyfmi_runner"},
+    "pneugantry.learn": {"modelica_fmu", "pneugantry.engine"},
     "pneugantry.report": {"modelica_fmu", "pyfmi_runner", "pneugantry.engine"},
     "pneugantry.plants": {
         "modelica_fmu",

@@ -15,6 +15,7 @@ from pneugantry.api.inputs import CampaignSource, FmuSource, PathLike, campaign_
 
 if TYPE_CHECKING:
     from pneugantry.engine.run import Found
+    from pneugantry.learn.learn import Learned
     from pyfmi_runner.campaign import Campaign
     from pyfmi_runner.fmu import FmuFile
 
@@ -41,6 +42,7 @@ class Diagnosis:
     found: Found  # how it was found
     campaign: Campaign | None = None  # of the gantry; None for a plant of one's own
     fmu: FmuFile | None = None
+    learned: Learned | None = None  # what the catalogue lacks; None: it was not looked for
 
     @property
     def verdict(self) -> str:
@@ -86,13 +88,17 @@ class Diagnosis:
         return write_page(self.found, Path(path), extras)
 
     def write_augmented(self, folder: PathLike) -> tuple[Path, Path]:
-        """The plant with the causes added, as Modelica and as FMU; returns both paths. Raises
-        InputError for a plant of FMUs without source.
+        """The plant with the causes added, and with the term that was learnt where it is accepted,
+        as Modelica and as FMU; returns both paths. Raises InputError for a plant of FMUs without
+        source.
         """
         if self.fmu is None:
             from pneugantry.plants.own import write_augmented as write_own
 
-            return write_own(Path(folder), self.found)
+            term = self.learned
+            if term is None or term.after is None or not term.accepted:
+                return write_own(Path(folder), self.found)
+            return write_own(Path(folder), term.after, with_base=True)
         from pneugantry.plants.gantry.augmented import write_augmented
 
         remarks = [f"{c.key}: probability {c.probability:.2f}" for c in self.found.diagnosis.causes]
@@ -124,6 +130,7 @@ def diagnose(
     fmu: FmuSource = None,
     workers: int = 2,
     say: Say | None = None,
+    learn: bool = True,
 ) -> Diagnosis:
     """Where a measured campaign and the model differ, which effects cause it, and how far the gap
     shrinks with them.
@@ -133,7 +140,9 @@ def diagnose(
     campaign.toml). controller: the rig's own, a Python file, for the closed-loop check. catalogue:
     effects of one's own, a file (beside the gantry's) or a folder (instead of them). fmu: the
     nominal gantry with other parameters. workers: no longer used, one diagnosis is one process.
-    say: told the name of each stage. Raises InputError naming file, field and hint.
+    say: told the name of each stage. learn: whether the missing term is looked for where the
+    verdict is unknown, in a plant of one's own with Modelica source. Raises InputError naming file,
+    field and hint.
     """
     from pneugantry.engine.result import to_json
     from pneugantry.plants.gantry.catalogue import catalogue_of
@@ -143,7 +152,7 @@ def diagnose(
 
     say = say or (lambda stage: None)
     if isinstance(source, str | Path) and is_own_plant(Path(source)):
-        return _diagnose_own(Path(source), catalogue, fmu, say)
+        return _diagnose_own(Path(source), catalogue, fmu, say, learn)
     effects = catalogue_of(None if catalogue is None else Path(catalogue))
     campaign = campaign_from(source, setup, strict=False, needs=DRIVEN)
     if controller is not None:
@@ -157,14 +166,28 @@ def diagnose(
 
 
 def _diagnose_own(
-    description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say
+    description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say, learn: bool
 ) -> Diagnosis:
     """A plant of one's own with a catalogue of one's own."""
     from pneugantry.engine.result import to_json
-    from pneugantry.plants.own import diagnose_own
+    from pneugantry.engine.run import run
+    from pneugantry.learn.learn import learn as learn_term
+    from pneugantry.learn.learn import wanted
+    from pneugantry.learn.result import to_json as learned_json
+    from pneugantry.plants.own import own_task
 
     if fmu is not None:
         hint = "name the model or the FMUs in the description"
         raise InputError("is for the gantry", field="--fmu", hint=hint)
-    found = diagnose_own(description, None if catalogue is None else Path(catalogue), say=say)
-    return Diagnosis(to_json(found.diagnosis), found)
+    own = None if catalogue is None else Path(catalogue)
+    say("model and logs")
+    read, task = own_task(description, own)
+    found = run(task, read.rules, say)
+    result = to_json(found.diagnosis)
+    if not (learn and wanted(found)):
+        return Diagnosis(result, found)
+    learned = learn_term(found, read.rules, say)
+    result["learned"] = learned_json(learned, read.rules)
+    result["stages"]["missing term"] = learned.seconds
+    result["seconds"] += learned.seconds
+    return Diagnosis(result, found, learned=learned)

@@ -34,7 +34,10 @@ what it cannot excite.
   pneugantry diagnose plant.toml
       a plant of your own: FMU, logs and catalogue as that file says
   pneugantry diagnose FOLDER_OF_CAMPAIGNS
-      each one: diagnosis.json and diagnosis.html beside it; the same command goes on"""
+      each one: diagnosis.json and diagnosis.html beside it; the same command goes on
+
+Where the verdict for a plant of your own is "unknown", the term that its equations lack is looked
+for: where it enters, of which variable, in which form. With --augmented it stands in the model."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -72,6 +75,12 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="the rig's own controller, for the closed-loop check; the file is run",
     )
     command.add_argument(
+        "--no-learn",
+        action="store_true",
+        help="do not look for the term that the catalogue lacks (a plant of your own, verdict "
+        "unknown)",
+    )
+    command.add_argument(
         "--workers",
         type=int,
         default=2,
@@ -95,6 +104,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
             fmu=options.fmu,
             workers=options.workers,
             say=say,
+            learn=not options.no_learn,
         )
     print_diagnosis(found.json)
     if options.augmented is not None:
@@ -170,6 +180,8 @@ def print_diagnosis(found: dict[str, Any]) -> None:
     _print_gap("closed loop", found["closed_loop"])
     if found.get("next_experiment"):
         print(f"next experiment: {found['next_experiment']['what']}")
+    if found.get("learned"):
+        print(found["learned"]["sentence"])
     print(f"seconds: {found['seconds']:.1f}")
 
 

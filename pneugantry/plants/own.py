@@ -5,10 +5,12 @@ that answer in it.
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
+from modelica_fmu.files import write_atomically
 from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.describe import Described, described, views_of
 from pneugantry.engine.foreign import ForeignPlant
@@ -126,10 +128,11 @@ def _unseen(found: Described, views: list[View]) -> tuple[str, ...]:
 # ---- the plant with the answer in it
 
 
-def write_augmented(folder: Path, found: Found) -> tuple[Path, Path]:
+def write_augmented(folder: Path, found: Found, with_base: bool = False) -> tuple[Path, Path]:
     """Writes a Modelica model that extends the plant's with what was fitted, and the FMU built from
-    it; returns both paths. Sensor errors are no part of a plant: they stand in comments. Raises
-    InputError for a plant of FMUs without source, and where the folder cannot be written.
+    it; returns both paths. Sensor errors are no part of a plant: they stand in comments. with_base:
+    the plant's own file is written as well, for it holds a term that was learnt. Raises InputError
+    for a plant of FMUs without source, and where the folder cannot be written.
     """
     plant = found.task.plant
     if isinstance(plant, ForeignPlant):
@@ -146,7 +149,10 @@ def write_augmented(folder: Path, found: Found) -> tuple[Path, Path]:
         if n in variables and variables[n].causality == "parameter" and variables[n].start != v
     }
     starts = {n: float(v) for n, v in changed.items()}
-    return write_extension(folder, _extension(found, variables, changed), plant.model, starts)
+    made = write_extension(folder, _extension(found, variables, changed), plant.model, starts)
+    if with_base:
+        write_atomically(folder / plant.model.name, lambda at: shutil.copy(plant.model, at))
+    return made
 
 
 def _extension(

@@ -1,0 +1,197 @@
+"""Where a missing term may enter: every equation of every component that a plant declares.
+
+Each such equation gets one more addend, which is 0 in the plant and an input of the views: any
+series of values can be fed to it, and the residuals answer.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from modelica_fmu.cut import Structure, structure
+from modelica_fmu.files import write_atomically
+from pneugantry.engine.plant import Array, Plant, Record, Signal
+from pneugantry.engine.views import RATE, SubsystemView, View, part_of
+from pneugantry.learn.sources import (
+    Addition,
+    EquationText,
+    components_of,
+    equations_of,
+    with_additions,
+)
+
+__all__ = ["Opened", "Point", "opened", "written"]
+
+NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")
+
+
+@dataclass(frozen=True)
+class Point:
+    """An equation of one component."""
+
+    component: str  # path of the component; "" for the plant's own class
+    equation: EquationText
+
+    @property
+    def name(self) -> str:
+        """The addend's own name within its class."""
+        return f"missing_{self.equation.number}"
+
+    @property
+    def variable(self) -> str:
+        """The addend in the whole plant."""
+        return f"{self.component}.{self.name}" if self.component else self.name
+
+    @property
+    def text(self) -> str:
+        """The equation as a reader knows it."""
+        return f"{self.equation.left} = {' '.join(self.equation.right.split())}"
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A plant whose equations have an addend each."""
+
+    plant: Plant  # the addends are inputs of it
+    points: tuple[Point, ...]
+    views: tuple[SubsystemView, ...]
+    shape: Structure
+    cache: Path
+
+    def readers(self, point: Point) -> list[SubsystemView]:
+        """Views that an addend reaches."""
+        return [v for v in self.views if point.variable in v.part.of("input")]
+
+    def block(self, point: Point) -> str:
+        """Block of the answer that a point lies in."""
+        path = point.component
+        paths = [p for p in self.plant.blocks if path == p or path.startswith(p + ".")]
+        if paths:
+            return self.plant.blocks[max(paths, key=len)]
+        readers = self.readers(point)
+        return path or (readers[0].block if readers else self.plant.name)
+
+    def fed(self, record: Record, series: Mapping[str, Array], name: str) -> Record:
+        """A record under another name with series of addends (variable -> (rows,)); all others
+        are 0.
+        """
+        zero = np.zeros(record.rows)
+        inputs = {p.variable: zero for p in self.points} | dict(series)
+        return replace(record, name=name, inputs={**record.inputs, **inputs})
+
+    def variables(self, point: Point) -> list[str]:
+        """Variables of the component that change with time, each under one name."""
+        prefix = f"{point.component}." if point.component else ""
+        addends = {p.variable for p in self.points}
+        found: dict[str, str] = {}
+        for name, root in sorted(self.shape.roots.items()):
+            own = name.startswith(prefix) and "." not in name[len(prefix) :]
+            if own and name not in addends and "[" not in name:
+                found.setdefault(root, name)
+        return sorted(found.values())
+
+    def series(
+        self,
+        names: Sequence[str],
+        records: Sequence[Record],
+        values: Mapping[str, Mapping[str, float]],
+    ) -> dict[str, Array]:
+        """Variables over records: (rows, names) by record, computed from what is measured. values:
+        parameters by record.
+        """
+        like = self.views[0]
+        known = _known(self.plant, self.shape)
+        addends = [p.variable for p in self.points]
+        part = part_of(self.plant, list(names), sorted([*known, *addends]), self.cache)
+        sources = {n: known.get(n, n) for n in part.of("input")}
+        signals = tuple(Signal(f"{n} ", n, 1.0) for n in names)
+        view = replace(
+            like,
+            name="variables",
+            signals=tuple(s.name for s in signals),
+            sigmas=(1.0,) * len(names),
+            plant=replace(self.plant, signals=(*self.plant.signals, *signals)),
+            part=part,
+            sources=sources,
+            corrected={},
+            _subsystem=None,
+            _kept={},
+        )
+        own = {
+            r: {k: v for k, v in given.items() if view.depends_on(k)} for r, given in values.items()
+        }
+        return {r.name: view.simulate(self.fed(r, {}, r.name), [own[r.name]])[0] for r in records}
+
+
+def _known(plant: Plant, shape: Structure) -> dict[str, str]:
+    """Variables that are measured, or whose rate is: root -> signal, or RATE + signal."""
+    known = {shape.roots[s.variable]: s.name for s in plant.signals}
+    for root, name in list(known.items()):
+        rate = shape.rates.get(root)
+        if rate is not None:
+            known.setdefault(rate, RATE + name)
+    return known
+
+
+def opened(plant: Plant, views: Sequence[View], cache: Path) -> Opened:
+    """The plant with an addend in each equation of its components that computes a number from
+    others: not in those that only name a variable again. Views of another kind are left out.
+    """
+    shape = structure(plant.model, plant.class_name)
+    points = tuple(_points(plant, shape))
+    model = written(plant, {p.equation: _open(p) for p in points}, cache)
+    names = tuple(p.variable for p in points)
+    made = replace(plant, model=model, inputs=(*plant.inputs, *names))
+    cut_views = tuple(
+        _opened_view(v, made, names, cache) for v in views if isinstance(v, SubsystemView)
+    )
+    return Opened(made, points, cut_views, shape, cache)
+
+
+def _open(point: Point) -> Addition:
+    return Addition(f"  Real {point.name};", point.name, f"    {point.name} = 0;")
+
+
+def _opened_view(
+    view: SubsystemView, plant: Plant, names: Sequence[str], cache: Path
+) -> SubsystemView:
+    known = [n for n, source in view.sources.items() if source not in plant.inputs]
+    outputs = [next(s.variable for s in plant.signals if s.name == n) for n in view.signals]
+    part = part_of(plant, outputs, sorted([*known, *names]), cache)
+    sources = {n: view.sources.get(n, n) for n in part.of("input")}
+    return replace(view, plant=plant, part=part, sources=sources, _subsystem=None, _kept={})
+
+
+def _points(plant: Plant, shape: Structure) -> list[Point]:
+    equations = equations_of(plant.model)
+    found = []
+    for component, classes in components_of(plant.model, plant.class_name).items():
+        for e in equations:
+            if e.of_class in classes and _computes(e, component, shape):
+                found.append(Point(component, e))
+    return found
+
+
+def _computes(e: EquationText, component: str, shape: Structure) -> bool:
+    """Whether an equation computes a real number from more than one other variable's name."""
+    if NAME.match(e.right.strip()) or re.fullmatch(r"[-+\d.eE]+", e.right.strip()):
+        return False
+    prefix = f"{component}." if component else ""
+    left = re.sub(r"^der\((.*)\)$", r"\1", e.left.replace(" ", ""))
+    return not NAME.match(left) or prefix + left in shape.roots
+
+
+def written(plant: Plant, additions: Mapping[EquationText, Addition], folder: Path) -> Path:
+    """The plant's Modelica file with the additions, in a folder of its own."""
+    text = with_additions(plant.model.read_text(encoding="utf-8"), additions)
+    key = hashlib.sha256(text.encode()).hexdigest()[:16]
+    path = folder / "models" / key / plant.model.name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    return path

@@ -1,0 +1,153 @@
+"""A learnt term as data: for the JSON, the report and the command line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pneugantry.engine.plant import Array
+from pneugantry.engine.rules import Rules
+from pneugantry.learn.learn import Learned, Tried
+
+__all__ = ["band", "covered", "rivals", "sentence", "to_json"]
+
+NORMAL = 1.96  # standard deviations of a 95 % interval
+POINTS = 41  # of a curve
+SCREENED = 8  # pairs of equation and variable that are told
+STEP = 1e-4  # of a difference quotient, in standard deviations
+
+
+def covered(learned: Learned, tried: Tried) -> tuple[float, float]:
+    """Range of the regressor in the fitted logs, all but one row in two hundred at each end."""
+    values = np.concatenate(list(learned.screen.series[tried.term.regressor].values()))
+    low, high = np.quantile(values, (0.005, 0.995))
+    return float(low), float(high)
+
+
+def band(tried: Tried, z: Array) -> tuple[Array, Array]:
+    """A fitted term over values of its regressor, and its standard deviation."""
+    term, fit = tried.term, tried.fit
+    names = [c.name for c in fit.point.coordinates]
+    index = [names.index(n) for n in term.parameters]
+    theta = fit.point.theta[index]
+    coordinates = [fit.point.coordinates[i] for i in index]
+
+    def at(moved: Array) -> Array:
+        values = [c.value(t) for c, t in zip(coordinates, moved, strict=True)]
+        return np.asarray(term.law.law(z, values), dtype=float)
+
+    covariance = fit.covariance[np.ix_(index, index)]
+    mean, slopes = at(theta), []
+    for k in range(len(index)):
+        step = STEP * max(math.sqrt(covariance[k, k]), 1e-12)
+        slopes.append((at(theta + step * np.eye(len(index))[k]) - mean) / step)
+    j = np.column_stack(slopes)
+    return mean, np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", j, covariance, j), 0.0))
+
+
+def rivals(learned: Learned, rules: Rules) -> list[Tried]:
+    """The best term of every other pair of equation and variable that the logs hardly tell from
+    the likeliest one.
+    """
+    found: list[Tried] = []
+    if learned.best is None:
+        return found
+    seen = {(learned.best.term.point, learned.best.term.regressor)}
+    for tried in learned.tried:
+        pair = (tried.term.point, tried.term.regressor)
+        if pair not in seen and tried.cost < learned.best.cost + rules.entry:
+            seen.add(pair)
+            found.append(tried)
+    return found
+
+
+def sentence(learned: Learned) -> str:
+    """What was learnt, in one line."""
+    if learned.best is None:
+        return f"missing term: none found; {learned.why}"
+    term = learned.best.term
+    stands = "learnt" if learned.accepted else "not accepted"
+    return (
+        f"missing term ({stands}): {term.formula()} in {term.block}, added to "
+        f"{term.point.text[:70]}; {learned.why}"
+    )
+
+
+def to_json(learned: Learned, rules: Rules) -> dict[str, Any]:
+    """`learned` of gap/1."""
+    screen = [
+        {"equation": c.point.text, "component": c.point.component, "regressor": c.regressor}
+        | {"gain": float(c.gain)}
+        for c in learned.screen.candidates[:SCREENED]
+    ]
+    found: dict[str, Any] = {
+        "accepted": learned.accepted,
+        "why": learned.why,
+        "sentence": sentence(learned),
+        "screen": screen,
+        "term": None,
+        "answer_set": [],
+        "gap": None,
+    }
+    if learned.best is None or learned.after is None:
+        return found
+    gap = learned.after.gap
+    close = [learned.best, *rivals(learned, rules)]
+    found["term"] = _term(learned, learned.best)
+    found["answer_set"] = [_short(t) for t in close]
+    if gap is not None and learned.before.gap is not None:
+        found["gap"] = {
+            "nominal": float(gap.nominal),
+            "without": float(learned.before.gap.augmented),
+            "with": float(gap.augmented),
+            "floor": float(gap.floor),
+            "shrink": float(gap.shrink),
+            "log": gap.record,
+        }
+    return found
+
+
+def _short(tried: Tried) -> dict[str, Any]:
+    term = tried.term
+    return {
+        "block": term.block,
+        "component": term.point.component,
+        "equation": term.point.text,
+        "regressor": term.regressor,
+        "form": term.law.name,
+        "formula": term.formula(),
+        "beside": [k for k in tried.fit.keys if k != term.effect.key],
+        "cost": float(tried.cost),
+    }
+
+
+def _term(learned: Learned, tried: Tried) -> dict[str, Any]:
+    low, high = covered(learned, tried)
+    z = np.linspace(low, high, POINTS)
+    value, sigma = band(tried, z)
+    return {
+        **_short(tried),
+        "parameters": _sizes(tried),
+        "range": [low, high],
+        "curve": {
+            "at": z.tolist(),
+            "value": value.tolist(),
+            "low": (value - NORMAL * sigma).tolist(),
+            "high": (value + NORMAL * sigma).tolist(),
+        },
+    }
+
+
+def _sizes(tried: Tried) -> dict[str, Mapping[str, Any]]:
+    """Parameters of the term with their 95 % intervals."""
+    found: dict[str, Mapping[str, Any]] = {}
+    fit = tried.fit
+    for c, theta in zip(fit.point.coordinates, fit.point.theta, strict=True):
+        if c.name in tried.term.parameters:
+            width = NORMAL * fit.sigma(c.name)
+            ends = sorted((float(c.value(theta - width)), float(c.value(theta + width))))
+            found[c.name] = {"value": float(c.value(theta)), "ci95": ends}
+    return found

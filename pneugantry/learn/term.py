@@ -1,0 +1,112 @@
+"""A term as Modelica and as an effect of the catalogue."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pneugantry.engine.catalogue import Effect, Form, Parameter
+from pneugantry.engine.plant import Plant
+from pneugantry.learn.forms import FormLaw
+from pneugantry.learn.points import Point, written
+from pneugantry.learn.screen import TIME
+from pneugantry.learn.sources import Addition
+
+__all__ = ["NAME", "Term", "with_term"]
+
+NAME = "missing_term"
+WIDE = 1e6  # bounds of a size, in starting values
+NARROW = 20.0  # bounds of a shape, as a factor
+
+
+@dataclass(frozen=True)
+class Term:
+    """One addend: where, of what variable, in which form, from which values on."""
+
+    point: Point
+    regressor: str  # of the component, or time
+    law: FormLaw
+    values: tuple[float, ...]  # p1, p2, ...: where its fit starts
+    spreads: tuple[float, ...]  # prior sizes of the values
+    block: str  # of the answer
+
+    @property
+    def variable(self) -> str:
+        """The regressor within its class."""
+        prefix = f"{self.point.component}." if self.point.component else ""
+        return self.regressor.removeprefix(prefix)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Of the whole plant."""
+        return tuple(f"{self.point.variable}.p{k + 1}" for k in range(len(self.values)))
+
+    def formula(self, digits: int = 4) -> str:
+        """As a reader writes it, with the values in place."""
+        if self.law.tables:
+            return f"curve of {self.variable}"
+        text = self.law.text
+        for k, value in enumerate(self.values, 1):
+            shown = f"{value:.{digits}g}"
+            text = text.replace(f"p{k}", f"({shown})" if k > 1 and value < 0 else shown)
+        named = "t" if self.regressor == TIME else self.variable
+        return text.replace("3.141592653589793", "pi").replace("z", named)
+
+    def addition(self, neutral: bool) -> Addition:
+        """What goes into the class. neutral: with a size of 0."""
+        name, kind = self.point.name, f"Residual_{self.point.equation.number}"
+        values = [0.0 if neutral and self._is_size(k) else v for k, v in enumerate(self.values)]
+        parameters = "".join(
+            f"    parameter Real p{k}(min = -1e30, max = 1e30) = {v!r};\n"
+            for k, v in enumerate(values, 1)
+        )
+        block = textwrap.indent(
+            f'block {kind} "Missing term, learnt from logs: {self.law.name} of {self.variable}"\n'
+            f"{parameters}{self.law.tables}"
+            "    input Real z;\n    output Real y;\n"
+            f"  equation\n    y = noEvent({self.law.text});\nend {kind};",
+            "  ",
+        )
+        return Addition(
+            f"{block}\n  {kind} {name};", f"{name}.y", f"    {name}.z = {self.variable};"
+        )
+
+    def _is_size(self, k: int) -> bool:
+        return k == 0 or self.law.shapes[k - 1] == "size"
+
+    @property
+    def effect(self) -> Effect:
+        """As an effect: neutral at a size of 0."""
+        made = []
+        for k, (name, value, spread) in enumerate(
+            zip(self.parameters, self.values, self.spreads, strict=True)
+        ):
+            if self._is_size(k):
+                bound = WIDE * max(abs(value), spread)
+                made.append(Parameter(name, 0.0, spread, -bound, bound, starts=(value,)))
+            elif self.law.shapes[k - 1] == "width":
+                low, high = value / NARROW, value * NARROW
+                made.append(Parameter(name, value, 0.5, low, high, positive=True))
+            else:
+                made.append(
+                    Parameter(name, value, spread, value - NARROW * spread, value + NARROW * spread)
+                )
+        summary = f"learnt: {self.law.name} of {self.regressor}"
+        form = Form(self.law.name, tuple(made))
+        return Effect(NAME, "", self.block, summary, (form,))
+
+    @property
+    def starts(self) -> dict[str, float]:
+        return dict(zip(self.parameters, self.values, strict=True))
+
+    def at(self, values: Sequence[float]) -> Term:
+        """The same with other values."""
+        return replace(self, values=tuple(values))
+
+
+def with_term(plant: Plant, term: Term, folder: Path, neutral: bool = True) -> Plant:
+    """The plant with the term in its equation. neutral: of a size of 0, so that nothing changes."""
+    model = written(plant, {term.point.equation: term.addition(neutral)}, folder)
+    return replace(plant, model=model)

@@ -1,0 +1,86 @@
+"""Curves and forms: what a form makes is recognised as it, in Modelica as in Python."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modelica_fmu.batch import Subsystem
+from pneugantry.engine.plant import Plant
+from pneugantry.engine.views import part_of
+from pneugantry.learn.curve import Knots, knots_over
+from pneugantry.learn.forms import FORMS, FormLaw, distilled, free_curve
+from pneugantry.learn.linear import Answer
+from pneugantry.learn.points import Point, written
+from pneugantry.learn.screen import Candidate
+from pneugantry.learn.sources import EquationText, equations_of
+from pneugantry.learn.term import Term
+
+HERE = Point("", EquationText(("M",), 1, "y", "u", 0, 0, 0))
+KNOTS = Knots(np.linspace(-2.0, 3.0, 9))
+TRUE = {  # where each form is most itself
+    "sign": (0.7, 0.6),
+    "fading sign": (-2.0, 1.1),
+    "exponential": (1.5, 0.8),
+    "dead zone": (3.0, 0.9),
+    "bump": (2.0, 0.8, 1.2),
+    "sine": (1.0, 2.3, 0.4),
+    "polynomial": (1.0, -0.7, 0.4),
+}
+
+
+def candidate(curve: np.ndarray, sigma: float) -> Candidate:
+    answer = Answer(np.zeros(0), curve, sigma**2 * np.eye(len(curve)), 0.0)
+    return Candidate(HERE, "u", KNOTS, answer, 100.0, 1.0, 1.0, 1.0)
+
+
+def values_of(form: FormLaw) -> tuple[float, ...]:
+    return TRUE.get(form.name, (1.3,))
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda f: f.name)
+def test_a_form_is_recognised_through_noise_and_a_constant(form: FormLaw) -> None:
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(KNOTS.at))
+    curve = form.law(KNOTS.at, values_of(form)) + 0.4 + noise
+    best = distilled(candidate(curve, 1e-3))[0]
+    assert best.law.name == form.name
+    assert best.values[0] == pytest.approx(values_of(form)[0], rel=0.05)
+
+
+def test_every_form_and_a_free_curve_are_the_same_in_modelica(tmp_path: Path) -> None:
+    free = free_curve(candidate(np.sin(KNOTS.at), 0.1))
+    laws = [(form, values_of(form)) for form in FORMS] + [(free.law, free.values)]
+    told = simulated(laws, tmp_path)
+    for (form, values), column in zip(laws, told.T, strict=True):
+        assert column == pytest.approx(form.law(INPUT, values), abs=1e-7), form.name
+        assert np.ptp(column) > 0.5
+
+
+INPUT = np.linspace(-2.5, 3.5, 41)  # beyond the knots, too
+
+
+def simulated(laws: list[tuple[FormLaw, tuple[float, ...]]], folder: Path) -> np.ndarray:
+    """Forms as the terms of `y1 = 0*u`, `y2 = 0*u`, ... over INPUT: (rows, forms)."""
+    path, names = folder / "M.mo", [f"y{k + 1}" for k in range(len(laws))]
+    declared = "".join(f"  output Real {n};\n" for n in names)
+    body = "".join(f"  {n} = 0*u;\n" for n in names)
+    path.write_text(f"model M\n  input Real u;\n{declared}equation\n{body}end M;\n", "utf-8")
+    additions = {}
+    for e, (form, values) in zip(equations_of(path), laws, strict=True):
+        term = Term(Point("", e), "u", form, values, (1.0,) * len(values), "block")
+        additions[e] = term.addition(neutral=False)
+    plant = Plant("m", path, "M", ("u",), (), {}, (), {})
+    part = part_of(replace(plant, model=written(plant, additions, folder)), names, (), folder)
+    return Subsystem(part).run([], np.zeros((1, 0)), {"u": INPUT}, names, 0.01)[0]
+
+
+def test_knots_lie_where_the_data_do() -> None:
+    values = np.concatenate([np.linspace(0.0, 1.0, 1000), [50.0]])
+    knots = knots_over(values)
+    assert knots is not None
+    assert knots.at[-1] < 1.01
+    assert knots.hats(np.array([-3.0, 0.5, 50.0])).sum(axis=1) == pytest.approx(1.0)
+    assert knots_over(np.full(10, 3.0)) is None

@@ -1,0 +1,140 @@
+"""A plant whose model lacks a term: found in its equation, of its variable, in its form."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pneugantry.cli import main
+
+ROOT = Path(__file__).parents[3]
+MODEL = """
+model Cart "A mass on a guide, pushed by a force"
+  parameter Real m(unit = "kg", min = 0.1) = 2 "Mass";
+  parameter Real C(unit = "N.s/m", min = 0) = 4 "Viscous friction";
+  parameter Real F_0(unit = "N") = 0 "Constant force; neutral 0";
+  input Real u(unit = "N") "Force";
+  output Real v(start = 0, fixed = true, unit = "m/s") "Speed";
+  Real s(start = 0, fixed = true, unit = "m");
+equation
+  m*der(v) = u - C*v - F_0;
+  der(s) = v;
+end Cart;
+"""
+PLANT = """
+[plant]
+model = "Cart.mo"
+class = "Cart"
+catalogue = "effects.toml"
+period = 0.01
+[inputs]
+u = "u"
+[outputs.v]
+column = "v"
+sigma = 0.003
+[tolerance]
+m = 0.03
+C = 0.05
+[log.swings]
+file = "swings.csv"
+[log.steps]
+file = "steps.csv"
+[log.other]
+file = "other.csv"
+use = "held out"
+"""
+EFFECT = """
+name = "constant_force"
+block = "guide"
+[[form]]
+name = "force"
+[form.parameters.F_0]
+scale = 1.0
+low = -50
+high = 50
+"""
+PERIOD, LENGTH, FINE = 0.01, 8.0, 10  # s, s, integration steps a row
+
+
+def force(log: str, t: float) -> float:
+    if log == "steps":
+        return (6.0, -9.0, 12.0, -4.0)[int(t / 2.0) % 4]
+    slow, fast = (1.7, 4.1) if log == "swings" else (1.2, 5.3)
+    return 9.0 * float(np.sin(slow * t) + 0.6 * np.sin(fast * t + 1.0))
+
+
+def rig(folder: Path, term: Callable[[float, float], float]) -> Path:
+    """Logs of a cart with other parameters than the model's and one more force of (s, v)."""
+    for k, log in enumerate(("swings", "steps", "other")):
+        rows = round(LENGTH / PERIOD)
+        u = np.array([round(force(log, i * PERIOD), 3) for i in range(rows)])
+        s = v = 0.0
+        speeds, step = [], PERIOD / FINE
+        for i in range(rows):
+            speeds.append(v)
+            for _ in range(FINE):  # midpoint rule
+                half = v + step / 2 * (u[i] - 4.1 * v + term(s, v)) / 1.97
+                middle = s + step / 2 * v
+                s, v = s + step * half, v + step * (u[i] - 4.1 * half + term(middle, half)) / 1.97
+        noise = 0.003 * np.random.default_rng(k).standard_normal(rows)
+        table = pd.DataFrame({"u": u, "v": np.round(np.array(speeds) + noise, 4)})
+        table.to_csv(folder / f"{log}.csv", index=False)
+    (folder / "Cart.mo").write_text(MODEL, encoding="utf-8")
+    (folder / "effects.toml").write_text(EFFECT, encoding="utf-8")
+    path = folder / "plant.toml"
+    path.write_text(PLANT, encoding="utf-8")
+    return path
+
+
+def diagnosed(folder: Path, term: Callable[[float, float], float], *options: str) -> dict[str, Any]:
+    path = rig(folder, term)
+    assert main(["diagnose", str(path), "--json", str(folder / "out.json"), *options]) == 0
+    found: dict[str, Any] = json.loads((folder / "out.json").read_text(encoding="utf-8"))
+    return found
+
+
+def test_quadratic_drag_is_learnt_named_and_written_back(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    keeps_to_schema: Callable[[dict[str, Any]], None],
+) -> None:
+    out = tmp_path / "out"
+    found = diagnosed(tmp_path, lambda s, v: -1.5 * v * abs(v), "--augmented", str(out))
+    keeps_to_schema(found)
+    learned = found["learned"]
+    assert learned["accepted"], learned["why"]
+    term = learned["term"]
+    assert (term["regressor"], term["form"]) == ("v", "signed square")
+    (size,) = term["parameters"].values()
+    assert size["ci95"][0] < -1.5 < size["ci95"][1]
+    assert size["ci95"][1] < -1.2
+    assert learned["gap"]["with"] < 1.3 * learned["gap"]["floor"] < learned["gap"]["without"]
+    at, value = (np.array(term["curve"][k]) for k in ("at", "value"))
+    assert value == pytest.approx(-1.5 * at * np.abs(at), abs=0.15)
+    assert "missing term (learnt)" in capsys.readouterr().out
+    assert "block Residual_1" in (out / "Cart.mo").read_text(encoding="utf-8")
+    assert (out / "AugmentedCart.fmu").is_file()
+
+
+def test_a_sound_rig_is_given_no_term(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, lambda s, v: 0.0)
+    assert found["verdict"] == "none"
+    assert "learned" not in found
+
+
+def test_a_known_effect_is_no_missing_term(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, lambda s, v: -2.0)
+    assert [c["effect"] for c in found["causes"]] == ["constant_force"]
+    assert "learned" not in found
+
+
+def test_it_is_not_looked_for_where_that_is_not_wanted(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, lambda s, v: -1.5 * v * abs(v), "--no-learn")
+    assert found["verdict"] == "unknown"
+    assert "learned" not in found
