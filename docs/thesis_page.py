@@ -283,13 +283,14 @@ def _strays(found: dict[str, Any]) -> list[tuple[str, ...]]:
 
 
 def contents() -> str:
-    from pneugantry.thesis.contents import contents_report
+    from pneugantry.thesis.contents import KINDS, contents_report
 
     listed = contents_report()
     _, found = read("thesis")
     beside: dict[str, list[bool]] = {}
     for cell in found["cells"]:
-        beside.setdefault(f"Table {cell['table']}", []).append(cell["met"])
+        if cell["kind"] != "fitted":
+            beside.setdefault(f"Table {cell['table']}", []).append(cell["met"])
     rows = [
         (
             e["name"],
@@ -300,8 +301,9 @@ def contents() -> str:
         for e in listed["entries"]
     ]
     heads = ("", "ours", "numbers met", "why not, or what is left out")
+    kinds = "; ".join(f"{listed['kinds'][kind]} {text}" for kind, text in KINDS.items())
     return (
-        f"`pneugantry thesis --list`: {listed['ours']} of {len(rows)} have ours beside them. "
+        f"`pneugantry thesis --list`: {listed['ours']} of {len(rows)} have ours: {kinds}. "
         "Numbers within 25 %: of [the tables above](#every-printed-number).\n\n"
         f"{table(heads, rows)}"
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pneugantry.analysis.plots import AUGMENTED, MEASURED, NOMINAL, REFERENCE, axes_grid
 
-__all__ = ["Bars", "Curve", "Panel", "bars_figure", "panels_figure"]
+__all__ = ["Bars", "Curve", "Drawing", "Panel", "bars_figure", "panels_figure"]
 
 Curve = tuple[NDArray, NDArray]  # x, y
 COLOURS = (MEASURED, NOMINAL, AUGMENTED, "#c98a1b", "#6a4c93", "#888888")
@@ -29,6 +29,9 @@ class Panel:
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
     note: str = field(default="")
+
+
+Drawing = tuple[list[Panel], str, int]  # panels, title, columns
 
 
 def panels_figure(panels: list[Panel], title: str, columns: int = 1, height: float = 2.0) -> Figure:

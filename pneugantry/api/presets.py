@@ -10,6 +10,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.analysis.metrics import Metrics, tracking_metrics
 from pneugantry.thesis.conditions import CHOICE, Run, scenario_of
 from pneugantry.thesis.scores import score_log
+from pneugantry.thesis.settings import CONVERTER
 from pyfmi_runner.log import Log
 from pyfmi_runner.scenario import Scenario
 
@@ -19,6 +20,7 @@ PRESETS = {
     "campaign": "as the measuring campaigns contour: the plant's own parameters, 9 s of contour",
     "thesis": "as the leaderboard of `pneugantry thesis`: contact of 5e4 N/m, DDFM friction on z, "
     "surface finish, scored over the thesis' window",
+    "thesis_converter": "as thesis, read through the rig's converter: 12 bits over +-10 V",
 }
 
 
@@ -39,8 +41,9 @@ def conditions(preset: str, workpiece: str | None, controller: str | None) -> Co
     edge = workpiece or "curved"
     if preset == "campaign":
         return Conditions(Scenario(workpiece=edge, controller=named), tracking_metrics)
-    scenario = scenario_of(Run(workpiece=edge, controller=named))
-    return Conditions(replace(scenario, controller=named, name="thesis"), _thesis_score)
+    sensors = CONVERTER.sensors if preset == "thesis_converter" else ()
+    scenario = scenario_of(Run(workpiece=edge, controller=named, sensors=sensors))
+    return Conditions(replace(scenario, controller=named, name=preset), _thesis_score)
 
 
 def _thesis_score(log: Log) -> Metrics:

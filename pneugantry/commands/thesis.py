@@ -158,7 +158,8 @@ def _study(options: argparse.Namespace, tell: Tell) -> Answer:
     if not options.no_figures:
         from pneugantry.thesis.figures import draw_figures
 
-        lines.append(f"{len(draw_figures(study, options.out))} figures: {options.out}")
+        drawn = draw_figures(study, FmuFile.read(fmu), options.out)
+        lines.append(f"{len(drawn)} figures: {options.out}")
     held = sum(v.holds for v in study.verdicts)
     lines.append(
         f"{held} of {len(study.verdicts)} conclusions hold where nothing was fitted, "

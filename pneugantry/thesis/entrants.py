@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from controllers.catalogue import controller_names
-from pneugantry.thesis.robust_design import PEERS
-from pneugantry.thesis.tuned import TUNED
+from pneugantry.thesis.peers import PEERS
+from pneugantry.thesis.tuned import TUNED, TUNED_NOMINAL
 
 __all__ = ["BENCHMARK", "JUDGED", "ROBUST", "Entrant", "entrants", "tuned_entrants"]
 
@@ -31,10 +31,13 @@ def entrants() -> list[Entrant]:
 
 
 def tuned_entrants() -> list[Entrant]:
-    """The peers of `robust_fv`, equally tuned; its own tuned values are its defaults."""
+    """The peers of `robust_fv`, equally tuned (its own tuned values are its defaults), and those
+    tuned for the nominal plant alone.
+    """
     found = []
-    for name, values in TUNED.items():
-        peer = PEERS[name]
-        options = tuple(peer.options(values).items())
-        found.append(Entrant(f"{name}_tuned", peer.controller, options))
+    for values_of, suffix in ((TUNED, "tuned"), (TUNED_NOMINAL, "nominal")):
+        for name, values in values_of.items():
+            peer = PEERS[name]
+            options = tuple(peer.options(values).items())
+            found.append(Entrant(f"{name}_{suffix}", peer.controller, options))
     return found

@@ -8,31 +8,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneugantry.analysis.plots import save
-from pneugantry.analysis.plots_thesis import Panel, panels_figure
+from pneugantry.analysis.plots_thesis import Drawing, Panel, panels_figure
 from pneugantry.thesis.conclusions import ANGLE_ERRORS, angle_run
 from pneugantry.thesis.conditions import MOTION_START, Run
 from pneugantry.thesis.edge import valve_runs
+from pneugantry.thesis.figures_rig import part_drawings, speed_drawings, tracked_drawings
+from pneugantry.thesis.figures_tracking import TIME, tracking_panels
 from pneugantry.thesis.gain_course import scheduled_course
 from pneugantry.thesis.leaderboard import NEW
 from pneugantry.thesis.printed import WORKPIECES
 from pneugantry.thesis.scores import Trace
 from pneugantry.thesis.study import Study
+from pyfmi_runner.fmu import FmuFile
 
 __all__ = ["draw_figures"]
 
-F_ND, V_TD = 30.0, -0.06
-TIME = "time [s]"
 
-
-def draw_figures(study: Study, out: Path) -> list[Path]:
+def draw_figures(study: Study, fmu: FmuFile, out: Path) -> list[Path]:
     """Writes them all; returns their paths."""
     figures = {
+        **speed_drawings(study.results),
+        **tracked_drawings(study.results),
+        **part_drawings(study.results, fmu),
         "fig_4_10_4_18_friction_models": _friction_models(study),
         "fig_4_14_4_17_hysteresis": _hysteresis(study),
         "fig_4_20_anfis": _anfis(study),
         **{
-            f"fig_{number}_{piece}": _tracking(
-                {"PI FV": study.results.trace(Run(piece, finish="modelled"))}, piece
+            f"fig_{number}_{piece}": (
+                tracking_panels({"PI FV": study.results.trace(Run(piece, finish="modelled"))}),
+                f"Fig. {number.replace('_', '.')}: simulation, {piece}",
+                1,
             )
             for number, piece in zip(("4_22", "4_23", "4_24", "4_25"), WORKPIECES, strict=True)
         },
@@ -52,9 +57,6 @@ def draw_figures(study: Study, out: Path) -> list[Path]:
         save(panels_figure(panels, title, columns), path)
         paths.append(path)
     return paths
-
-
-Drawing = tuple[list[Panel], str, int]  # panels, title, columns
 
 
 def _friction_models(study: Study) -> Drawing:
@@ -102,39 +104,15 @@ def _anfis(study: Study) -> Drawing:
     )
 
 
-def _tracking(traces: dict[str, Trace], title: str) -> Drawing:
-    """f_n, v_t, theta, and z over x."""
-    any_trace = next(iter(traces.values()))
-    span = (float(any_trace.time[0]), float(any_trace.time[-1]))
-    wanted_v = np.where(any_trace.time >= MOTION_START, V_TD, 0.0)
-    panels = [
-        Panel(
-            TIME,
-            "f_n [N]",
-            {n: (t.time, t.f_n) for n, t in traces.items()}
-            | {"wanted": (np.array(span), np.array([F_ND, F_ND]))},
-        ),
-        Panel(
-            TIME,
-            "v_t [m/s]",
-            {n: (t.time, t.v_t) for n, t in traces.items()}
-            | {"wanted": (any_trace.time, wanted_v)},
-        ),
-        Panel(TIME, "theta [deg]", {n: (t.time, np.degrees(t.theta)) for n, t in traces.items()}),
-        Panel("x [mm]", "z [mm]", {n: (1e3 * t.x, 1e3 * t.z) for n, t in traces.items()}),
-    ]
-    return panels, title, 1
-
-
 def _valves(study: Study) -> Drawing:
     one, both = (study.results.trace(run) for run in valve_runs())
-    panels, _, _ = _tracking({"one-directional": one, "bidirectional": both}, "")
+    panels = tracking_panels({"one-directional": one, "bidirectional": both})
     return panels[:3], "Fig. 4.30: one-directional and bidirectional valves", 1
 
 
 def _angle_errors(study: Study) -> Drawing:
     traces = {f"{e:g} deg": study.results.trace(angle_run(e)) for e in ANGLE_ERRORS}
-    panels, _, _ = _tracking(traces, "")
+    panels = tracking_panels(traces)
     return panels[:2], "Fig. 4.31: error in theta, straight edge", 1
 
 
@@ -166,7 +144,7 @@ def _scheduler(study: Study) -> Drawing:
     fixed, scheduled = (
         study.results.trace(Run("curved", name)) for name in ("pi_fv", "pi_fv_scheduled")
     )
-    panels, _, _ = _tracking({"fixed gains": fixed, "gain scheduler": scheduled}, "")
+    panels = tracking_panels({"fixed gains": fixed, "gain scheduler": scheduled})
     panels += [
         Panel(TIME, name, {name: (scheduled.time, values)})
         for name, values in scheduled_course(scheduled.theta).items()
@@ -207,5 +185,5 @@ def _networks(study: Study) -> dict[str, Drawing]:
             "PI FV": study.results.trace(Run(piece)),
             name: study.results.trace(Run(piece, name)),
         }
-        drawings[figure] = _tracking(traces, f"{name} beside PI FV, {piece} edge")
+        drawings[figure] = (tracking_panels(traces), f"{name} beside PI FV, {piece} edge", 1)
     return drawings

@@ -28,7 +28,15 @@ from pneugantry.thesis.plant_tests import (
 )
 from pneugantry.thesis.runner import Results
 from pneugantry.thesis.scores import Scores
-from pneugantry.thesis.settings import CONTACTS, FITTED, UNFITTED, Seen, Setting, settings
+from pneugantry.thesis.settings import (
+    CONTACTS,
+    FITTED,
+    GROUPS,
+    UNFITTED,
+    Seen,
+    Setting,
+    settings,
+)
 from pneugantry.thesis.tables import cells, met_share, table_runs
 from pneugantry.thesis.verdicts import Range, Verdict, spread, verdict
 from pyfmi_runner.fmu import FmuFile
@@ -146,16 +154,27 @@ def verdicts_of(
 
 
 def cell_shares(results: Results, draws: int) -> dict[str, dict[str, Range]]:
-    """Share of the unique simulation cells that are met: by group of settings, plain and allowing
-    for the rounding of the print.
+    """Share of the unique simulation cells that are met: by group of settings and over all phases
+    and draws of a contact, plain and allowing for the rounding of the print.
     """
     shares: dict[str, dict[str, list[float]]] = {}
     for setting in settings(draws):
         found = cells(Seen(results, setting))
-        group = shares.setdefault(setting.group, {"met": [], "met in print": []})
-        group["met"].append(met_share(found))
-        group["met in print"].append(met_share(found, in_print=True))
+        for name in _share_groups(setting):
+            group = shares.setdefault(name, {"met": [], "met in print": []})
+            group["met"].append(met_share(found))
+            group["met in print"].append(met_share(found, in_print=True))
     return {
         group: {name: spread(values) for name, values in kinds.items()}
         for group, kinds in shares.items()
     }
+
+
+def _share_groups(setting: Setting) -> list[str]:
+    """The groups that a setting counts in: its own, and that of its contact."""
+    contact = [
+        f"all phases and draws, {c}"
+        for c in CONTACTS
+        if setting.group in GROUPS and setting.group.endswith(c)
+    ]
+    return [setting.group, *contact]

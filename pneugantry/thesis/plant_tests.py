@@ -17,10 +17,12 @@ from pyfmi_runner.fmu import FmuFile, FmuSession
 
 __all__ = [
     "Hysteresis",
+    "LagStep",
     "drawn_friction",
     "friction_conclusion",
     "hysteresis",
     "identified_lags",
+    "lag_steps",
     "locus_conclusion",
 ]
 
@@ -41,6 +43,7 @@ LAG_BY_POSITION = {
     "valve_x.lag_high": 0.145 / 0.25,
 }  # Tables 4.1-4.3
 SHARE = 0.65  # of the steady force, §4.1.3
+SETTLING, STEP_PERIOD = 6.0, 1e-3  # s, of a lag test
 
 
 @dataclass(frozen=True)
@@ -147,11 +150,31 @@ def locus_conclusion(fmu: FmuFile, choice: Choice) -> Conclusion:
     )
 
 
+@dataclass(frozen=True)
+class LagStep:
+    """A step of the command with the piston clamped, every millisecond from the step on."""
+
+    force: Array  # N, actuator force
+    before: float  # N
+    command: tuple[float, float]  # V, before and after
+
+    @property
+    def lag(self) -> float:
+        """Time [s] to 65 % of the step."""
+        risen = (self.force - self.before) / (self.force[-1] - self.before)
+        return float(np.argmax(risen >= SHARE) + 1) * STEP_PERIOD
+
+
 def identified_lags(fmu: FmuFile) -> dict[str, float]:
     """The steps of Tables 4.1-4.5 run on the plant with the position dependent tau_x (off in the
     nominal): what the test finds where the truth is known. No evidence for conclusion 15: the
     tables went in.
     """
+    return {name: step.lag for name, step in lag_steps(fmu).items()}
+
+
+def lag_steps(fmu: FmuFile) -> dict[str, LagStep]:
+    """The tests behind `identified_lags` (App. C.2), by "tau_AXIS at PLACE m, WAY"."""
     found = {}
     for axis, where, first, high in (
         ("x", 1.0, 0.65, 1.35),
@@ -161,23 +184,21 @@ def identified_lags(fmu: FmuFile) -> dict[str, float]:
         ("z", 0.0, 0.85, 1.6),
     ):
         for way, (u_0, u_1) in (("filling", (first, high)), ("exhausting", (high, first))):
-            found[f"tau_{axis} at {where:g} m, {way}"] = _lag_of_step(fmu, axis, where, u_0, u_1)
+            found[f"tau_{axis} at {where:g} m, {way}"] = _lag_step(fmu, axis, where, (u_0, u_1))
     return found
 
 
-def _lag_of_step(fmu: FmuFile, axis: str, where: float, u_0: float, u_1: float) -> float:
-    """Time [s] to 65 % of a step of the command with the piston clamped."""
+def _lag_step(fmu: FmuFile, axis: str, where: float, command: tuple[float, float]) -> LagStep:
     with FmuSession(
         fmu, parameters=LAG_BY_POSITION | {f"axis_{axis}.s_start": where, "contact.present": 0.0}
     ) as session:
         session.set(f"clamp_{axis}", True)
-        session.set(f"u_{axis}", u_0)
-        session.step(6.0)
+        session.set(f"u_{axis}", command[0])
+        session.step(SETTLING)
         before = session.get(f"f_a{axis}")
-        session.set(f"u_{axis}", u_1)
+        session.set(f"u_{axis}", command[1])
         force = []
-        for _ in range(6000):
-            session.step(1e-3)
+        for _ in range(round(SETTLING / STEP_PERIOD)):
+            session.step(STEP_PERIOD)
             force.append(session.get(f"f_a{axis}"))
-    risen = (np.array(force) - before) / (force[-1] - before)
-    return float(np.argmax(risen >= SHARE) + 1) * 1e-3
+    return LagStep(np.array(force), float(before), command)

@@ -120,10 +120,10 @@ def material_cells(results: Results) -> list[Cell]:
     for name, (printed_rmse, printed_me) in MATERIALS.items():
         height = float(np.interp(printed_rmse, rmse, ROUGHNESS))
         row = f"{name}, finish x {height:.2f}"
-        for column, printed, values in (
-            ("ME f_n", printed_me, largest),
-            ("RMSE f_n", printed_rmse, rmse),
+        for column, kind, printed, values in (
+            ("ME f_n", "experiment", printed_me, largest),
+            ("RMSE f_n", "fitted", printed_rmse, rmse),
         ):
             ours = float(np.interp(height, ROUGHNESS, values))
-            found.append(Cell("3.8", row, column, "experiment", printed, ours))
+            found.append(Cell("3.8", row, column, kind, printed, ours))
     return found

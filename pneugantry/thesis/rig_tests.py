@@ -17,11 +17,19 @@ from pneugantry.thesis.conditions import VDFM
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.sensors import Channels, SensorParams, initial_state, noise_rows, sense
 
-__all__ = ["RAMPS", "BreakAway", "RestNoise", "break_away", "rest_noise", "viscous"]
+__all__ = [
+    "RAMPS",
+    "BreakAway",
+    "RestNoise",
+    "break_away",
+    "rest_noise",
+    "rest_signals",
+    "viscous",
+]
 
 THRESHOLD = 0.01  # m/s, C.1.1: speed that counts as motion
 RAMPS = (0.1, 0.2, 0.3)  # V/s of the saw tooth; three, as in C.1.1, the rates not printed
-PERIOD = 1e-3  # s
+PERIOD, THINNED = 1e-3, 10  # s, samples between two rows of a course
 LONGEST = 60.0  # s, of a test
 CABLE, OFFSET = 5.0, {"x": 0.635, "z": 0.735}  # N, F_w; V, u_0
 GAIN = {"x": 186.0, "z": 100.0}  # N/V
@@ -33,10 +41,11 @@ ZERO: Channels = (0.0,) * 8
 
 
 class BreakAway(NamedTuple):
-    """What Eq. C-1 and C-2 read off a saw tooth [N]."""
+    """What Eq. C-1 and C-2 read off a saw tooth [N], and the saw tooth, every 10 ms."""
 
     static: float  # f_a - F_w as the piston starts
     dynamic: float  # f_a - F_w as it stops
+    course: NDArray[np.float64]  # shape (samples, 4): time [s], command [V], f_a [N], speed [m/s]
 
 
 class RestNoise(NamedTuple):
@@ -51,17 +60,20 @@ def break_away(fmu: FmuFile, axis: str, rate: float) -> BreakAway:
     workpiece, the other axis clamped. Raises ValueError where it never moves or never stops.
     """
     command, way, static = OFFSET[axis], 1.0, math.nan
+    rows: list[tuple[float, ...]] = []
     with _alone(fmu, axis) as session:
-        for _ in range(round(LONGEST / PERIOD)):
+        for k in range(round(LONGEST / PERIOD)):
             command += way * rate * PERIOD
             session.set(f"u_{axis}", command)
             session.step(PERIOD)
             force, speed = session.get((f"f_a{axis}", f"v_{axis}"))
             moving = abs(speed) > THRESHOLD
+            if k % THINNED == 0:
+                rows.append((PERIOD * k, command, force, speed))
             if math.isnan(static) and moving:
                 static, way = _net(force), -1.0
             elif not math.isnan(static) and not moving:
-                return BreakAway(static, _net(force))
+                return BreakAway(static, _net(force), np.array(rows))
     raise ValueError(f"axis {axis} did not start and stop within {LONGEST:g} s at {rate:g} V/s")
 
 
@@ -108,11 +120,16 @@ def rest_noise(largest: Channels, quantum: Channels) -> list[RestNoise]:
     """RMS of every channel at rest and the ratio to its largest signal; quantum: the converter's
     steps.
     """
-    params, state = SensorParams(quantum=quantum), initial_state()
-    rows: NDArray[np.float64] = noise_rows(SAMPLES, SEED)
-    values = np.array([sense(params, state, ZERO, row)[1] for row in rows])
+    values = rest_signals(quantum)
     rms = np.sqrt(np.mean(values**2, axis=0)).tolist()
     return [
         RestNoise(level, 20.0 * math.log10(signal / level))
         for level, signal in zip(rms, largest, strict=True)
     ]
+
+
+def rest_signals(quantum: Channels) -> NDArray[np.float64]:
+    """Every channel at rest, shape (samples, 8), a sample a millisecond."""
+    params, state = SensorParams(quantum=quantum), initial_state()
+    rows: NDArray[np.float64] = noise_rows(SAMPLES, SEED)
+    return np.array([sense(params, state, ZERO, row)[1] for row in rows])

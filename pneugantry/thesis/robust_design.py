@@ -5,8 +5,9 @@ A candidate must keep, with every plant of `design_plants` in python-control, th
 of its loops from the critical point (`needed`). Of those that do, the best is the one whose RMSE
 f_n, relative to what is asked for (1.0 N on the nominal plant, 1.5 N elsewhere, the thesis' PI FV
 where that exceeds 4 N or the friction is a stick band), has the smallest mean sixth power over
-training runs: structures and draws of the random finish that no board scores. Local random search;
-`python -m pneugantry.thesis.robust_design [NAME ...]` prints values, cost and distance. With
+training runs: structures and draws of the random finish that no board scores. Local random search,
+from several starts where asked for; `python -m pneugantry.thesis.robust_design [NAME ...]` prints
+values, cost, distance, and RMSE f_n on the board's nominal structure, which no search sees. With
 `--nominal` a peer is tuned by runs on the thesis' plant alone, with no margin asked for: what it
 can reach there.
 
@@ -18,16 +19,16 @@ it slips. Runs judge that case (contact phase of every run with dead time).
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from controllers.catalogue import make_controller
-from controllers.gains import TABLE_3_11, FvGains, PidGains
 from modelica_fmu.errors import RunError
 from pneugantry.analysis.command_loop import (
     LoopPlant,
@@ -39,33 +40,25 @@ from pneugantry.analysis.command_loop import (
 )
 from pneugantry.analysis.frequency import response
 from pneugantry.thesis.conditions import CHOICE, SOFT, Run
+from pneugantry.thesis.peers import PEERS, Flat, Peer
 from pneugantry.thesis.runner import run_one
-from pneugantry.thesis.structures import Structure
+from pneugantry.thesis.structures import NOMINAL, Structure
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["PEERS", "Peer", "Tuned", "design_plants", "distances", "needed", "tune"]
+__all__ = ["Tuned", "Tuner", "design_plants", "distances", "needed", "search", "tune"]
 
-Flat = dict[str, float]
 SLIDING, STUCK, LATEST = 0.35, 0.10, 0.20  # smallest |1 + L|: any plant, z stuck, 20 ms late
 WAVES = np.geomspace(0.1, 3141.0, 500)  # rad/s
 CANDIDATES = 400  # of a search
 STEP, SHRINK, GROW = 0.5, 0.97, 1.3  # of a search, in the logarithm
+APART = 1.0  # of further starts from the first, standard deviation in the logarithm
+FIRST_SEED = 21
+EDGES = ("straight", "curved")
 CHANGED = 0.5  # share of the values that a candidate changes
 POWER = 6
 STRIBECK = 5.0  # Types.FrictionLaw
 UNUSABLE = 10.0  # cost of a candidate that misses the margins, plus by how much
-
-
-@dataclass(frozen=True)
-class Peer:
-    """A controller, what is tuned of it, and how the flat values become its options."""
-
-    controller: str
-    start: Flat
-    span: Mapping[str, tuple[float, float]]
-    options: Callable[[Flat], dict[str, Any]] = dict
-    linear: bool = True  # has a linear model, so that margins can be asked for
 
 
 @dataclass(frozen=True)
@@ -83,98 +76,6 @@ def needed(plant: LoopPlant) -> float:
     if plant.stuck:
         return -math.inf if late else STUCK
     return LATEST if plant.name == "dead time 20 ms" else SLIDING
-
-
-def _gains(values: Flat) -> FvGains:
-    """The f_z and v_x loops tuned, the others as in Table 3.11."""
-    return TABLE_3_11._replace(
-        f_z=PidGains(values["f_z.k_p"], values["f_z.k_i"]),
-        v_x=PidGains(values["v_x.k_p"], values["v_x.k_i"]),
-        f_x=PidGains(values["f_x.k_p"], values["f_x.k_i"]),
-    )
-
-
-def _pi_options(values: Flat) -> dict[str, Any]:
-    own = {name: value for name, value in values.items() if "." not in name}
-    return {"gains": _gains(values), **own}
-
-
-PI_START = {
-    f"{loop}.{k}": float(getattr(getattr(TABLE_3_11, loop), k))
-    for loop in ("f_z", "v_x", "f_x")
-    for k in ("k_p", "k_i")
-}
-PI_SPAN = {name: (0.1 * value, 20.0 * value) for name, value in PI_START.items()}
-OBSERVER = {
-    "k_p": 1.0,
-    "k_i": 5.0,
-    "damping": 300.0,
-    "k_v": 120.0,
-    "k_vi": 900.0,
-    "k_f": 10.0,
-    "t_x": 0.15,
-    "t_z": 0.02,
-}
-ROBUST = {
-    "k_px": 0.4,
-    "k_pz": 0.45,
-    "k_i": 0.9,
-    "damping_x": 200.0,
-    "damping_z": 300.0,
-    "k_v": 110.0,
-    "k_vi": 410.0,
-    "k_fx": 4.5,
-    "k_fz": 3.5,
-    "k_dx": 0.018,
-    "k_dz": 0.053,
-    "t_x": 0.135,
-    "t_z": 0.0054,
-    "t_d": 0.0048,
-    "lead_z": 0.067,
-    "share_x": 0.4,
-    "share_z": 0.77,
-}
-PEERS = {
-    "pi_fv": Peer("pi_fv", PI_START, PI_SPAN, _pi_options),
-    "pi_fv_pressure": Peer(
-        "pi_fv_pressure", {**PI_START, "k_f": 4.0}, {**PI_SPAN, "k_f": (0.3, 60.0)}, _pi_options
-    ),
-    "pi_fv_smith": Peer("pi_fv_smith", PI_START, PI_SPAN, _pi_options),
-    "pi_fv_mbpm": Peer(
-        "pi_fv_mbpm",
-        {"h_1": 0.4, "h_2": 0.4, "lam": 0.1, "k_z": 0.01, "k_v": 0.05},
-        {
-            "h_1": (0.004, 8.0),
-            "h_2": (0.004, 8.0),
-            "lam": (1e-3, 1.0),
-            "k_z": (1e-4, 0.1),
-            "k_v": (5e-3, 0.5),
-        },
-        linear=False,
-    ),
-    "observer_fv": Peer(
-        "observer_fv",
-        OBSERVER,
-        {
-            n: ((0.002, 0.5) if n.startswith("t_") else (0.02 * v, 10.0 * v))
-            for n, v in OBSERVER.items()
-        },
-    ),
-    "robust_fv": Peer(
-        "robust_fv",
-        ROBUST,
-        {
-            **{n: (0.05 * v, 10.0 * v) for n, v in ROBUST.items()},
-            "t_x": (0.004, 0.5),
-            "t_z": (0.003, 0.05),
-            "t_d": (0.003, 0.02),
-            "share_x": (0.2, 1.0),
-            "share_z": (0.2, 1.0),
-            "damping_z": (10.0, 1000.0),
-            "damping_x": (5.0, 1000.0),
-        },
-    ),
-}
 
 
 def design_plants(fmu: FmuFile) -> list[LoopPlant]:
@@ -284,10 +185,16 @@ def _asked(run: Run, benchmark: float) -> float:
     return 1.5 if run.plant else 1.0
 
 
-def tune(peer: Peer, tuner: Tuner, candidates: int = CANDIDATES, seed: int = 21) -> Tuned:
-    """Local random search in the logarithm of the values."""
+def tune(
+    peer: Peer,
+    tuner: Tuner,
+    candidates: int = CANDIDATES,
+    seed: int = FIRST_SEED,
+    start: Flat | None = None,
+) -> Tuned:
+    """Local random search in the logarithm of the values; start: None, the peer's own."""
     rng = np.random.default_rng(seed)
-    best, step = dict(peer.start), STEP
+    best, step = dict(start or peer.start), STEP
     cost = tuner.cost(peer, best)
     for _ in range(candidates):
         tried = dict(best)
@@ -303,6 +210,30 @@ def tune(peer: Peer, tuner: Tuner, candidates: int = CANDIDATES, seed: int = 21)
     return Tuned(best, cost, _nearest(peer, best, tuner))
 
 
+def search(peer: Peer, tuner: Tuner, candidates: int, starts: int) -> list[Tuned]:
+    """A search from each start, the best first: the peer's own start, and others about it."""
+    rng = np.random.default_rng(FIRST_SEED)
+    begins = [dict(peer.start)]
+    for _ in range(starts - 1):
+        moved = {n: v * np.exp(APART * rng.standard_normal()) for n, v in peer.start.items()}
+        begins.append({n: float(np.clip(v, *peer.span[n])) for n, v in moved.items()})
+    found = [tune(peer, tuner, candidates, FIRST_SEED + k, b) for k, b in enumerate(begins)]
+    return sorted(found, key=lambda tuned: tuned.cost)
+
+
+def nominal_rmse(peer: Peer, values: Flat, fmu: FmuFile) -> dict[str, float]:
+    """RMSE f_n [N] on the board's nominal structure, by edge; infinite where a run is lost."""
+    options = tuple(peer.options(values).items())
+    found = {}
+    for edge in EDGES:
+        try:
+            done = run_one(NOMINAL.run(edge, peer.controller, options=options), fmu)
+            found[edge] = done.scores.rmse_fn
+        except RunError:
+            found[edge] = math.inf
+    return found
+
+
 def _nearest(peer: Peer, values: Flat, tuner: Tuner) -> float:
     if not peer.linear:
         return float("nan")
@@ -311,21 +242,58 @@ def _nearest(peer: Peer, values: Flat, tuner: Tuner) -> float:
     return min(found[p.label] for p in tuner.plants if needed(p) > 0.0)
 
 
+def _peer_report(name: str, tuner: Tuner, candidates: int, starts: int) -> dict[str, Any]:
+    peer = PEERS[name]
+    found = search(peer, tuner, candidates, starts)
+    best = found[0]
+    return {
+        "controller": name,
+        **asdict(best),
+        "distance": None if math.isnan(best.distance) else best.distance,
+        "evaluations": starts * (candidates + 1),
+        "cost_by_start": [tuned.cost for tuned in found],
+        "nominal_rmse_fn": nominal_rmse(peer, best.values, tuner.fmu),
+        "nominal_rmse_fn_untuned": nominal_rmse(peer, peer.start, tuner.fmu),
+    }
+
+
+def _lines(found: dict[str, Any]) -> str:
+    values = ", ".join(f'"{key}": {value:.3g}' for key, value in found["values"].items())
+    distance = "none" if found["distance"] is None else f"{found['distance']:.2f}"
+    costs = ", ".join(f"{cost:.3f}" for cost in found["cost_by_start"])
+    nominal, before = (
+        ", ".join(f"{edge} {rmse:.2f} N" for edge, rmse in found[key].items())
+        for key in ("nominal_rmse_fn", "nominal_rmse_fn_untuned")
+    )
+    return (
+        f"{found['controller']}: cost {found['cost']:.3f}, smallest |1 + L| {distance}; "
+        f"{found['evaluations']} candidates, cost by start {costs}\n  {values}\n"
+        f"  RMSE f_n on the board's nominal: {nominal} (from {before})"
+    )
+
+
 def main(words: list[str]) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(PEERS))
     parser.add_argument("--nominal", action="store_true", help="the thesis' plant, no margins")
     parser.add_argument("--candidates", type=int, default=CANDIDATES, metavar="N")
+    parser.add_argument("--starts", type=int, default=1, metavar="N", help="searches of each")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="what was found")
     asked = parser.parse_args(words)
     unknown = [name for name in asked.names if name not in PEERS]
     if unknown:
         parser.error(f"no peer {unknown[0]!r}; known are {', '.join(PEERS)}")
+    if min(asked.candidates, asked.starts) < 1:
+        parser.error("--candidates and --starts must be at least 1")
     tuner = Tuner(FmuFile.read(build_fmu().path), nominal=asked.nominal)
+    peers = []
     for name in asked.names or list(PEERS):
-        found = tune(PEERS[name], tuner, asked.candidates)
-        values = ", ".join(f'"{key}": {value:.3g}' for key, value in found.values.items())
-        print(f"{name}: cost {found.cost:.3f}, smallest |1 + L| {found.distance:.2f}\n  {values}")
+        peers.append(_peer_report(name, tuner, asked.candidates, asked.starts))
+        print(_lines(peers[-1]))
         sys.stdout.flush()
+    if asked.json:
+        report = {"schema": "thesis_peers/1", "nominal": asked.nominal, "peers": peers}
+        asked.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -34,7 +34,9 @@ class Effort(NamedTuple):
     limits_x: float  # share of the samples with u_x at a limit
     limits_z: float  # the same of u_z
     noise_z: float  # V, RMS of u_z about its own mean over 20 ms
-    before: float  # N, largest error of f_n between first contact and the scored window
+    before: float  # N, largest error of f_n in the contact phase, before the scored window
+    peak: float  # N, largest f_n over the same stretch
+    moving_z: float  # share of the samples with u_z at a limit once the speed is asked for
 
 
 class Trace(NamedTuple):
@@ -75,7 +77,8 @@ def score_log(
 def effort_log(log: Log, *, quiet: float, f_nd: float) -> Effort:
     """The effort of a run; the window is that of `score_log`."""
     contour = log["phase"] == PHASES.index("contour")
-    begin = float(log.time[contour][0]) - quiet
+    asked = float(log.time[contour][0])
+    begin = asked - quiet
     window = (log.time >= begin - 1e-9) & (log["phase"] <= PHASES.index("contour"))
     u_x, u_z = np.asarray(log["u_x"])[window], np.asarray(log["u_z"])[window]
     calm = np.convolve(u_z, np.ones(SMOOTH) / SMOOTH, mode="valid")
@@ -84,7 +87,11 @@ def effort_log(log: Log, *, quiet: float, f_nd: float) -> Effort:
     touched = np.cumsum(f_n > TOUCHING) > 0
     early = touched & (log["phase"] == PHASES.index("contact")) & ~window
     before = float(np.abs(f_nd - f_n)[early].max()) if early.any() else 0.0
-    return Effort(_limit_share(u_x), _limit_share(u_z), _rms(rest), before)
+    peak = float(f_n[early].max()) if early.any() else 0.0
+    moving = u_z[log.time[window] >= asked - 1e-9]
+    return Effort(
+        _limit_share(u_x), _limit_share(u_z), _rms(rest), before, peak, _limit_share(moving)
+    )
 
 
 def _limit_share(u: Array) -> float:

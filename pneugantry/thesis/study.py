@@ -38,6 +38,7 @@ from pneugantry.thesis.leaderboard import (
     step_times,
 )
 from pneugantry.thesis.perfect import PerfectRun
+from pneugantry.thesis.pictured import picture_runs
 from pneugantry.thesis.plant_tests import Hysteresis, hysteresis, identified_lags
 from pneugantry.thesis.printed import WORKPIECES
 from pneugantry.thesis.rig_tables import lag_cells, material_cells, part_cells
@@ -98,7 +99,7 @@ def traced_runs() -> frozenset[Run]:
         Run("straight", "pi_fv_ebpa"),
     ]
     angles = [run for run in tracking_runs() if run.angle_error != 0.0]
-    return frozenset([WHOLE, *valve_runs(), *fixed, *networks, *more, *angles])
+    return frozenset([WHOLE, *valve_runs(), *fixed, *networks, *more, *angles, *picture_runs()])
 
 
 def run_study(
@@ -127,7 +128,13 @@ def run_study(
         perfect = [pool.keep(f"perfect {one}", perfect_values, one, path) for one in told]
         names = controller_names()
         traced = traced_runs() | ladder_traced(draws)
-        wanted = [*setting_runs(draws), *valve_runs(), *board_runs(), *finding_runs()]
+        wanted = [
+            *setting_runs(draws),
+            *valve_runs(),
+            *board_runs(),
+            *finding_runs(),
+            *picture_runs(),
+        ]
         tracking = pool.start_runs(wanted, traced)
         drawn = pool.start_runs(drawn_runs(NEW, plants))
         timed = pool.start([(step_times, (names[i::4],)) for i in range(4)])

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pneugantry.thesis.conditions import NO_FRICTION, NO_LAG, Run
+from pneugantry.thesis.pictured import rig_speed_run
 from pneugantry.thesis.printed import COLUMNS, WORKPIECES, Printed, printed_rows
 from pneugantry.thesis.runner import Results
 
@@ -33,7 +34,7 @@ class Cell:
     table: str
     row: str
     column: str
-    kind: str  # "simulation", "experiment", or "test" of a part
+    kind: str  # "simulation", "experiment", "test" of a part, or "fitted": met by what was chosen
     printed: float
     ours: float
     repeat_of: str = ""  # the table that printed the same number of the same run before
@@ -71,7 +72,7 @@ def speed_run(workpiece: str, speed: float) -> Run:
 def run_of(row: Printed) -> Run:
     """The run behind a printed line."""
     if row.table in ("3.9", "3.10"):  # before the controller was retuned, §3.5.3
-        return Run(row.workpiece, gains="table_3_7", v_td=-float(row.row.split()[0]))
+        return rig_speed_run(row.workpiece, float(row.row.split()[0]))
     if row.table in ("4.9", "4.10"):
         return speed_run(row.workpiece, float(row.row.split()[0]))
     if row.table == "4.7":

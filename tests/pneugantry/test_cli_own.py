@@ -78,6 +78,18 @@ def test_the_leaderboard_s_conditions_are_a_preset(capsys: Capture) -> None:
     assert "--preset: unknown preset 'thesys'; use campaign or thesis" in capsys.readouterr().err
 
 
+def test_the_rigs_converter_is_a_preset(capsys: Capture, tmp_path: Path) -> None:
+    """12 bits over +-10 V: every reading lies on the converter's steps; ideal sensors have none."""
+    from pyfmi_runner.sensors import converter_steps
+
+    step = converter_steps()[4]  # N, of f_x and f_z
+    for preset, on_steps in (("thesis", False), ("thesis_converter", True)):
+        log = tmp_path / f"{preset}.parquet"
+        result(capsys, "run", "--preset", preset, "--workpiece", "straight", "--out", str(log))
+        steps = pd.read_parquet(log)["f_z"].to_numpy() / step
+        assert bool((abs(steps - steps.round()) < 1e-6).all()) is on_steps
+
+
 def test_a_limit_cycle_is_said(capsys: Capture) -> None:
     found = result(capsys, "run", "--workpiece", "straight", "--controller", "observer_fv")
     assert found["limit_cycle"]["period"] == pytest.approx(0.27, abs=0.05)

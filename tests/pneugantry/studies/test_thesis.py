@@ -194,7 +194,7 @@ def test_a_setting_replaces_finish_and_contact_but_leaves_a_bare_edge_bare():
     assert random.applied(Run("curved")).draw != run.draw  # a rig's own finish is another draw
     assert random.applied(Run("curved", finish="none")).finish == "none"
     assert FITTED.applied(Run("curved")) == Run("curved")
-    assert len(set(settings(2))) == 9
+    assert len(set(settings(2))) == 10
 
 
 def test_slid_waves_are_the_same_edge_further_on():

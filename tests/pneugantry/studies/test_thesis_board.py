@@ -11,9 +11,16 @@ import pytest
 
 from controllers.catalogue import make_controller
 from modelica_fmu.errors import InputError
-from pneugantry.thesis import figures, gap, structure_board, tuning_report
+from pneugantry.thesis import (
+    figures,
+    figures_rig,
+    gap,
+    pictured,
+    structure_board,
+    tuning_report,
+)
 from pneugantry.thesis.board_report import board_lines, board_report
-from pneugantry.thesis.contents import contents
+from pneugantry.thesis.contents import contents, contents_report
 from pneugantry.thesis.entrants import Entrant, entrants
 from pneugantry.thesis.gap import (
     DRAWS,
@@ -26,7 +33,9 @@ from pneugantry.thesis.gap import (
     print_gaps,
 )
 from pneugantry.thesis.loop_limits import FoundMargins, cosimulated_margins, linear_margins
-from pneugantry.thesis.robust_design import PEERS, design_plants, distances, needed
+from pneugantry.thesis.peers import PEERS
+from pneugantry.thesis.printed import WORKPIECES
+from pneugantry.thesis.robust_design import design_plants, distances, needed
 from pneugantry.thesis.run_store import RunStore
 from pneugantry.thesis.runner import run_one
 from pneugantry.thesis.structure_board import (
@@ -206,17 +215,34 @@ def test_every_table_and_figure_is_listed_once_with_ours_or_a_reason():
     names = [entry.name for entry in entries]
     assert len(set(names)) == len(names)
     assert all(entry.ours or entry.why_not for entry in entries)
-    drawn = set(re.findall(r"fig_[0-9]_[0-9][0-9_a-z]*", Path(figures.__file__).read_text("utf-8")))
-    drawn |= {path.stem for path in tuning_report.picture_paths(Path())}
+    drawn = {path.stem for path in tuning_report.picture_paths(Path())}
+    for module in (figures, figures_rig, pictured):
+        drawn |= set(re.findall(r"fig_\w+", Path(module.__file__).read_text("utf-8")))
+    drawn |= {"fig_" + stem for stem in fitted_stems()}
     for entry in entries:
-        if entry.ours.endswith((".py", ".mo")):
+        if entry.kind == "part":
             assert (ROOT / entry.ours).exists(), entry
-        elif entry.ours.startswith("out/thesis/"):
-            stem = entry.ours.removeprefix("out/thesis/")
-            own = stem in drawn or re.match(
-                r"fig_4_\d+(_4_33)?(_reversals)?_(straight|incl|curved)", stem
-            )
-            assert own, entry
+        elif entry.kind == "picture":
+            assert entry.ours.removeprefix("out/thesis/") in drawn, entry
+
+
+def fitted_stems() -> list[str]:
+    """Of the pictures whose names `figures` puts together."""
+    first, last = ("4_22", "4_23", "4_24", "4_25"), ("4_32_4_33", "4_34", "4_35", "4_36")
+    tracked = [f"{n}_{piece}" for n, piece in zip(first, WORKPIECES, strict=True)]
+    turned = [f"{n}_reversals_{piece}" for n, piece in zip(last, WORKPIECES, strict=True)]
+    return tracked + turned
+
+
+def test_the_list_says_of_what_kind_ours_is():
+    found = contents_report()
+    assert sum(found["kinds"].values()) == len(found["entries"])
+    assert found["ours"] == len(found["entries"]) - found["kinds"]["none"]
+    kinds = {e["name"]: e["kind"] for e in found["entries"]}
+    assert kinds["Table 4.7"] == "numbers"
+    assert kinds["Fig. 3.30"] == "picture"
+    assert kinds["Table 3.5"] == kinds["Fig. 5.4"] == "part"
+    assert kinds["Fig. 5.9"] == "none"
 
 
 def test_the_list_names_what_the_thesis_lists():

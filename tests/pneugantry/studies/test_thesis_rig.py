@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from pneugantry.thesis import gap, gap_tests
+from pneugantry.thesis import gap, gap_tests, robust_design
+from pneugantry.thesis.conditions import Run
 from pneugantry.thesis.contents import contents
 from pneugantry.thesis.entrants import Entrant
 from pneugantry.thesis.findings import ROUGHNESS, rough_run
@@ -13,6 +14,7 @@ from pneugantry.thesis.gap_report import answer
 from pneugantry.thesis.gap_tests import TAU_RIVALS, PartTest, part_tests, tau_likelihood
 from pneugantry.thesis.lag_readings import READINGS
 from pneugantry.thesis.loop_limits import cosimulated_margins, linear_margins
+from pneugantry.thesis.peers import PEERS
 from pneugantry.thesis.printed import printed_rows
 from pneugantry.thesis.rig_tables import (
     LARGEST,
@@ -22,11 +24,12 @@ from pneugantry.thesis.rig_tables import (
     part_cells,
 )
 from pneugantry.thesis.rig_tests import RAMPS, break_away, rest_noise, viscous
-from pneugantry.thesis.robust_design import PEERS, Tuner
+from pneugantry.thesis.robust_design import Tuner, nominal_rmse, search
 from pneugantry.thesis.run_store import Done, RunStore
-from pneugantry.thesis.runner import Results
+from pneugantry.thesis.runner import Results, run_one
 from pneugantry.thesis.scores import Effort, Scores
 from pneugantry.thesis.tables import cells, table_runs, unique_cells
+from pneugantry.thesis.tuned import TUNED_NOMINAL
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.sensors import NO_STEPS, SIGMA, converter_steps
@@ -66,7 +69,7 @@ def test_noise_at_rest_is_table_3_3_and_the_converter_adds_its_own():
 
 
 def _made_up(value: float) -> Done:
-    return Done(Scores(4.0 * value, 0.1, value, 0.04), Effort(0.0, 0.0, 0.0, 0.0))
+    return Done(Scores(4.0 * value, 0.1, value, 0.04), Effort(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 def _lags() -> dict[str, float]:
@@ -167,3 +170,40 @@ def test_tuned_for_the_nominal_plant_a_candidate_needs_no_margin(fmu, monkeypatc
     fierce = {**peer.start, "f_z.k_p": 20.0 * peer.start["f_z.k_p"]}
     assert asked.shortfall(peer, fierce) > 0.0
     assert free.shortfall(peer, fierce) == 0.0
+
+
+def test_a_search_from_several_starts_keeps_the_best_and_counts_what_it_tried(fmu, monkeypatch):
+    for name in ("training_runs", "nominal_runs"):
+        monkeypatch.setattr(robust_design, name, list)
+    tuner, peer, wanted = Tuner(fmu, nominal=True), PEERS["pi_fv_pressure"], 1.3
+    tried = []
+
+    def cost(_, values, beat=math.inf):
+        tried.append(values)
+        return abs(math.log(values["k_f"] / wanted))
+
+    monkeypatch.setattr(Tuner, "cost", lambda self, *given: cost(*given))
+    found = search(peer, tuner, candidates=60, starts=3)
+    assert [t.cost for t in found] == sorted(t.cost for t in found)
+    assert found[0].values["k_f"] == pytest.approx(wanted, rel=0.05)
+    assert len(tried) == 3 * 61
+    assert all(low <= t[n] <= high for t in tried for n, (low, high) in peer.span.items())
+
+
+def test_the_recorded_values_of_the_nominal_peer_reach_what_the_issue_says(fmu):
+    """And untuned it does not: 0.80 N, the worse of straight and curved, on the board's nominal."""
+    peer = PEERS["pi_fv_pressure"]
+    tuned = nominal_rmse(peer, TUNED_NOMINAL["pi_fv_pressure"], fmu)
+    assert set(tuned) == {"straight", "curved"}
+    assert max(tuned.values()) <= 0.80
+    assert max(nominal_rmse(peer, peer.start, fmu).values()) > 1.5
+
+
+def test_ebpa_pushes_three_times_too_hard_before_its_scored_window(fmu):
+    effort = run_one(Run("straight", "pi_fv_ebpa"), fmu).effort
+    assert 85.0 < effort.peak < 92.0
+    assert effort.before == pytest.approx(effort.peak - 30.0)
+    assert 0.2 < effort.limits_z < effort.moving_z < 0.5
+    calm = run_one(Run("straight"), fmu).effort
+    assert calm.peak < 40.0
+    assert calm.moving_z == 0.0

@@ -13,7 +13,7 @@ from pneugantry.thesis.runner import Results, Workers
 from pneugantry.thesis.scores import Effort, Scores, Trace
 
 RUN = Run("straight")
-DONE = Done(Scores(9.0, 0.1, 3.0, 0.04), Effort(0.0, 0.01, 0.002, 12.0))
+DONE = Done(Scores(9.0, 0.1, 3.0, 0.04), Effort(0.0, 0.01, 0.002, 12.0, 42.0, 0.0))
 TRACE = Trace(*(np.linspace(0.0, k + 1.0, 5) for k in range(9)))
 
 
