@@ -1,6 +1,6 @@
 """Writes the generated parts of `docs/results/thesis.md` anew from what `python docs/record.py
-thesis thesis_gap thesis_board thesis_variants thesis_tuning` kept: `python docs/thesis_page.py`.
-No figure of those parts is typed.
+thesis thesis_gap thesis_board thesis_peers thesis_variants thesis_tuning` kept: `python
+docs/thesis_page.py`. No figure of those parts is typed.
 """
 
 from __future__ import annotations
@@ -135,6 +135,40 @@ def board() -> str:
         f"**{verdict}**.\n\n{table((*heads, 'drawn plants', *margins), rows)}\n\n"
         "Worst in each family of structures:\n\n"
         f"{table(('controller', *FAMILIES), worst)}"
+    )
+
+
+def peers() -> str:
+    """What a peer reaches on the nominal plant when nothing else is asked of it."""
+    said, found = read("thesis_peers")
+    rows = [
+        (
+            f"`{peer['controller']}`",
+            *(
+                f"{peer[when][edge]:.2f}"
+                for when in ("nominal_rmse_fn_untuned", "nominal_rmse_fn")
+                for edge in ("straight", "curved")
+            ),
+            peer["evaluations"],
+            ", ".join(f"{cost:.3f}" for cost in peer["cost_by_start"]),
+            "none" if peer["distance"] is None else f"{peer['distance']:.2f}",
+        )
+        for peer in found["peers"]
+    ]
+    heads = (
+        "",
+        "straight, untuned",
+        "curved, untuned",
+        "straight, tuned",
+        "curved, tuned",
+        "candidates",
+        "cost by start",
+        "smallest |1 + L|",
+    )
+    return (
+        f"{said} RMSE f_n [N] on the board's nominal plant and finish, which the search does not "
+        "see; |1 + L| over the plants that a design has to bear, < 0 where a loop is unstable:\n\n"
+        f"{table(heads, rows)}"
     )
 
 
@@ -316,6 +350,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "numbers": numbers,
     "findings": findings,
     "board": board,
+    "peers": peers,
     "variants": variants,
     "tuning": tuning,
     "gap": gap,
