@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from modelica_fmu import Target
     from modelica_fmu.errors import InputError, RunError
     from pneugantry.api.diagnosis import Diagnosis, Gap, diagnose
     from pneugantry.api.models import BuiltFmu, build, linearize, rootlocus
@@ -31,6 +32,7 @@ __all__ = [
     "Replay",
     "RunError",
     "Scenario",
+    "Target",
     "TrackingRun",
     "build",
     "diagnose",
@@ -46,6 +48,7 @@ __all__ = [
 ]
 
 _HOME = {
+    "modelica_fmu": ("Target",),
     "modelica_fmu.errors": ("InputError", "RunError"),
     "pneugantry.api.diagnosis": ("Diagnosis", "Gap", "diagnose"),
     "pneugantry.api.models": ("BuiltFmu", "build", "linearize", "rootlocus"),

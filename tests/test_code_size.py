@@ -13,11 +13,7 @@ from benchmarks.code_size import Function, functions, longest_line, main
 REBUILT = ("pneugantry/engine/", "pneugantry/plants/")
 MOST_ARGUMENTS = 6
 LONGEST = 75  # lines, most are below 40
-EXCEPTIONS = {  # options of the caller, by name only
-    ("pneugantry/api/models.py", "build"),
-    ("pneugantry/api/diagnosis.py", "diagnose"),
-    ("pneugantry/blind/campaigns.py", "diagnose_campaigns"),
-}
+EXCEPTIONS = {("pneugantry/api/diagnosis.py", "diagnose")}  # options of the command, by name only
 
 
 def ours(found: Iterable[Function]) -> list[Function]:
@@ -25,8 +21,9 @@ def ours(found: Iterable[Function]) -> list[Function]:
 
 
 def test_functions_take_at_most_six_arguments() -> None:
-    many = {(f.file, f.name) for f in ours(functions()) if f.arguments > MOST_ARGUMENTS}
-    assert many <= EXCEPTIONS
+    many = [f for f in functions() if f.arguments > MOST_ARGUMENTS]
+    assert [f for f in many if (f.file, f.name) not in EXCEPTIONS] == []
+    assert all(f.arguments <= MOST_ARGUMENTS + 1 for f in many)
 
 
 def test_functions_are_short() -> None:
@@ -39,8 +36,6 @@ def test_functions_are_short() -> None:
 def test_what_is_being_rebuilt_gets_no_larger() -> None:
     found = [f for f in functions() if f.file.startswith(REBUILT)]
     assert max(f.lines for f in found) <= 80
-    assert max(f.arguments for f in found) <= 7
-    assert sum(f.arguments > MOST_ARGUMENTS for f in found) <= 6
 
 
 def test_lines_are_at_most_a_hundred_columns() -> None:

@@ -128,7 +128,6 @@ def diagnose(
     controller: PathLike | None = None,
     catalogue: PathLike | None = None,
     fmu: FmuSource = None,
-    workers: int = 2,
     say: Say | None = None,
     learn: bool = True,
 ) -> Diagnosis:
@@ -139,10 +138,9 @@ def diagnose(
     description of a plant of one's own. setup: how a single log was taken (keys as in
     campaign.toml). controller: the rig's own, a Python file, for the closed-loop check. catalogue:
     effects of one's own, a file (beside the gantry's) or a folder (instead of them). fmu: the
-    nominal gantry with other parameters. workers: no longer used, one diagnosis is one process.
-    say: told the name of each stage. learn: whether the missing term is looked for where the
-    verdict is unknown, in a plant of one's own with Modelica source. Raises InputError naming file,
-    field and hint.
+    nominal gantry with other parameters. say: told the name of each stage. learn: whether the
+    missing term is looked for where the verdict is unknown, in a plant of one's own with Modelica
+    source. Raises InputError naming file, field and hint.
     """
     from pneugantry.engine.result import to_json
     from pneugantry.plants.gantry.catalogue import catalogue_of

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modelica_fmu import ClassSource, Target
-from modelica_fmu.description import FmiVersion
+from modelica_fmu import PLAIN, ClassSource, Target
 from modelica_fmu.errors import InputError
 from pneugantry.api.html import html_page, html_table
 from pneugantry.api.inputs import FmuSource, PathLike, fmu_from
@@ -69,21 +68,19 @@ def build(
     *,
     model: PathLike | None = None,
     controller: str | None = None,
-    fmi: FmiVersion = "2.0",
-    out: PathLike | None = None,
-    platforms: Sequence[str] | None = None,
-    force: bool = False,
     libraries: Sequence[PathLike] = (),
+    target: Target = PLAIN,
+    out: PathLike | None = None,
 ) -> BuiltFmu:
     """Compiles a Modelica class to an FMU; what is up to date is not built again.
 
     class_name: a class of the Modelica file `model` (None: the gantry's). controller: a controller
-    of the catalogue, compiled instead of a class. out: a folder; None: the user's cache. platforms:
-    names as of `pneugantry build --platform`. libraries: package folders with classes that it
-    uses; without a model, the class is one of theirs. Raises InputError naming file, line and hint.
+    of the catalogue, compiled instead of a class. libraries: package folders with classes that it
+    uses; without a model, the class is one of theirs. target: what it is built for, as
+    `pg.Target(fmi="3.0", platforms=["x86_64-linux"])`. out: a folder; None: the user's cache.
+    Raises InputError naming file, line and hint.
     """
     folder = None if out is None else Path(out)
-    target = Target(fmi, platforms, force)
     if controller is not None:
         made = build_controller_fmu(controller, target, folder)
     else:

@@ -23,7 +23,7 @@ from pyfmi_runner.campaign import DRIVEN, read_campaign
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import write_atomically
 
-__all__ = ["RESULT", "campaign_folders", "diagnose_campaigns"]
+__all__ = ["RESULT", "Diagnoser", "campaign_folders", "diagnose_campaigns"]
 
 RESULT = "diagnosis.json"
 FAILED: dict[str, Any] = {
@@ -38,12 +38,14 @@ FAILED: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Diagnoser:
-    """Reads FMU and catalogue once in a worker, then diagnoses folder by folder."""
+    """Reads FMU and catalogue once in a worker, then diagnoses folder by folder. strict: as in
+    `read_campaign`; pages: a report as HTML beside each result.
+    """
 
-    fmu: str
-    catalogue: Path | None
-    strict: bool
-    pages: bool
+    fmu: Path
+    catalogue: Path | None = None
+    strict: bool = True
+    pages: bool = False
 
     def __call__(self) -> Function:
         return partial(self._diagnose, FmuFile.read(self.fmu), catalogue_of(self.catalogue))
@@ -65,29 +67,28 @@ def campaign_folders(folder: Path) -> list[Path]:
 
 def diagnose_campaigns(
     folders: Sequence[Path],
-    fmu: Path,
+    diagnoser: Diagnoser,
     *,
     workers: int = 2,
-    catalogue: Path | None = None,
-    strict: bool = True,
-    pages: bool = False,
     done: Callable[[str], object] | None = None,
 ) -> dict[Path, dict[str, Any]]:
     """JSON of each campaign's diagnosis; what is on disk already, by the same FMU and catalogue, is
     taken from there.
 
     A campaign whose diagnosis fails, or takes its worker with it three times, has the verdict
-    "failed" and a reason; nothing of it goes to disk, so that the next call tries it again. strict:
-    as in `read_campaign`; pages: a report as HTML beside each result; done: told the name of each
-    campaign as it ends.
+    "failed" and a reason; nothing of it goes to disk, so that the next call tries it again. done:
+    told the name of each campaign as it ends.
     """
-    by = {"fmu": FmuFile.read(fmu).sha256, "catalogue": _catalogue_hash(catalogue)}
+    by = {
+        "fmu": FmuFile.read(diagnoser.fmu).sha256,
+        "catalogue": _catalogue_hash(diagnoser.catalogue),
+    }
     results = {
         folder: found for folder in folders if (found := _on_disk(folder / RESULT, by)) is not None
     }
     by_name = {str(folder): folder for folder in folders if folder not in results}
     jobs = [Job(name, folder) for name, folder in by_name.items()]
-    for ended in run_jobs(Diagnoser(str(fmu), catalogue, strict, pages), jobs, workers=workers):
+    for ended in run_jobs(diagnoser, jobs, workers=workers):
         folder = by_name[str(ended.key)]
         if ended.failure:
             results[folder] = FAILED | {"reason": ended.failure}

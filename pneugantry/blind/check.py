@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.blind.campaigns import diagnose_campaigns
+from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
 from pneugantry.blind.sets import LabelledSet
 from pneugantry.truth.campaign import write as write_truth
 from pneugantry.truth.case import DEVELOPMENT
@@ -45,7 +45,7 @@ def diagnose_cases(
 ) -> dict[str, dict[str, Any]]:
     """JSON of each case's diagnosis; results that are already on disk are taken from there."""
     cases = sorted(p for p in folder.glob("case_*") if (p / "campaign.toml").is_file())
-    results = diagnose_campaigns(cases, build_fmu().path, workers=workers, done=done)
+    results = diagnose_campaigns(cases, Diagnoser(build_fmu().path), workers=workers, done=done)
     return {path.name.removeprefix("case_"): result for path, result in results.items()}
 
 

@@ -68,6 +68,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    from modelica_fmu import Target
     from pneugantry.api import models
 
     with (
@@ -78,11 +79,9 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
             options.class_name,
             model=options.model,
             controller=options.controller,
-            fmi=options.fmi,
-            out=options.out,
-            platforms=options.platform,
-            force=options.force,
             libraries=options.library or (),
+            target=Target(options.fmi, options.platform, options.force),
+            out=options.out,
         )
     print(f"{'built' if built.rebuilt else 'up to date'}: {built.path}")
     for platform, made in built.manifest["compilers"].items():

@@ -71,7 +71,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     campaign = read_campaign(folder, strict=False, needs=DRIVEN)
     print(f"\ndiagnosis of {campaign.name}:")
     with Stages("diagnose", "campaign") as say:
-        diagnosed = diagnose(campaign, fmu=fmu, workers=1, say=say)
+        diagnosed = diagnose(campaign, fmu=fmu, say=say)
     print_diagnosis(diagnosed.json)
     if truth is not None:
         print(

@@ -102,7 +102,6 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
             controller=options.controller,
             catalogue=options.catalogue,
             fmu=options.fmu,
-            workers=options.workers,
             say=say,
             learn=not options.no_learn,
         )
@@ -122,7 +121,7 @@ def _kind(source: Path) -> str:
 
 def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     """A folder of campaigns, in worker processes."""
-    from pneugantry.blind.campaigns import diagnose_campaigns
+    from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
     from pneugantry.plants.gantry.catalogue import catalogue_of
 
     for option, target in (("--html", options.html), ("--augmented", options.augmented)):
@@ -137,11 +136,8 @@ def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dic
     counter = bar(range(len(folders)), len(folders), "diagnose")
     results = diagnose_campaigns(
         folders,
-        gantry.path,
+        Diagnoser(gantry.path, options.catalogue, strict=False, pages=True),
         workers=options.workers,
-        catalogue=options.catalogue,
-        strict=False,
-        pages=True,
         done=lambda _: next(counter, None),
     )
     for folder, found in results.items():

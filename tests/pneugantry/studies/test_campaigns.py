@@ -12,7 +12,7 @@ import pytest
 
 from modelica_fmu.errors import InputError
 from pneugantry.blind import campaigns
-from pneugantry.blind.campaigns import RESULT, campaign_folders, diagnose_campaigns
+from pneugantry.blind.campaigns import RESULT, Diagnoser, campaign_folders, diagnose_campaigns
 from pneugantry.cli import main
 from pneugantry.jobs.job import Ended, Factory, Job, answer
 from pneugantry.plants.gantry.catalogue import FOLDER
@@ -59,7 +59,7 @@ def test_each_is_diagnosed_once_and_what_failed_is_tried_again(folder: Path) -> 
     found = campaign_folders(folder)
     told: list[str] = []
     fmu = build_fmu().path
-    results = diagnose_campaigns(found, fmu, strict=False, done=told.append)
+    results = diagnose_campaigns(found, Diagnoser(fmu, strict=False), done=told.append)
     assert [path.name for path in results] == told == ["a", "b", "c"]
     assert (
         results[folder / "a"].items()
@@ -71,11 +71,13 @@ def test_each_is_diagnosed_once_and_what_failed_is_tried_again(folder: Path) -> 
     assert not (folder / "b" / RESULT).exists()
     (folder / "b" / "mended").touch()
     (folder / "b" / RESULT).write_text("[]")  # not what was written there
-    assert diagnose_campaigns(found, fmu)[folder / "b"]["verdict"] == "none"
+    assert diagnose_campaigns(found, Diagnoser(fmu))[folder / "b"]["verdict"] == "none"
     assert RUNS == ["a", "c", "b"]
     catalogue = folder / "own.toml"
     catalogue.write_bytes((FOLDER / "stribeck.toml").read_bytes())
-    diagnose_campaigns(found, fmu, catalogue=catalogue)  # what another catalogue found is no answer
+    diagnose_campaigns(
+        found, Diagnoser(fmu, catalogue)
+    )  # what another catalogue found is no answer
     assert RUNS == ["a", "c", "b", "a", "b", "c"]
 
 
