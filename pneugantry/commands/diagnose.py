@@ -11,6 +11,7 @@ from pneugantry.options import out_file, out_folder
 from pneugantry.progress import Stages, bar
 from pneugantry.report.headline import (
     cause_name,
+    chance,
     headline,
     interval,
     number,
@@ -165,7 +166,7 @@ def print_diagnosis(found: dict[str, Any]) -> None:
             + (f"; {entry['regime']}" if entry["regime"] else "")
         )
     for cause in found["causes"]:
-        print(f"cause: {cause_name(cause):<22} probability {percent(cause['probability'])}")
+        print(f"cause: {cause_name(cause):<22} probability {chance(cause['probability'])}")
         for parameter, entry in cause["parameters"].items():
             value, low, high = interval(entry["value"], *entry["ci95"])
             print(f"         {parameter} = {value} {entry['unit']}, 95 % from {low} to {high}")

@@ -51,6 +51,9 @@ class Replay:
     signals: tuple[str, ...]
     simulated: Array  # (rows, signals) readings without noise, in the signals' units
     residuals: Array  # (rows, signals) measured - simulated, in quoted sigma; NaN: does not count
+    measured: Array  # (rows, signals), in the signals' units
+    sigma: Array  # (signals,) quoted noise, in the signals' units
+    period: float  # s, between rows
 
     @property
     def squares(self) -> Array:
@@ -144,11 +147,12 @@ def _beside(
     plant: Plant, record: Record, names: tuple[str, ...], values: Values, true: Array, first: int
 ) -> Replay:
     quoted = {s.name: s.sigma for s in plant.signals}
+    sigma = np.array([quoted[n] for n in names])
     simulated = _readings(names, true, record, values)
     measured = np.column_stack([record.signals[n] for n in names])
-    residuals = (measured - simulated) / np.array([quoted[n] for n in names])
+    residuals = (measured - simulated) / sigma
     residuals[:first] = np.nan
-    return Replay(record.name, names, simulated, residuals)
+    return Replay(record.name, names, simulated, residuals, measured, sigma, record.period)
 
 
 def _readings(names: Sequence[str], true: Array, record: Record, values: Values) -> Array:

@@ -9,6 +9,7 @@ from typing import Any
 
 __all__ = [
     "cause_name",
+    "chance",
     "confirmed",
     "headline",
     "interval",
@@ -21,6 +22,7 @@ __all__ = [
 ]
 
 CLAIMS = ("identified", "ambiguous")
+TINY = 1e-9
 LEFT = 2.0  # times the floor, from which on what is left of a gap is worth a word
 
 
@@ -37,8 +39,13 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{mantissa}·10^{int(exponent)}"
 
 
+def chance(probability: float) -> str:
+    """A probability: never 0 nor 100 %, which no data say, however a sum is rounded."""
+    return percent(min(max(probability, TINY), 1.0 - TINY))
+
+
 def percent(share: float) -> str:
-    """A probability or share; what is neither 0 nor 1 does not read as 0 or 100 %."""
+    """A share; what is neither 0 nor 1 does not read as 0 or 100 %."""
     if not math.isfinite(share):
         return "–"
     if 0 < share < 0.01:
@@ -133,7 +140,7 @@ def headline(found: dict[str, Any], summaries: dict[str, str] | None = None) -> 
         beside = " and ".join(_named(c, summaries or {}) for c in _beside(found))
         return (
             f"A real effect{where} that no entry of the catalogue explains (probability "
-            f"{percent(unknown)})"
+            f"{chance(unknown)})"
             f"{f'; beside it {beside}' if beside else ''}; with what could be fitted, {far}."
         )
     if verdict == "ambiguous":
@@ -166,7 +173,7 @@ def _words(keys: list[str]) -> str:
 def _named(cause: dict[str, Any], summaries: dict[str, str]) -> str:
     name, size = cause_name(cause), size_words(cause)
     said = f" ({summaries[name]})" if summaries.get(name) else ""
-    return f"{name}{said}{f', {size}' if size else ''}, probability {percent(cause['probability'])}"
+    return f"{name}{said}{f', {size}' if size else ''}, probability {chance(cause['probability'])}"
 
 
 def _doubt(found: dict[str, Any]) -> str:

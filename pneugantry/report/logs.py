@@ -12,7 +12,7 @@ from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.run import Found
 from pneugantry.report.pictures import Curves, Shown
 
-__all__ = ["Shot", "shots"]
+__all__ = ["Shot", "shots", "shown_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ def shots(found: Found) -> tuple[list[Shot], list[str]]:
         if nominal is None or augmented is None:
             notes.append(f"{record.name} could not be replayed for the page: the model stops")
             continue
-        curves = _curves(task.plant, record, nominal, augmented)
+        curves = _curves(task.plant, nominal, augmented)
         made.append(Shot(record, nominal, augmented, curves, record is held))
     return made, notes
 
@@ -66,11 +66,18 @@ def _pair(found: Found, record: Record) -> tuple[Replay | None, Replay | None]:
     return nominal, augmented
 
 
-def _curves(plant: Plant, record: Record, nominal: Replay, augmented: Replay) -> Curves:
-    """Measured and simulated; a simulation is left out where its rows do not count."""
-    of = {s.name: s for s in plant.signals}
-    values = {"measured": np.column_stack([record.signals[n] for n in nominal.signals])}
+def _curves(plant: Plant, nominal: Replay, augmented: Replay) -> Curves:
+    """Measured and simulated, at the rate of the replays, which may be finer than that of the fits;
+    a simulation is left out where its rows do not count.
+    """
+    values = {"measured": nominal.measured}
     for name, replay in (("nominal", nominal), ("augmented", augmented)):
         values[name] = np.where(np.isnan(replay.residuals), np.nan, replay.simulated)
-    shown = tuple(Shown.of(n, of[n].unit, of[n].sigma) for n in nominal.signals)
-    return Curves(shown, record.period, values)
+    return Curves(shown_of(plant, nominal), nominal.period, values)
+
+
+def shown_of(plant: Plant, replay: Replay) -> tuple[Shown, ...]:
+    """The signals of a replay, with the noise that its residuals are counted in."""
+    units = {s.name: s.unit for s in plant.signals}
+    quoted = zip(replay.signals, replay.sigma.tolist(), strict=True)
+    return tuple(Shown.of(name, units[name], sigma) for name, sigma in quoted)

@@ -17,6 +17,7 @@ from modelica_fmu.files import write_atomically
 from pneugantry.engine.result import to_json
 from pneugantry.engine.run import Found
 from pneugantry.report.headline import (
+    chance,
     confirmed,
     headline,
     number,
@@ -25,12 +26,11 @@ from pneugantry.report.headline import (
     shrinkable,
     verdict_word,
 )
-from pneugantry.report.logs import Shot, shots
+from pneugantry.report.logs import Shot, shots, shown_of
 from pneugantry.report.pictures import (
     CURVES,
     SAMPLES,
     Phase,
-    Shown,
     gap_svg,
     packed,
     panel_svg,
@@ -74,7 +74,7 @@ def write_page(found: Found, path: Path, extras: Extras | None = None) -> Path:
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
-    environment.filters |= {"number": number, "percent": percent}
+    environment.filters |= {"number": number, "percent": percent, "chance": chance}
     template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
     text = template.render(_context(found, extras or Extras()))
     write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
@@ -150,7 +150,8 @@ def _which(found: Found, facts: Mapping[str, Any]) -> dict[str, Any]:
 def _how_far(found: Found, facts: Mapping[str, Any], after: str) -> dict[str, Any]:
     gap = found.gap
     held = found.task.data.held_out
-    shown = {s.name: Shown.of(s.name, s.unit, s.sigma) for s in found.task.plant.signals}
+    told = () if found.nominal is None else shown_of(found.task.plant, found.nominal)
+    shown = {signal.name: signal for signal in told}
     by = {} if gap is None else gap.by_signal
     rows = [(name, *pair) for name, pair in by.items()]
     if gap is not None and len(rows) > 1:

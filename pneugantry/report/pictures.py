@@ -72,6 +72,12 @@ class Curves:
     period: float  # s
     values: Mapping[str, Array]  # "measured", "nominal", ...: (rows, signals), the record's units
 
+    def __post_init__(self) -> None:
+        """Raises ValueError where the curves have not the same rows and signals."""
+        shapes = {name: v.shape for name, v in self.values.items()}
+        if len(set(shapes.values())) > 1:
+            raise ValueError(f"curves of one record need one shape, got {shapes}")
+
     @property
     def rows(self) -> int:
         return len(next(iter(self.values.values())))

@@ -14,7 +14,7 @@ from pneugantry.engine.decide import UNKNOWN
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.run import Found
-from pneugantry.report.headline import interval, number, percent
+from pneugantry.report.headline import chance, interval, number
 
 __all__ = [
     "Deviation",
@@ -88,7 +88,7 @@ def runner_up(found: Found) -> str:
         return ""
     keys, (probability, fit) = others[0]
     behind = gain_of(found, first[1][1]) - gain_of(found, fit)
-    text = f"Runner-up: {label(keys)}, probability {percent(probability)}; over the fitted logs "
+    text = f"Runner-up: {label(keys)}, probability {chance(probability)}; over the fitted logs "
     gains = f"{number(gain_of(found, fit), 4)} against {number(gain_of(found, first[1][1]), 4)}"
     if behind > 0:
         return f"{text}its evidence is {gains}, {number(behind)} less."

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from pneugantry.engine.run import Found
+from pneugantry.report.headline import percent
 from pneugantry.report.page import Extras
 from pneugantry.report.svg import LINE, svg, text
 from pyfmi_runner.campaign import Campaign, LoggedRun
@@ -85,7 +86,7 @@ def plant_svg(shares: Mapping[str, float]) -> str:
     for name, box in places.items():
         body += _block(box, shares.get(name))
     label = (
-        ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares.items() if share >= 0.005)
+        ", ".join(f"{name} {percent(share)}" for name, share in shares.items() if share >= 0.005)
         or "no block carries a share"
     )
     size = (max(880, 20 + 190 * len(others)), 420 if others else 340)
@@ -98,7 +99,7 @@ def _block(box: Box, claimed: float | None) -> list[str]:
     share = min(max(share, 0.0), 1.0) if math.isfinite(share) else 0.0
     middle, centre = box.x + box.width / 2, box.y + box.height / 2
     shade = tuple(round(255 + share * (full - 255)) for full in (240, 140, 40))
-    value = f"{100 * share:.0f} %" if claimed is not None else "–"
+    value = "–" if claimed is None else percent(claimed)
     weight, size = ("700", 13) if share >= 0.1 else ("400", 11)
     return [
         f'<rect x="{box.x}" y="{box.y}" width="{box.width}" height="{box.height}" rx="6" '

@@ -61,7 +61,8 @@ def measured(
 
 def made(squares: Array, name: str = "r") -> Replay:
     """A replay with these squares of one signal."""
-    return Replay(name, ("s",), squares[:, None] * 0, np.sqrt(squares)[:, None])
+    residuals = np.sqrt(squares)[:, None]
+    return Replay(name, ("s",), 0 * residuals, residuals, residuals, np.ones(1), 1e-3)
 
 
 def test_the_true_values_replay_a_record_to_the_noise(

@@ -19,10 +19,12 @@ from jsonschema import Draft202012Validator
 from matplotlib.image import imread
 from numpy.typing import NDArray
 
+from pneugantry.engine.confirm import Replay
 from pneugantry.engine.decide import Decision
 from pneugantry.engine.result import to_json
 from pneugantry.engine.run import Found
 from pneugantry.report.headline import (
+    chance,
     confirmed,
     headline,
     interval,
@@ -34,6 +36,7 @@ from pneugantry.report.page import Extras, write_page
 from pneugantry.report.pictures import SAMPLES, Curves, Shown, gap_svg, packed, ticks
 
 Array = NDArray[np.float64]
+PERIOD, ROWS = 4e-3, 800  # of the records in conftest.py
 CHROMIUM = (
     shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 )
@@ -206,13 +209,29 @@ def test_every_record_is_in_the_page_with_its_signals(found: Found, tmp_path: Pa
         assert [c["unit"] for c in channels] == ["N", "mm/s"]
 
 
-def test_the_page_shows_the_replays_of_the_gap(found: Found, tmp_path: Path) -> None:
-    """Its residuals, decoded as a browser does, are those that the gap was taken from."""
+def finer(r: Replay) -> Replay:
+    """Every row twice, at half the period."""
+    twice = {k: np.repeat(getattr(r, k), 2, axis=0) for k in ("measured", "simulated", "residuals")}
+    return replace(r, period=r.period / 2, **twice)
+
+
+@pytest.mark.parametrize("twice", [False, True])
+def test_the_page_shows_the_replays_of_the_gap(found: Found, tmp_path: Path, twice: bool) -> None:
+    """Its residuals, decoded as a browser does, are those that the gap was taken from; at the rate
+    of the replays, too, which is finer than that of the fits for a gantry: rows of two rates once
+    stood beside each other, and a gap of 1 was drawn as thousands.
+    """
     assert found.gap is not None
+    assert found.nominal is not None
+    assert found.augmented is not None
+    if twice:
+        found = replace(found, nominal=finer(found.nominal), augmented=finer(found.augmented))
     text = page(found, tmp_path)
     data = json.loads(re.search(r'data-log="other">(\{.*?\})</script>', text)[1])  # type: ignore[index]
+    assert data["dt"] == PERIOD / (1 + twice)
     for channel in data["channels"]:
         curve = {n: decoded(channel, text) for n, text in channel["data"].items()}
+        assert {len(v) for v in curve.values()} == {ROWS * (1 + twice)}
         for i, model in enumerate(("nominal", "augmented")):
             left = (curve["measured"] - curve[model]) / channel["sigma"]
             expected = found.gap.by_signal[channel["name"]][i]
@@ -222,6 +241,12 @@ def test_the_page_shows_the_replays_of_the_gap(found: Found, tmp_path: Path) -> 
 def decoded(channel: dict[str, Any], text: str) -> Array:
     raw = np.frombuffer(base64.b64decode(text), dtype="<u2")
     return np.where(raw == 65535, np.nan, channel["low"] + channel["scale"] * raw)
+
+
+def test_curves_of_two_rates_are_refused() -> None:
+    shown = (Shown.of("s", "m", 1e-3),)
+    with pytest.raises(ValueError, match="need one shape"):
+        Curves(shown, 1e-3, {"measured": np.zeros((4, 1)), "nominal": np.zeros((8, 1))})
 
 
 def test_the_sentence_fits_the_verdict(found: Found, sound: Found) -> None:
@@ -378,6 +403,7 @@ def test_a_probability_that_is_not_certain_does_not_read_as_certain() -> None:
         "> 99 %",
         "100 %",
     ]
+    assert [chance(p) for p in (0.0, 0.5, 1.0)] == ["< 1 %", "50 %", "> 99 %"]
 
 
 @pytest.mark.parametrize(
