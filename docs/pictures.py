@@ -21,7 +21,7 @@ PICTURES = {  # name: the command, and what it writes
     ),
     "diagnosis.png": ("demo", "out/demo/report.html"),
 }
-SIZE = (1100, 1380)  # pixels of a page that are kept: verdict, where, which, how far
+SIZE = (1100, 1600)  # pixels of a page that are kept: verdict, where, which, how far
 
 
 def shoot(page: Path, picture: Path, size: tuple[int, int] = SIZE, dark: bool = False) -> None:
