@@ -6,7 +6,7 @@ back and a shorter step next time, so that one rough view does not stop the othe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +39,10 @@ LARGE = 5.0  # standard deviations of what stands out
 FARTHEST = 6.0  # prior spreads to which a point about an end may be moved
 PROBES = (-30.0, -10.0, -3.0, 3.0, 10.0, 30.0)  # standard deviations
 FIRST = 1e-3  # damping after a step that failed
-KEPT = (0.3, 4.0)  # share of a step's promise within which its columns serve for the next one
+KEPT = 0.7  # share of a view's promise by which it may be missed and its columns serve again
+TAKEN = 0.1  # share of a step's promise from which on it is taken
+SHARED = 0.2  # share of what a step falls short from which on a view is to blame
+PROMISED = 0.5  # of the fall that ends a descent: a step that promises less is not tried
 
 
 class Weighing:
@@ -146,29 +149,31 @@ def descend(problem: Problem, start: Solution, of_views: Noise | None, settled: 
     sim, rules, state = problem.simulation, problem.rules, start
     names = set(problem.prior.names)
     damping = np.full(len(names), LEAST if problem.fine else rules.damping)
-    new = False  # the columns are those of this point
+    views = {c[0] for c in problem.cells}
+    old: set[str] = set()  # views whose columns are those of an earlier point
     for _ in range(rules.iterations):
         weighing = Weighing(of_views or flat_noise(sim, state.residuals), rules)
-        stepped = _step(problem, state, weighing, damping)
-        if stepped is None and new:
-            break
-        kept = False
-        if stepped is not None:
-            point, residuals, fall, promised = stepped
-            state, new = Solution(point, residuals, state.columns), False
-            if fall < settled:
+        step = _step(problem, state, weighing, damping, settled)
+        if step is None:
+            if not old:
                 break
-            kept = KEPT[0] * promised < fall < KEPT[1] * promised
-        if not kept:
-            made = sim.columns(state.point, state.residuals, problem.cells, names, problem.fine)
-            state, new = Solution(state.point, state.residuals, {**state.columns, **made}), True
+            stale = set(old)
+        else:
+            state, stale, old = step.solution, set(step.stale), set(views)
+            if step.fall < settled:
+                break
+        if stale:
+            cells = [c for c in problem.cells if c[0] in stale]
+            made = sim.columns(state.point, state.residuals, cells, names, problem.fine)
+            state = Solution(state.point, state.residuals, {**state.columns, **made})
+            old -= stale
     return state
 
 
 def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | None:
     """The best of some points about a solution: each coordinate moved by some of its standard
     deviations, the others following so that the parabola hardly rises. Tried is what only large
-    residuals tell: views where these cost much. None where no point is better.
+    residuals tell: records where these cost a view much. None where no point is better.
     """
     sim, rules, point = problem.simulation, problem.rules, start.point
     weighing = Weighing(of_views, rules)
@@ -179,8 +184,12 @@ def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | Non
     farthest = np.maximum(np.abs(point.theta), FARTHEST * spreads)
     best: tuple[float, Array] | None = None
     for view in dict.fromkeys(c[0] for c in problem.cells):
-        own = {c: r for c, r in start.residuals.items() if c[0] == view}
-        if weighing.tails(own) < rules.entry:
+        own = {
+            c: r
+            for c, r in start.residuals.items()
+            if c[0] == view and weighing.tails({c: r}) > rules.entry
+        }
+        if not own:
             continue
         columns = {k: c for k, c in start.columns.items() if k[0] in own}
         curved, slope = weighing.normal(point, own, columns)
@@ -242,58 +251,60 @@ def inside(point: Point) -> Point:
     return point.moved(theta)
 
 
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A step taken."""
+
+    solution: Solution
+    fall: float  # of the cost
+    stale: frozenset[str]  # views that did not do what their columns promised
+
+
 def _step(
-    problem: Problem, state: Solution, weighing: Weighing, damping: Array
-) -> tuple[Point, Residuals, float, float] | None:
-    """A step that lowers the cost, how far it does and how far its columns promised; None where
-    none is found. Renews `damping` in place.
+    problem: Problem, state: Solution, weighing: Weighing, damping: Array, settled: float
+) -> _Step | None:
+    """A step that lowers the cost; None where none is promised or found. A view that falls short of
+    its promise gets shorter steps. Renews `damping` in place.
     """
-    point = state.point
-    costs = weighing.costs(state.residuals)
-    cost = sum(costs.values()) + problem.prior.cost(point.theta)
-    normal, gradient = weighing.normal(point, state.residuals, state.columns)
-    free = np.diag(normal) > 0
-    normal += problem.prior.square
-    gradient += problem.prior.square @ point.theta - problem.prior.pull
+    sim, point, known = problem.simulation, state.point, problem.prior
+    costs, theta = weighing.costs(state.residuals), state.point.theta
+    parts = {v: weighing.normal(point, *_of(state, v)) for v in costs}
+    normal = known.square + sum(n for n, _ in parts.values())
+    gradient = known.square @ theta - known.pull + sum(g for _, g in parts.values())
+    free = np.diag(normal) > np.diag(known.square)
+    best: _Step | None = None
     for _ in range(TRIES):
-        step = np.zeros(len(free))
+        step = np.zeros(len(theta))
         damped = normal + np.diag(damping * np.diag(normal))
         step[free] = -np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
-        trial, tried, moved, value = _tried(problem, state, weighing, step, costs)
-        damping[:] = np.where(moved, np.maximum(0.1 * damping, LEAST), 10 * damping)
-        if value < cost and moved.any():
-            made = np.where(moved, trial.theta - point.theta, 0.0)
-            promised = -float(made @ (2 * gradient + normal @ made))
-            return trial, tried, cost - value, promised
-        damping[:] = np.maximum(30 * damping, FIRST)
-    return None
-
-
-def _tried(
-    problem: Problem, state: Solution, weighing: Weighing, step: Array, costs: Mapping[str, float]
-) -> tuple[Point, Residuals, Array, float]:
-    """A step, less what makes views worse: first in what only they read, then in what several do.
-    costs: of the views before it. Point, residuals, which coordinates moved, cost.
-    """
-    sim, point = problem.simulation, state.point
-    views = {c[0] for c in problem.cells}
-    readers = [sim.readers(c) & views for c in point.coordinates]
-    cost = sum(costs.values()) + problem.prior.cost(point.theta)
-    moved, todo = np.ones(len(step), dtype=bool), list(problem.cells)
-    trial, tried, value = point, dict(state.residuals), cost
-    for _ in range(3):
-        trial = inside(point.moved(np.where(moved, point.theta + step, point.theta)))
-        tried = {**tried, **sim.residuals(trial, todo)}
-        after = weighing.costs(tried)
-        value = sum(after.values()) + problem.prior.cost(trial.theta)
-        worse = {v for v in after if after[v] > costs[v]}
-        held = np.array([bool(r) and r <= worse for r in readers]) & moved
-        if value < cost and not held.any():
+        trial = inside(point.moved(theta + step))
+        made = trial.theta - theta
+        promised = -float(made @ (2 * gradient + normal @ made))
+        if promised < PROMISED * settled:
             break
-        if held.any():
-            moved &= ~held
-            todo = [c for c in problem.cells if c[0] in worse]
-        else:
-            moved &= np.array([len(r) < 2 for r in readers])
-            todo = list(problem.cells)
-    return trial, tried, moved, value
+        tried = {**state.residuals, **sim.residuals(trial, problem.cells)}
+        after = weighing.costs(tried)
+        falls = {v: costs[v] - after[v] for v in costs}
+        promises = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in parts.items()}
+        fall = sum(falls.values()) + known.cost(theta) - known.cost(trial.theta)
+        missed = {v: promises[v] - falls[v] for v in costs}
+        stale = frozenset(
+            v for v in costs if abs(missed[v]) > max(settled, KEPT * abs(promises[v]))
+        )
+        if fall > (best.fall if best else 0.0):
+            best = _Step(Solution(trial, tried, state.columns), fall, stale)
+        if fall > TAKEN * promised:
+            damping[:] = np.maximum(0.1 * damping, LEAST)
+            break
+        worst = [v for v in costs if missed[v] > SHARED * (promised - fall)]
+        short = np.diag(sum((parts[v][0] for v in worst or costs), np.zeros_like(normal))) > 0
+        damping[short] = np.maximum(30 * damping[short], FIRST)
+    return best
+
+
+def _of(state: Solution, view: str) -> tuple[Residuals, Columns]:
+    """Residuals and columns of one view."""
+    return (
+        {c: r for c, r in state.residuals.items() if c[0] == view},
+        {k: c for k, c in state.columns.items() if k[0][0] == view},
+    )

@@ -152,20 +152,22 @@ class Fitter:
     # -- fits
 
     def null(self) -> Fit:
-        """Nuisances alone, under the tolerance that they show."""
+        """Nuisances alone, under the tolerance that they show; not `again` thoroughly: few rigs
+        need it.
+        """
         coordinates = self.coordinates(Hypothesis(), self.rules.tolerance)
         start = Point(coordinates, np.zeros(len(coordinates)), {})
         known, cells = prior(coordinates), tuple(self.simulation.cells)
         self.simulation.forget()
         residuals, columns = self.simulation.linearised(start, cells, set(known.names), fine=False)
         solution = self._by_view(Solution(start, residuals, columns), known, cells)
-        solution = self._settled(solution, known, cells)
+        solution = self._jointly(solution, known, cells)
         scale = self._tolerance(solution.point)
         coordinates = self.coordinates(Hypothesis(), scale)
         known = prior(coordinates)
         point = Point(coordinates, solution.point.theta, {})
         solution = Solution(point, solution.residuals, solution.columns)
-        solution = self._renewed(solution, known, cells)
+        solution = self._renewed(solution, known, cells, 1)
         return self._finished(Hypothesis(), solution, known, scale)
 
     def _tolerance(self, point: Point) -> float:
@@ -200,8 +202,20 @@ class Fitter:
         residuals, made = self.simulation.linearised(start, cells, wanted)
         solution = Solution(start, residuals, {**columns, **made})
         solution = self._by_view(solution, known, cells)
-        solution = self._jointly(solution, known, cells)
+        if not self._hopeless(solution, base, cells):
+            solution = self._jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
+
+    def _hopeless(self, solution: Solution, base: Fit, cells: Sequence[Cell]) -> bool:
+        """Whether a hypothesis fits some cells so much worse than the base that fitting all views
+        together has never made it the better one.
+        """
+        weighing = Weighing(base.noise, self.rules)
+        before, after = (
+            sum(weighing.costs({c: r[c] for c in cells}).values())
+            for r in (base.residuals, solution.residuals)
+        )
+        return after - before > self.rules.hopeless
 
     def again(self, fit: Fit, thorough: bool = False) -> Fit:
         """The same hypothesis from where a fit ended, all views together. thorough: points about
@@ -213,12 +227,12 @@ class Fitter:
         residuals = self.simulation.residuals(fit.point, cells)
         solution = Solution(fit.point, residuals, fit.columns)
         solution = (self._settled if thorough else self._jointly)(solution, whole, cells)
-        solution = self._renewed(solution, whole, cells)
+        solution = self._renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
     def _settled(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """Jointly, from the best point about it or with each view apart once more, until neither is
-        better.
+        """Jointly, from the best point about it, else with each view apart once more, until neither
+        is better.
 
         An event that a simulation misses (a break-away) shows in no derivative.
         """
@@ -226,18 +240,15 @@ class Fitter:
         for _ in range(self.rules.turns):
             colour = self.coloured(solution.residuals)
             cost = self._cost(solution, known, colour)
-            near = probed(self._problem(cells, known), solution, colour)
-            for apart in (False, True):
-                proposed = self._by_view(solution, known, cells) if apart else near
-                if proposed is None:
-                    continue
-                turned = self._jointly(proposed, known, cells)
-                fall = cost - self._cost(turned, known, colour)
-                if fall > 0:
-                    solution = turned
-                if fall > self.rules.entry:
-                    break
-            else:
+            turned = probed(self._problem(cells, known), solution, colour)
+            if turned is not None:
+                turned = self._descended(turned, known, cells)
+            if turned is None or cost - self._cost(turned, known, colour) < self.rules.entry:
+                turned = self._jointly(self._by_view(solution, known, cells), known, cells)
+            fall = cost - self._cost(turned, known, colour)
+            if fall > 0:
+                solution = turned
+            if fall < self.rules.entry:
                 break
         return solution
 
@@ -271,20 +282,27 @@ class Fitter:
         return start
 
     def _jointly(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """All views together, under the colour that their residuals have."""
-        problem = self._problem(cells, known)
+        """All views together, from new columns on."""
         columns = self.simulation.columns(start.point, start.residuals, cells, set(known.names))
-        solution = Solution(start.point, start.residuals, {**start.columns, **columns})
+        return self._descended(
+            Solution(start.point, start.residuals, {**start.columns, **columns}), known, cells
+        )
+
+    def _descended(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        """All views together, under the colour that their residuals have."""
+        problem, solution = self._problem(cells, known), start
         for settled in (ROUGH, self.rules.settled):
             solution = descend(problem, solution, self.coloured(solution.residuals), settled)
         return solution
 
-    def _renewed(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+    def _renewed(
+        self, start: Solution, known: Parabola, cells: Sequence[Cell], times: int
+    ) -> Solution:
         """Converged with columns of where it is, on which score tests and the covariance rest; the
-        noise's colour follows.
+        noise's colour follows. times: at most.
         """
         solution = start
-        for _ in range(self.rules.renewals):
+        for _ in range(times):
             columns = self.simulation.columns(
                 solution.point, solution.residuals, cells, set(known.names)
             )

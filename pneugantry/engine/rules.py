@@ -35,6 +35,9 @@ class Rules:
     settled: float = 2.0  # fall of -2 log posterior below which a fit has converged
     screened: int = 3  # effects that are fitted at each step, in each of two orders of promise
     hopeful: float = 0.3  # share of the best promise from which on an effect is fitted
+    hopeless: float = (
+        500.0  # rise of -2 log likelihood after which a fit stops (measured: decision 0106)
+    )
     reformed: int = 2  # effects that are then tried in their other forms
     entry: float = 10.0  # fall of -2 log evidence that an effect must bring (field: very strong)
     doubt: float = 2.0  # standard errors over stretches by which a gain is lowered (field)

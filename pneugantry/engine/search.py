@@ -63,7 +63,7 @@ class Search:
 
 def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search:
     """Effects are added while one brings evidence, and dropped where a later one replaces them."""
-    best, steps, tried = null, [], [null]
+    best, steps, tried, thorough = null, [], [null], False
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
     bar = fitter.rules.entry + 2 * math.log(max(len(offered), 1))
     promised: list[Candidate] = []
@@ -72,24 +72,19 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
         rest = {k: e for k, e in offered.items() if k not in best.keys}
         promised = screen(fitter, best, rest, traces)
         fits = _fits(fitter, best, promised, bar)
-        tried += fits
-        if not fits:
-            break
-        finals = _finals(fitter, best, fits)
-        tried += finals
+        finals = _finals(fitter, best, fits, bar)
+        tried += [*fits, *finals]
         top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
         if top is None or top.gain(best, fitter.rules) < bar:
-            break
-        without = fitter.explore(best.hypothesis, top)
-        if best.evidence - without.evidence > bar:  # the base had not reached its best
-            best = fitter.again(without, thorough=True)
-            tried.append(best)
-            if top.gain(best, fitter.rules) < bar:
-                continue
-        steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-        best = fitter.again(_pruned(fitter, top, bar, steps, tried), thorough=True)
+            if thorough:
+                break
+            top = best  # whose own best optimum may still be elsewhere
+        elif top is not best:
+            steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
+        before, thorough = best, True
+        best = _pruned(fitter, fitter.again(top, thorough=True), bar, steps, tried)
         tried.append(best)
-        changed = set(fitter.touched(best.hypothesis))
+        changed = {*fitter.touched(best.hypothesis), *fitter.touched(before.hypothesis)}
         traces = {k: c for k, c in traces.items() if k[2] not in changed}
     null = min((f for f in tried if not f.keys), key=lambda f: f.evidence)
     return Search(null, best, tuple(steps), tuple(tried), tuple(promised))
@@ -101,27 +96,33 @@ def _fits(fitter: Fitter, base: Fit, promised: Sequence[Candidate], bar: float) 
     return rough + _other_forms(fitter, base, rough)
 
 
-def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
-    """The best effects, each in its best form, fitted to the end."""
+def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[Fit]:
+    """The best effects, each in its best form, fitted to the end where there are several."""
     best: dict[str, Fit] = {}
-    least = fitter.rules.hopeful * max(base.evidence - f.evidence for f in fits)
+    largest = max((base.evidence - f.evidence for f in fits), default=0.0)
     for fit in sorted(fits, key=lambda f: f.evidence):
-        if base.evidence - fit.evidence > max(least, 0.0):
+        if base.evidence - fit.evidence > max(fitter.rules.hopeful * largest, 0.0):
             best.setdefault(fit.keys[-1], fit)
-    return [fitter.again(f) for f in list(best.values())[: fitter.rules.finalists]]
+    chosen = list(best.values())[: fitter.rules.finalists]
+    if len(chosen) == 1 and chosen[0].gain(base, fitter.rules) > bar:
+        return chosen
+    return [fitter.again(f) for f in chosen]
 
 
 def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list[Fit]) -> Fit:
-    """Without effects whose removal costs less evidence than an effect must bring."""
-    while len(fit.keys) > 1:
-        drops = [fitter.explore(fit.hypothesis.without(k), fit) for k in fit.keys[:-1]]
+    """Without effects whose removal costs less evidence than an effect must bring: of what was
+    fitted to a worse optimum, or what a later effect replaces.
+    """
+    while fit.keys:
+        tried.append(fit)
+        drops = [fitter.explore(fit.hypothesis.without(k), fit) for k in fit.keys]
         tried += drops
         least = min(drops, key=lambda f: f.evidence)
         if least.evidence - fit.evidence > bar:
             return fit
         gone = next(k for k in fit.keys if k not in least.keys)
         steps.append(Step(gone, fit.evidence - least.evidence, least, dropped=True))
-        fit = fitter.again(least)
+        fit = fitter.again(least, thorough=True)
     return fit
 
 

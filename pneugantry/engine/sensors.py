@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import lfilter, savgol_filter
+from scipy.signal import lfilter
 
 from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.smooth import savgol
 
 __all__ = ["PREFIX", "neutral", "sensed", "signal_of", "true_signal"]
 
@@ -77,8 +78,7 @@ def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Arr
 
 def slope(values: Array, period: float, window: int = SLOPE) -> Array:
     """Rate of change (N,) of a noisy signal."""
-    width = min(window, len(values) - 1 + len(values) % 2)
-    return np.asarray(savgol_filter(values, width, 2, deriv=1, delta=period))
+    return savgol(values, window, 2, derivative=1) / period
 
 
 def _own(signal: str, values: Mapping[str, float]) -> dict[str, float]:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from modelica_fmu.batch import Correction, Part, Subsystem, build_part, part_key, read_part
 from modelica_fmu.cut import Structure, cut, structure
@@ -23,12 +22,14 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, sensed, signal_of, slope, true_signal
+from pneugantry.engine.smooth import savgol
 from pyfmi_runner.smoothing import smooth_axis
 
 __all__ = ["SubsystemView", "View", "build_views", "known_variables", "part_of", "view_beside"]
 
 Values = Mapping[str, float]
 SMOOTH = 3  # rows over which a measured input is smoothed
+LONGEST_STEP = 0.004  # s, of the solver; its tolerance bounds the error, rows read no finer
 RATE = "der "  # before a signal's name: its rate, taken from its readings
 
 
@@ -129,7 +130,9 @@ class SubsystemView:
         """True signals (len(values), N, signals)."""
         if self._subsystem is None:
             self._subsystem = Subsystem(self.part)
-        base = {**self.plant.settings, **self.plant.parameters, **record.parameters}
+        longest = min(record.period, LONGEST_STEP)
+        base = {"solver.max_step": longest, **self.plant.settings}
+        base |= {**self.plant.parameters, **record.parameters}
         base = {k: v for k, v in base.items() if k in self._parameters}
         models = [{k: v for k, v in g.items() if not k.startswith(PREFIX)} for g in values]
         names = sorted({*base, *(n for m in models for n in m)})
@@ -196,8 +199,7 @@ class SubsystemView:
             return smooth_axis(values, rate, sigma[signal], sigma[speed], record.period).position
         if signal in self.corrected.values():
             return values
-        width = min(SMOOTH, len(values) - 1 + len(values) % 2)
-        return np.asarray(savgol_filter(values, width, 1))
+        return savgol(values, SMOOTH, 1)
 
 
 @dataclass(frozen=True, eq=False)
