@@ -103,7 +103,10 @@ def compared(name: str, t: np.ndarray, found: dict[str, np.ndarray], wanted: Sig
 
 
 def run(compiled: CompiledModel, wanted: Signals, folder: Path) -> Outcome:
-    path = package_fmu(compiled, "2.0", folder / "model.fmu")
+    try:
+        path = package_fmu(compiled, "2.0", folder / "model.fmu")
+    except InputError as error:  # C that does not compile is the compiler's fault
+        return Outcome(compiled.name, "failed", "", None, " ".join(str(error).split())[:200])
     start, stop = float(wanted.time[0]), float(wanted.time[-1])
     kept = [v.name for v in compiled.variables if v.name in wanted.values]
     longest = min(1.0, max(1e-6, (stop - start) / POINTS))

@@ -95,6 +95,7 @@ class Node:
         None  # the conditionals, outermost first, inside which it is needed
     )
     needs: frozenset[int] = frozenset()  # conditions that hold wherever it is needed
+    slot: str = ""  # of a hoisted value, once it is printed
 
 
 @dataclass
@@ -196,10 +197,12 @@ class Emitter:
         node = nodes[i]
         if node.op in (ca.OP_INPUT, ca.OP_CONST):
             return node.text
-        args = [self._hoisted(nodes, a) for a in node.args]
-        if node.op == ca.OP_IF_ELSE_ZERO:
-            return self.hoist.slot(f"({args[0]} != 0) ? {args[1]} : 0.0")
-        return self.hoist.slot(_expression(node.op, args))
+        if not node.slot:
+            args = [self._hoisted(nodes, a) for a in node.args]
+            chosen = node.op == ca.OP_IF_ELSE_ZERO
+            text = f"({args[0]} != 0) ? {args[1]} : 0.0" if chosen else _expression(node.op, args)
+            node.slot = self.hoist.slot(text)
+        return node.slot
 
     def _guards(self, nodes: list[Node], results: list[tuple[str, int]]) -> None:
         for _, i in results:

@@ -92,6 +92,7 @@ class Interpreter:
 
     def __init__(self, source: Source, scope: Any, translate: Translator) -> None:
         self.source, self.scope, self.translate, self.iterations = source, scope, translate, 0
+        self.branches = 0  # conditions known only while running, around the statement
 
     def statements(self, body: tuple[ir.Statement, ...]) -> None:
         for statement in body:
@@ -127,7 +128,12 @@ class Interpreter:
         )
 
     def _assertion(self, node: ir.Assertion) -> None:
-        """Checks in functions do not stop a run."""
+        """Checks in functions do not stop a run; one that fails for sure is refused."""
+        if self.branches or self._skipping() is not None:
+            return
+        held = self.translate(node.condition)
+        if isinstance(held, ca.SX) and held.is_constant() and not float(held):
+            raise self.source.refuse(f"an assertion fails: {node.message}", node)
 
     def _terminate(self, node: ir.Terminate) -> None:
         raise self.source.refuse("terminate() is not allowed in a function", node)
@@ -274,11 +280,13 @@ class Interpreter:
                 self.statements(body)
                 break
             self.scope.values = dict(before)
+            self.branches += 1
             self.statements(body)
             outcomes.append((test, self.scope.values))
             self.scope.values = dict(before)
         else:
             self.statements(node.otherwise)
+        self.branches -= len(outcomes)
         for test, values in reversed(outcomes):
             for name, value in values.items():
                 other = self.scope.values.get(name, value)
@@ -312,8 +320,11 @@ class _Run(Interpreter):
                 )
         values[FINISHED] = ca.SX(0)
         waiting = [*function.locals, *function.outputs]
-        for local in waiting:  # a size may stand on a local declared later
-            self._declare(local)
+        while waiting:  # a size may stand on a variable declared later
+            names = {local.name for local in waiting}
+            ready = next((w for w in waiting if not _needs(w) & (names - {w.name})), waiting[0])
+            waiting.remove(ready)
+            self._declare(ready)
         self.statements(function.body)
         return [self.scope.name(output.name, node) for output in function.outputs]
 
@@ -343,6 +354,11 @@ class _Run(Interpreter):
                 hint="make it smaller",
             )
         return fill(value, *map(ca.SX, sizes))
+
+
+def _needs(local: ir.Local) -> set[str]:
+    """Names that a variable's sizes and first value ask for."""
+    return {n.name for n in ir.nodes([*local.dims, local.default]) if isinstance(n, ir.Name)}
 
 
 def assigned_names(body: tuple[ir.Statement, ...]) -> list[ir.Name]:
@@ -382,10 +398,13 @@ def call_with_numbers(
 
     library = FunctionLibrary(Source(Path(node.place.file)), table.made)
     function = table.made[node.function]
-    if function.external or not function.outputs:
+    if function.external:
         return None
     given = {name: symbolic(value) for name, value in named.items()}
-    result = _Run(library, function).results([symbolic(a) for a in args], given, node)[0]
+    results = _Run(library, function).results([symbolic(a) for a in args], given, node)
+    if not results:
+        return None
+    result = results[0]
     if not all(isinstance(v, ca.SX) and v.is_constant() for v in flatten(result)):
         return None
     return _plain(result, function.outputs[0].type)

@@ -434,6 +434,8 @@ def _list(values: list) -> str:
 
 
 def _quoted(text: str) -> str:
+    """A C string; what Modelica breaks into lines is one."""
+    text = " ".join(text.split("\n"))
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 

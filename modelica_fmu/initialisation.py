@@ -8,7 +8,7 @@ states keep their start values.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -32,13 +32,17 @@ def initial_system(system: HybridSystem, solved: dict[str, ca.SX]) -> Initial:
 
     Raises InputError where there are more initial equations than they can determine.
     """
+    _take_given(system)
     written, implied = _residuals(system, solved)
     if not written and not implied:
         return Initial()
     candidates = _candidates(system, [r for r, _ in written + implied])
-    pattern = _pattern(system, [r for r, _ in written + implied], candidates)
     kept = list(range(len(written)))
-    chosen = _matched(pattern, kept)
+    for at_start in (True, False):  # start values may hide a dependence: 0 of a parameter to find
+        pattern = _pattern(system, [r for r, _ in written + implied], candidates, at_start)
+        chosen = _matched(pattern, kept)
+        if (chosen >= 0).all():
+            break
     left = [i for i, at in enumerate(chosen) if at < 0]
     for i in range(len(written), len(written) + len(implied)):
         trial = _matched(pattern, [*kept, i])  # what follows from the others is left out
@@ -56,12 +60,51 @@ def initial_system(system: HybridSystem, solved: dict[str, ca.SX]) -> Initial:
     return Initial([candidates[at] for at in chosen], [residuals[i][0] for i in kept])
 
 
-def _pattern(system: HybridSystem, residuals: list[ca.SX], candidates: list[Scalar]) -> Any:
-    """Which residual depends on which candidate; at the start values, as far as that tells."""
+def _take_given(system: HybridSystem) -> None:
+    """Takes out what parameters alone give, one after the other: `pre(u) = value` of a variable
+    that an equation determines is what pre() starts with, and a parameter with fixed = false that
+    an initial equation gives is a calculated one.
+    """
+    found = {s.name: (s, system.pre[s.name]) for s in system.memories if s.kind == "algebraic"}
+    found |= {s.name: (s, s.symbol) for s in system.table.scalars.values() if is_free_parameter(s)}
+    progress = True
+    while progress:
+        progress, kept = False, []
+        for residual, node in system.initial_residuals:
+            names = [v.name().removeprefix("pre(").removesuffix(")") for v in ca.symvar(residual)]
+            open_ = [n for n in names if n in found]
+            value = _solved_for(system, residual, found[open_[0]][1]) if len(open_) == 1 else None
+            if value is None:
+                kept.append((residual, node))
+                continue
+            scalar, _ = found.pop(open_[0])
+            scalar.value, progress = value, True
+            if scalar.kind != "algebraic":
+                scalar.kind, scalar.variable = "calculated", replace(scalar.variable, fixed=None)
+        system.initial_residuals = kept
+
+
+def _solved_for(system: HybridSystem, residual: ca.SX, symbol: ca.SX) -> ca.SX | None:
+    """The symbol's value by a residual linear in it, where only parameters stand beside it."""
+    factor = ca.jacobian(residual, symbol)
+    rest = ca.substitute([residual], [symbol], [ca.SX(0)])[0]
+    found = (system.table.scalars.get(v.name()) for v in ca.symvar(rest))
+    known = all(s is not None and s.kind in ("parameter", "calculated", "constant") for s in found)
+    return -rest / factor if known and factor.is_constant() and float(factor) else None
+
+
+def _pattern(
+    system: HybridSystem, residuals: list[ca.SX], candidates: list[Scalar], at_start: bool
+) -> Any:
+    """Which residual depends on which candidate; `at_start`: at the start values, as far as that
+    tells.
+    """
     symbols = ca.vertcat(*(s.symbol for s in candidates), ca.SX.sym("nothing"))
     matrix = ca.jacobian(ca.vertcat(*_without_loops(system, residuals)), symbols)
     rows, columns = matrix.sparsity().get_triplet()
     pattern = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=matrix.shape).toarray()
+    if not at_start:
+        return pattern
     for row, numbers in enumerate(np.atleast_2d(_at_start(system, matrix))):
         there = (pattern[row] > 0) & np.isfinite(numbers) & (np.abs(numbers) > 1e-12)
         if there.any():

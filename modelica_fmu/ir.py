@@ -352,3 +352,15 @@ def subscripts_of(dims: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
     for i in range(1, dims[0] + 1):
         for rest in subscripts_of(dims[1:]):
             yield (i, *rest)
+
+
+def nodes(root: Any) -> Iterator[Any]:
+    """A node of the flat model and all below it."""
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, tuple | list):
+            waiting += reversed(node)
+        elif hasattr(type(node), "__slots__") and hasattr(node, "place"):
+            yield node
+            waiting += [getattr(node, s) for s in reversed(type(node).__slots__) if s != "place"]

@@ -16,6 +16,7 @@ from modelica_fmu import ir
 from modelica_fmu.expressions import Translator, Value, compare, flatten
 from modelica_fmu.frontend import FlatModel, FlatVariable, Source, scalar_name, subscripts_of
 from modelica_fmu.functions import FunctionLibrary
+from modelica_fmu.ir import nodes
 
 
 @dataclass(eq=False)
@@ -127,6 +128,9 @@ def build_table(model: FlatModel) -> tuple[Table, FunctionLibrary]:
         table.scalars[name] = Scalar(name, variable, subscripts, kind, ca.SX.sym(name))
     for variable in model.variables.values():
         table.arrays[variable.name] = _array(table, variable.name, variable.dims, ())
+        if variable.variability == "Constant" and variable.type != "Real" and not variable.dims:
+            if (known := literal(variable.binding)) is not None:  # sizes and branches depend on it
+                table.arrays[variable.name] = ca.SX(known)
     functions = FunctionLibrary(table.source, model.functions)
     translate = Translator(table.source, PlainScope(table, functions), events=False)
     for variable in model.variables.values():
@@ -241,18 +245,6 @@ def _substitute(table: Table, old: list[ca.SX], new: list[Any]) -> None:
     for scalar in table.scalars.values():
         if scalar.value is not None and not scalar.value.is_constant():
             scalar.value = ca.substitute([scalar.value], old, new)[0]
-
-
-def nodes(root: Any) -> Iterable[Any]:
-    """A node of the flat model and all below it."""
-    waiting = [root]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, tuple | list):
-            waiting += reversed(node)
-        elif hasattr(type(node), "__slots__") and hasattr(node, "place"):
-            yield node
-            waiting += [getattr(node, s) for s in reversed(type(node).__slots__) if s != "place"]
 
 
 def everything(model: FlatModel) -> list[Any]:

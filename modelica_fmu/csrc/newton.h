@@ -52,7 +52,8 @@ static inline double newton_size(const double *step, const double *at, int n) {
     double size = 0;
     for (int i = 0; i < n; i++) {
         const double share = fabs(step[i]) / (fabs(at[i]) > 1 ? fabs(at[i]) : 1);
-        if (!(share <= size)) size = share; /* keeps a NaN */
+        if (isnan(share)) return share;
+        if (share > size) size = share;
     }
     return size;
 }
@@ -86,8 +87,10 @@ static inline int newton_tried(Instance *s, NewtonSystem system, int which, doub
         system(s, which, residual, s->matrix);
         if (!lu_factor(s->matrix, n, row)) {
             double largest = 0;
-            for (int i = 0; i < n; i++)
-                if (!(fabs(residual[i]) <= largest)) largest = fabs(residual[i]);
+            for (int i = 0; i < n; i++) {
+                if (!isfinite(residual[i])) return 0;
+                if (fabs(residual[i]) > largest) largest = fabs(residual[i]);
+            }
             if (largest < 1e-14) return 1; /* solved, though not by these equations alone */
             if (++singular > 5 || !regularised(s, system, which, n, step)) return 0;
             for (int i = 0; i < n; i++) *unknown[i] -= step[i];

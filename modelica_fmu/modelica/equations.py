@@ -10,6 +10,7 @@ from typing import Any
 from modelica_fmu import ir
 from modelica_fmu.modelica import syntax as ast
 from modelica_fmu.modelica.connections import Connections
+from modelica_fmu.modelica.evaluation import NotConstant
 from modelica_fmu.modelica.functions import StatementMaker, action_of
 from modelica_fmu.modelica.instances import Frame, Instance, Leaf, Node
 from modelica_fmu.modelica.resolve import Resolver
@@ -127,7 +128,8 @@ class Sections:
                 for test, (_, body) in zip(tests, action.branches, strict=True)
             ]
             otherwise = tuple(self._all(action.otherwise, frame, node))
-            if self._alike([*(b for _, b in branches), otherwise]):
+            bodies = [*(b for _, b in branches), otherwise]
+            if _plain(bodies) and (_alike(bodies) or not self._decidable(tests)):
                 if otherwise or any(b for _, b in branches):
                     yield from self._choice(action, tuple(branches), otherwise)
                 return
@@ -153,14 +155,12 @@ class Sections:
         if rest:
             yield ir.IfEquation(action.place, kept, rest)
 
-    def _alike(self, bodies: list[Any]) -> bool:
-        counts = {sum(not isinstance(e, ir.Assertion) for e in body) for body in bodies}
-        plain = all(
-            isinstance(e, ir.Equation | ir.IfEquation | ir.Assertion)
-            for body in bodies
-            for e in body
-        )
-        return len(counts) == 1 and plain
+    def _decidable(self, tests: list[ir.Expr]) -> bool:
+        """Whether the parameters' values choose a branch."""
+        try:
+            return self.resolver.evaluator.value(tests[0]) is not None
+        except (NotConstant, ValueError, ZeroDivisionError, OverflowError, IndexError, TypeError):
+            return False
 
     def _decided(
         self, action: ast.If, tests: list[ir.Expr], frame: Frame, node: Instance
@@ -181,6 +181,16 @@ class Sections:
                     raise refuse("a when stands in a when", inner.place, hint="take it out")
             branches.append((self.resolver.expression(condition, frame), tuple(made)))
         return ir.When(action.place, tuple(branches))
+
+
+def _alike(bodies: list[Any]) -> bool:
+    """Branches with as many equations each; an array's may stand beside its elements' even so."""
+    return len({sum(not isinstance(e, ir.Assertion) for e in body) for body in bodies}) == 1
+
+
+def _plain(bodies: list[Any]) -> bool:
+    kinds = ir.Equation | ir.IfEquation | ir.Assertion
+    return all(isinstance(e, kinds) for body in bodies for e in body)
 
 
 def _guarded(e: ir.Assertion, before: list[ir.Expr], condition: ir.Expr | None) -> ir.Assertion:

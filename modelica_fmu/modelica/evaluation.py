@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from modelica_fmu import ir
+import casadi as ca
+
+from modelica_fmu import arrays, ir
 from modelica_fmu.ir import Place
 from modelica_fmu.modelica.scope import refuse
 from modelica_fmu.modelica.syntax import Expr, Ref
@@ -43,6 +45,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "noEvent": lambda v: v,
     "homotopy": lambda actual, simplified=None: actual,
 }
+ARRAYS = frozenset(["sum", "product", "min", "max", "size", "fill", "zeros", "ones"])
 
 
 class NotConstant(Exception):
@@ -214,8 +217,10 @@ class Evaluator:
 
     def _builtin(self, expr: ir.Builtin, only: bool) -> Value:
         name = expr.function
-        if name in ("sum", "product", "min", "max", "size", "fill", "zeros", "ones"):
+        if name in ARRAYS:
             return self._of_array(name, [self.value(a, only) for a in expr.args])
+        if name in arrays.FUNCTIONS:
+            return structural(name, [self.value(a, only) for a in expr.args])
         if name not in FUNCTIONS:
             raise NotConstant(f"{name}()", expr.place)
         return _each(FUNCTIONS[name], *(self.value(a, only) for a in expr.args))
@@ -243,6 +248,17 @@ class Evaluator:
         if found is None:
             raise NotConstant(f"{expr.function}()", expr.place)
         return found
+
+
+def structural(name: str, args: list[Value]) -> Value:
+    """An array function of section 10.3, computed as in equations; of whole numbers whole."""
+    items = args[1:] if name == "cat" else args
+    kinds = {type(v) for item in items for v in _flat(item)}
+    kind = kinds.pop() if len(kinds) == 1 and name != "linspace" else float
+    if not issubclass(kind, int | float):
+        raise TypeError("texts")
+    made = arrays.FUNCTIONS[name](*(_each(lambda v: ca.SX(float(v)), arg) for arg in args))
+    return _each(lambda v: kind(float(v)), made)
 
 
 def binary(op: str, a: Value, b: Value) -> Value:

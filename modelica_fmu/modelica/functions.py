@@ -287,7 +287,22 @@ def action_of(
         return None
     if name.rsplit(".", 1)[-1] in ("print", "error") and not named:
         return None
-    raise refuse(f"not supported: a call of {name} without a result", a.place)
+    _checks_only(a, resolver, frame)
+    return None
+
+
+def _checks_only(a: ast.CallEquation, resolver: Resolver, frame: Frame) -> None:
+    """A function without outputs can but check: it is run where its arguments are known."""
+    from modelica_fmu.functions import call_with_numbers
+
+    made = resolver.expression(a.call, frame)
+    function = resolver.functions.made.get(made.function) if isinstance(made, ir.Call) else None
+    if function is None or function.outputs or function.external:
+        raise refuse(f"not supported: a call of {a.call.function} without a result", a.place)
+    args = [resolver.evaluator.look(arg) for arg in made.args]
+    named = {name: resolver.evaluator.look(arg) for name, arg in made.named}
+    if not frame.locals and all(v is not None for v in (*args, *named.values())):
+        call_with_numbers(resolver.functions, made, args, named)
 
 
 def assertion(a: ast.CallEquation, resolver: Resolver, frame: Frame) -> ir.Assertion:
