@@ -11,7 +11,7 @@ import casadi as ca
 from modelica_fmu import generate
 from modelica_fmu.about import about_file
 from modelica_fmu.compiled import CompiledModel, Variable
-from modelica_fmu.errors import InputError
+from modelica_fmu.errors import InputError, Undecided
 from modelica_fmu.frontend import FlatModel, flatten
 from modelica_fmu.generate import Expressions, Layout
 from modelica_fmu.hybrid import HybridSystem, build_system
@@ -37,7 +37,7 @@ def compile_model(
     start of what is no free parameter.
     """
     try:
-        compiled = _compiled(flatten(path, class_name, libraries), starts or {})
+        compiled = _decided(path, class_name, libraries, starts or {})
         return compiled if path is None else replace(compiled, about=about_file(path))
     except RecursionError:
         hint = "split it over several variables"
@@ -46,8 +46,21 @@ def compile_model(
         ) from None
 
 
-def _compiled(model: FlatModel, starts: Mapping[str, float]) -> CompiledModel:
-    return compile_system(build_system(model), starts)
+def _decided(
+    path: Path | None, class_name: str, libraries: Sequence[Path], starts: Mapping[str, float]
+) -> CompiledModel:
+    """Compiles; where a function's sizes or rounds hang on parameters, these become constants."""
+    fixed: frozenset[str] = frozenset()
+    while True:
+        model = flatten(path, class_name, libraries, fixed)
+        parameters = {n for n, v in model.variables.items() if v.variability == "Parameter"}
+        try:
+            return compile_system(build_system(model), starts)
+        except Undecided as open_:
+            names = {n if n in parameters else n.rpartition("[")[0] for n in open_.names}
+            if not names or not names <= parameters:
+                raise
+            fixed |= names
 
 
 def compile_system(

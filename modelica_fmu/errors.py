@@ -40,6 +40,16 @@ class InputError(Exception):
         return where + self.message + (f"; {_one_line(self.hint)}" if self.hint else "")
 
 
+class Undecided(InputError):
+    """What must be known while compiling depends on parameters: on those of `names`, scalars that
+    can be fixed.
+    """
+
+    def __init__(self, told: InputError, names: frozenset[str]) -> None:
+        super().__init__(told.message, file=told.file, field=told.field, hint=told.hint)
+        self.names = names
+
+
 class RunError(Exception):
     """A run that could not finish; `str()` is one line that says why."""
 

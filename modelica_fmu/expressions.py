@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import casadi as ca
 
 from modelica_fmu import arrays, ir
-from modelica_fmu.frontend import Source
+from modelica_fmu.frontend import Source, undecided
 
 Value = Any  # ca.SX | list["Value"] | dict[str, "Value"]
 Node = Any  # a node of ir.py
@@ -49,6 +50,14 @@ OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
 }
 RELATIONS = ("<", "<=", ">", ">=")
 MOST_CHOICES = 2000  # elements that a subscript known only while running may choose from
+
+
+@dataclass(frozen=True)
+class Given:
+    """A function as a value, with the inputs that are bound."""
+
+    function: str
+    named: dict[str, Value]
 
 
 class Scope(Protocol):
@@ -98,7 +107,8 @@ class Translator:
         """A whole number that is known while compiling."""
         value = self.scalar(node)
         if not value.is_constant() or not float(value).is_integer():
-            raise self.source.refuse(f"not supported: {what} that is not constant", node)
+            told = self.source.refuse(f"not supported: {what} that is not constant", node)
+            raise undecided(told, value)
         return int(float(value))
 
     # ---- names and values
@@ -131,6 +141,9 @@ class Translator:
     def _record(self, node: ir.Record) -> Value:
         return {name: self(value) for name, value in node.fields}
 
+    def _partial(self, node: ir.Partial) -> Value:
+        return Given(node.function, {name: self(value) for name, value in node.named})
+
     def _array(self, node: ir.Array) -> Value:
         return [self(item) for item in node.items]
 
@@ -141,9 +154,10 @@ class Translator:
         ends = [self.scalar(n) if n is not None else ca.SX(1) for n in (node.start, node.step)]
         ends.append(self.scalar(node.stop))
         if not all(end.is_constant() for end in ends):
-            raise self.source.refuse(
+            told = self.source.refuse(
                 "not supported: a loop over a range that is not constant", node
             )
+            raise undecided(told, *ends)
         start, step, stop = map(float, ends)
         if step == 0:
             raise self.source.refuse("a range needs a step that is not 0", node)

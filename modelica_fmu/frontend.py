@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from modelica_fmu.errors import InputError
+import casadi as ca
+
+from modelica_fmu.errors import InputError, Undecided
 from modelica_fmu.ir import FlatModel, FlatVariable, Place, scalar_name, subscripts_of
 
 __all__ = [
@@ -40,6 +42,11 @@ class Source:
         return InputError(message, file=where, hint=hint)
 
 
+def undecided(told: InputError, *values: ca.SX) -> InputError:
+    """A refusal for what values depend on, where fixing these would help."""
+    return Undecided(told, frozenset(v.name() for value in values for v in ca.symvar(value)))
+
+
 def place_of(node: Any) -> Place | None:
     if isinstance(node, Place):
         return node
@@ -47,11 +54,17 @@ def place_of(node: Any) -> Place | None:
     return place if isinstance(place, Place) else None
 
 
-def flatten(path: Path | None, class_name: str, libraries: Sequence[Path] = ()) -> FlatModel:
-    """Flattens `class_name` of the file `path`; further classes come from the libraries.
+def flatten(
+    path: Path | None,
+    class_name: str,
+    libraries: Sequence[Path] = (),
+    fixed: frozenset[str] = frozenset(),
+) -> FlatModel:
+    """Flattens `class_name` of the file `path`; further classes come from the libraries. `fixed`:
+    parameters that become constants.
 
     Raises InputError with file and line for what is no Modelica or is not supported.
     """
     from modelica_fmu.modelica.flat import flat_model
 
-    return flat_model(path, class_name, libraries)
+    return flat_model(path, class_name, libraries, fixed)

@@ -12,10 +12,19 @@ import casadi as ca
 
 from modelica_fmu import ir
 from modelica_fmu.arrays import fill
-from modelica_fmu.expressions import Translator, Value, choose, compare, elementwise, flatten
-from modelica_fmu.frontend import Source
+from modelica_fmu.expressions import (
+    Given,
+    Translator,
+    Value,
+    choose,
+    compare,
+    elementwise,
+    flatten,
+)
+from modelica_fmu.frontend import Source, undecided
 
 MAX_ITERATIONS = 10_000  # of all loops of one call
+DEEPEST = 20  # calls of one function within one another
 FINISHED = "return"  # in FunctionScope.values: 1 where a return has been passed
 BROKEN = "break"  # the same of a break of the innermost loop
 OUTSIDE = ("der", "pre", "sample", "delay", "edge", "change")
@@ -54,6 +63,9 @@ class FunctionScope:
         return None
 
     def call(self, node: ir.Call, translate: Translator, every: bool = False) -> Value:
+        given = self.values.get(node.function)
+        if isinstance(given, Given):
+            return self.library.call_given(given, node, translate)
         return self.library.call(node, translate, every)
 
 
@@ -61,25 +73,42 @@ class FunctionLibrary:
     def __init__(self, source: Source, functions: Mapping[str, ir.Function]) -> None:
         self.source, self.functions = source, functions
         self._open: list[str] = []  # functions being run
+        self.parameters: frozenset[str] = frozenset()  # names of the model's parameter scalars
 
     def call(self, node: ir.Call, translate: Translator, every: bool = False) -> Value:
         """The first output, or all of them (`every`) as a list."""
-        function = self.functions.get(node.function)
+        return self._run(node.function, node, translate, {}, every)
+
+    def call_given(self, given: Given, node: ir.Call, translate: Translator) -> Value:
+        """The first output of a function that was given as an argument."""
+        return self._run(given.function, node, translate, given.named)
+
+    def _run(
+        self,
+        name: str,
+        node: ir.Call,
+        translate: Translator,
+        bound: dict[str, Value],
+        every: bool = False,
+    ) -> Value:
+        function = self.functions.get(name)
         if function is None or function.external:
             raise self.source.refuse(
-                f"not supported: the function {node.function} is written in another language",
+                f"not supported: the function {name} is written in another language",
                 node,
                 hint="write it in Modelica",
             )
         if not function.outputs:
-            raise self.source.refuse(f"{node.function} has no output", node)
+            raise self.source.refuse(f"{name} has no output", node)
         args = [translate(arg) for arg in node.args]
-        named = {name: translate(arg) for name, arg in node.named}
-        if node.function in self._open:
-            raise self.source.refuse(
-                f"not supported: {node.function} calls itself", node, hint="use a loop"
+        named = bound | {name: translate(arg) for name, arg in node.named}
+        if self._open.count(name) > DEEPEST:
+            told = self.source.refuse(
+                f"not supported: {name} calls itself without an end that is known", node
             )
-        self._open.append(node.function)
+            numbers = [v for v in flatten([*args, *named.values()]) if isinstance(v, ca.SX)]
+            raise undecided(told, *numbers)
+        self._open.append(name)
         try:
             results = _Run(self, function).results(args, named, node)
         finally:
@@ -92,6 +121,7 @@ class Interpreter:
 
     def __init__(self, source: Source, scope: Any, translate: Translator) -> None:
         self.source, self.scope, self.translate, self.iterations = source, scope, translate, 0
+        self.parameters: frozenset[str] = frozenset()  # names of scalars that could be fixed
         self.branches = 0  # conditions known only while running, around the statement
 
     def statements(self, body: tuple[ir.Statement, ...]) -> None:
@@ -248,15 +278,19 @@ class Interpreter:
         values = self.scope.values
         most = max((len(v) for v in values.values() if isinstance(v, list)), default=0) + 2
         if most <= 2:
-            raise self.source.refuse(
+            told = self.source.refuse(
                 "not supported: the statement while with a condition that is not constant",
                 node,
                 hint="write a for that covers all rounds, with an if inside",
             )
+            raise undecided(told, condition)
         before = values.get(BROKEN, ca.SX(0))
         values[BROKEN] = ca.logic_or(before, ca.logic_not(condition))
         if rounds < most:
             return True
+        if all(v.name() in self.parameters for v in ca.symvar(condition)):
+            told = self.source.refuse("a loop whose end is not known while compiling", node)
+            raise undecided(told, condition)
         for name in {target.name for target in assigned_names(node.body)}:
             spoilt = elementwise(lambda v: v * ca.SX(float("nan")), values[name])
             values[name] = choose(values[BROKEN], values[name], spoilt)
@@ -299,7 +333,7 @@ class _Run(Interpreter):
     def __init__(self, library: FunctionLibrary, function: ir.Function) -> None:
         scope = FunctionScope(library)
         super().__init__(library.source, scope, Translator(library.source, scope, events=False))
-        self.function = function
+        self.function, self.parameters = function, library.parameters
 
     def results(self, args: list[Value], named: dict[str, Value], node: Any) -> list[Value]:
         function, values = self.function, self.scope.values

@@ -103,6 +103,15 @@ class Call:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Partial:
+    """A function given to a function, some of its inputs bound."""
+
+    place: Place
+    function: str
+    named: tuple[tuple[str, Expr], ...] = ()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Array:
     place: Place
     items: tuple[Expr, ...]

@@ -22,8 +22,14 @@ STATE_SELECT = {1: -2, 2: -1, 3: 0, 4: 1, 5: 2}
 PLAIN_ATTRIBUTES = ("start", "fixed", "min", "max", "nominal")
 
 
-def flat_model(model: Path | None, class_name: str, libraries: Sequence[Path] = ()) -> ir.FlatModel:
-    """Flattens `class_name` of the file `model` and the libraries.
+def flat_model(
+    model: Path | None,
+    class_name: str,
+    libraries: Sequence[Path] = (),
+    fixed: frozenset[str] = frozenset(),
+) -> ir.FlatModel:
+    """Flattens `class_name` of the file `model` and the libraries; parameters that are `fixed`
+    become constants.
 
     Raises InputError with file and line for what is no Modelica or not supported.
     """
@@ -39,7 +45,7 @@ def flat_model(model: Path | None, class_name: str, libraries: Sequence[Path] = 
     resolver = Resolver(evaluator)
     instance = Instance("", scope, {}, None, evaluator)
     try:
-        return Flattening(resolver, instance, class_name).model(library)
+        return Flattening(resolver, instance, class_name).model(library, fixed)
     except NotConstant as unknown:
         raise refuse(
             f"{unknown.what} must be known while compiling", unknown.place or scope.cls.place
@@ -70,8 +76,11 @@ class Flattening:
         self.resolver, self.instance, self.name = resolver, instance, name
         self.variables: dict[str, ir.FlatVariable] = {}
 
-    def model(self, library: Library) -> ir.FlatModel:
+    def model(self, library: Library, fixed: frozenset[str]) -> ir.FlatModel:
         self._variables(self.instance, top=True)
+        for name in sorted(fixed):
+            leaf = self.resolver.evaluator.leaves[name]
+            self.resolver.evaluator.value_or_refuse(ir.Name(leaf.place, name), leaf.place)
         sections = Sections(self.resolver)
         sections.collect(self.instance)
         sections.equations += sections.connections.equations(self.instance)

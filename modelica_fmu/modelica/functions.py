@@ -118,6 +118,8 @@ class FunctionTable:
         self, target: Scope, frame: Frame
     ) -> tuple[str, tuple[ir.Expr | None, ...], tuple[ir.Local, ...]]:
         dims: tuple[ir.Expr | None, ...] = ()
+        if self.is_function(target):
+            return "function", (), ()
         for _ in range(100):
             if target.builtin:
                 return target.builtin, dims, ()

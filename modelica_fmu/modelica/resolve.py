@@ -584,6 +584,10 @@ class Resolver:
 
     def _call(self, e: ast.Call, frame: Frame) -> ir.Expr:
         name = str(e.function)
+        if len(e.function.parts) == 1 and name in frame.locals:  # a function given to this one
+            args = tuple(self.expression(a, frame) for a in e.args)
+            named = tuple((n, self.expression(a, frame)) for n, a in e.named)
+            return ir.Call(e.place, name, args, named)
         predefined = name in OPERATORS or name in REFUSED_OPERATORS
         predefined = predefined and len(e.function.parts) == 1
         if predefined and (e.function.absolute or not self._is_function(name, frame)):
@@ -692,7 +696,17 @@ class Resolver:
             return ir.Text(e.place, "...")
         if name == "pure":
             return self.expression(e.args[0], frame)
+        if name == "function" and e.args and isinstance(e.args[0], ast.Call):
+            return self._partial(e.args[0], frame)
         raise refuse(f"not supported: {name}()", e.place)
+
+    def _partial(self, e: ast.Call, frame: Frame) -> ir.Expr:
+        """`function f(a = 1)` as an argument."""
+        found = frame.scope.find_class(e.function)
+        if not self.functions.is_function(found) or e.args:
+            raise refuse(f"not supported: function {e.function}()", e.place)
+        named = tuple((n, self.expression(a, frame)) for n, a in e.named)
+        return ir.Partial(e.place, self.functions.add(found, e.place), named)
 
     def _size(self, args: tuple[ir.Expr, ...], e: ast.Call) -> ir.Expr:
         shape = self.shape(args[0])
