@@ -106,8 +106,7 @@ class FunctionLibrary:
             told = self.source.refuse(
                 f"not supported: {name} calls itself without an end that is known", node
             )
-            numbers = [v for v in flatten([*args, *named.values()]) if isinstance(v, ca.SX)]
-            raise undecided(told, *numbers)
+            raise undecided(told, *_numbers([*args, *named.values()]))
         self._open.append(name)
         try:
             results = _Run(self, function).results(args, named, node)
@@ -388,6 +387,17 @@ class _Run(Interpreter):
                 hint="make it smaller",
             )
         return fill(value, *map(ca.SX, sizes))
+
+
+def _numbers(values: list[Value]) -> list[ca.SX]:
+    """All scalars of arguments, those of functions among them too."""
+    found: list[ca.SX] = []
+    for value in flatten(values):
+        if isinstance(value, Given):
+            found += _numbers(list(value.named.values()))
+        elif isinstance(value, ca.SX):
+            found.append(value)
+    return found
 
 
 def _needs(local: ir.Local) -> set[str]:

@@ -128,9 +128,9 @@ def build_table(model: FlatModel) -> tuple[Table, FunctionLibrary]:
         table.scalars[name] = Scalar(name, variable, subscripts, kind, ca.SX.sym(name))
     for variable in model.variables.values():
         table.arrays[variable.name] = _array(table, variable.name, variable.dims, ())
-        if variable.variability == "Constant" and not variable.dims:
-            if (known := literal(variable.binding)) is not None:  # sizes and branches depend on it
-                table.arrays[variable.name] = ca.SX(known)
+        known = literal(variable.binding) if variable.variability == "Constant" else None
+        if known is not None and not variable.dims:  # sizes and rounds depend on it
+            table.arrays[variable.name] = ca.SX(known)
     functions = FunctionLibrary(table.source, model.functions)
     functions.parameters = frozenset(s.name for s in table.of("parameter"))
     translate = Translator(table.source, PlainScope(table, functions), events=False)

@@ -79,8 +79,8 @@ class Flattening:
     def model(self, library: Library, fixed: frozenset[str]) -> ir.FlatModel:
         self._variables(self.instance, top=True)
         for name in sorted(fixed):
-            leaf = self.resolver.evaluator.leaves[name]
-            self.resolver.evaluator.value_or_refuse(ir.Name(leaf.place, name), leaf.place)
+            place = self.resolver.evaluator.leaves[name].place
+            self.resolver.evaluator.value_or_refuse(ir.Name(place, name), place)
         sections = Sections(self.resolver)
         sections.collect(self.instance)
         sections.equations += sections.connections.equations(self.instance)

@@ -16,6 +16,7 @@ from modelica_fmu.modelica.modifiers import Bound, Mod, merge, merge_all, modifi
 from modelica_fmu.modelica.scope import Scope, refuse
 from modelica_fmu.modelica.syntax import (
     Action,
+    Call,
     ClassDef,
     Colon,
     Component,
@@ -260,9 +261,9 @@ class Maker:
         )
         primitive = self._primitive(target, handed)
         mod = self.mod
-        if given.value is not None and (mod is None or mod.value is None):
+        if given.value is not None and self._takes(given.value, component, mod):
             part = given.value.part(self.component.name)
-            mod = merge(mod, Mod(component.place, part))
+            mod = merge(Mod(component.place, part), mod)
         if primitive.type is not None:
             return self._leaf(name, component, primitive, handed, mod)
         if target.cls.kind == "type" and target.cls.literals is None and not target.bases():
@@ -275,6 +276,16 @@ class Maker:
             )
         sizes = [self._size(d, component.place) for d in component.dims]
         return self._structured(name, target, sizes, mod, handed)
+
+    def _takes(self, whole: Bound, component: Component, mod: Mod | None) -> bool:
+        """Whether a field follows the value of its record: it does rather than its declaration,
+        but for a constant that is no argument of a constructor.
+        """
+        if mod is None or mod.value is None:
+            return True
+        if mod.value.expr is not component.value or component.final:
+            return False
+        return component.variability != "constant" or isinstance(whole.expr, Call)
 
     def _is_package(self) -> bool:
         return self.owner.scope.cls.kind == "package"

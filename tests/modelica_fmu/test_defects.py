@@ -293,3 +293,27 @@ end M;
     t, x, y = model.run(2e-9, "x", "y", step=1e-10)
     assert x == pytest.approx(1 - np.exp(-1e9 * t), abs=1e-5)
     assert y[-1] == pytest.approx(2 + np.log(0.7), abs=1e-5)
+
+
+def test_a_record_s_value_counts_more_than_the_declarations_of_its_fields(tmp_path: Path) -> None:
+    """Fields with a value of their own kept it, whatever the record was bound to."""
+    model = library_of(
+        """model M
+  record R
+    Real a; Real b = 5; Real c = 7;
+  end R;
+  function f
+    input Real x; output R r;
+  algorithm
+    r.a := x; r.b := 2*x; r.c := 3*x;
+  end f;
+  parameter R p = R(a = 1, b = 2);
+  R q = f(time + 1);
+  R copy(c = 11) = p;
+  R plain(a = 4);
+end M;
+""",
+        tmp_path,
+    ).start()
+    names = ("p.a", "p.b", "p.c", "q.b", "copy.b", "copy.c", "plain.b")
+    assert [model.get(n) for n in names] == [1, 2, 7, 2, 2, 11, 5]
