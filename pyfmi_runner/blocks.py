@@ -23,10 +23,10 @@ from controllers.interface import Reference, Sense
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import LoggedRun
 from pyfmi_runner.compiled_loop import FMI_WARNING, native_values
+from pyfmi_runner.controller_file import controller_of, is_known_controller
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA, Log
 from pyfmi_runner.native import call_step
-from pyfmi_runner.own_controller import controller_of, is_known_controller
 from pyfmi_runner.plant import PROFILE, own_profile, plant_parameters
 from pyfmi_runner.sensors import noise_rows
 from pyfmi_runner.smoothing import smooth_axis

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from modelica_fmu.errors import InputError
+from pyfmi_runner.controller_file import is_known_controller, read_controller
 from pyfmi_runner.log import (
     MEASURED,
     OPTIONAL,
@@ -32,7 +33,6 @@ from pyfmi_runner.log import (
     write_log,
 )
 from pyfmi_runner.log_import import ABSENT, NAMES, Import, import_from
-from pyfmi_runner.own_controller import is_known_controller, read_controller
 from pyfmi_runner.scenario import (
     Fields,
     Phases,

@@ -16,10 +16,10 @@ from controllers.interface import Controller
 from modelica_fmu.errors import InputError
 from pyfmi_runner.campaign import scenario_setup, setup_table
 from pyfmi_runner.compiled_loop import compiled_loop
+from pyfmi_runner.controller_file import controller_of
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, Log
 from pyfmi_runner.loop import Progress, Rows, python_loop
-from pyfmi_runner.own_controller import controller_of
 from pyfmi_runner.plan import Plan, make_plan
 from pyfmi_runner.plant import check_gantry
 from pyfmi_runner.scenario import Scenario, scenario_text

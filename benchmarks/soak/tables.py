@@ -17,7 +17,7 @@ from benchmarks.soak.fuzz import Kinds, Read, with_bytes_changed
 from benchmarks.soak.logs import sound_csv
 from pneugantry.engine.catalogue import read_catalogue
 from pneugantry.engine.describe import described
-from pneugantry.plants.own import is_own_plant
+from pneugantry.plants.described import is_plant_description
 from pneugantry.sweep.check import check_spec
 from pneugantry.sweep.spec import read_spec
 from pyfmi_runner.build import build_fmu, cache_folder
@@ -332,7 +332,7 @@ def _study(path: Path) -> None:
 
 
 def _plant(path: Path) -> None:
-    if is_own_plant(path):
+    if is_plant_description(path):
         link, effects = path.parent / "plant.fmu", path.parent / "effects"
         if not link.exists():
             link.symlink_to(gantry().path)

@@ -16,7 +16,7 @@ from examples.emps import closed_loop, idim
 from pneugantry.engine.confirm import values_on
 from pneugantry.engine.result import to_json
 from pneugantry.engine.run import Found, Task, run
-from pneugantry.plants.own import own_task
+from pneugantry.plants.described import described_task
 
 PLANT = Path(__file__).parent / "plant.toml"
 DATA = Path(__file__).resolve().parents[3] / "shared" / "real" / "emps"
@@ -49,7 +49,7 @@ PUBLISHED_PARAMETERS = {
 
 def figures(diagnosed: bool = True) -> dict[str, Any]:
     """All numbers, as JSON values."""
-    described, task = own_task(PLANT)
+    described, task = described_task(PLANT)
     axes = {
         "train": idim.read_axis(DATA / "DATA_EMPS.mat"),
         "pulses": idim.read_axis(DATA / "DATA_EMPS_PULSES.mat"),

@@ -93,12 +93,12 @@ class Diagnosis:
         source.
         """
         if self.fmu is None:
-            from pneugantry.plants.own import write_augmented as write_own
+            from pneugantry.plants.described import write_augmented as write_described
 
             term = self.learned
             if term is None or term.after is None or not term.accepted:
-                return write_own(Path(folder), self.found)
-            return write_own(Path(folder), term.after, with_base=True)
+                return write_described(Path(folder), self.found)
+            return write_described(Path(folder), term.after, with_base=True)
         from pneugantry.plants.gantry.augmented import write_augmented
 
         remarks = [f"{c.key}: probability {c.probability:.2f}" for c in self.found.diagnosis.causes]
@@ -143,14 +143,14 @@ def diagnose(
     source. Raises InputError naming file, field and hint.
     """
     from pneugantry.engine.result import to_json
+    from pneugantry.plants.described import is_plant_description
     from pneugantry.plants.gantry.catalogue import catalogue_of
     from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
-    from pneugantry.plants.own import is_own_plant
     from pyfmi_runner.campaign import DRIVEN, with_controller
 
     say = say or (lambda stage: None)
-    if isinstance(source, str | Path) and is_own_plant(Path(source)):
-        return _diagnose_own(Path(source), catalogue, fmu, say, learn)
+    if isinstance(source, str | Path) and is_plant_description(Path(source)):
+        return _diagnose_described(Path(source), catalogue, fmu, say, learn)
     effects = catalogue_of(None if catalogue is None else Path(catalogue))
     campaign = campaign_from(source, setup, strict=False, needs=DRIVEN)
     if controller is not None:
@@ -163,7 +163,7 @@ def diagnose(
     return Diagnosis(to_json(found.diagnosis), found, campaign, fmu_from(nominal))
 
 
-def _diagnose_own(
+def _diagnose_described(
     description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say, learn: bool
 ) -> Diagnosis:
     """A plant of one's own with a catalogue of one's own."""
@@ -172,14 +172,14 @@ def _diagnose_own(
     from pneugantry.learn.learn import learn as learn_term
     from pneugantry.learn.learn import wanted
     from pneugantry.learn.result import to_json as learned_json
-    from pneugantry.plants.own import own_task
+    from pneugantry.plants.described import described_task
 
     if fmu is not None:
         hint = "name the model or the FMUs in the description"
         raise InputError("is for the gantry", field="--fmu", hint=hint)
     own = None if catalogue is None else Path(catalogue)
     say("model and logs")
-    read, task = own_task(description, own)
+    read, task = described_task(description, own)
     found = run(task, read.rules, say)
     result = to_json(found.diagnosis)
     if not (learn and wanted(found)):

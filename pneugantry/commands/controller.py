@@ -18,7 +18,7 @@ HELP = """A controller of your own, to start from.
 The file is Python: a kernel of arithmetic, `math.*` and plain loops, its parameters and its
 state. Sweeps take it as controller = "my.py", `pneugantry diagnose FOLDER --controller my.py`
 runs a rig's own loop again with it."""
-TEMPLATE = Path(__file__).parents[1] / "own_controller_template.py"
+TEMPLATE = Path(__file__).parents[1] / "controller_template.py"
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:

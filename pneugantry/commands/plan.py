@@ -71,11 +71,11 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 
 
 def _case(options: argparse.Namespace) -> Case:
-    from pneugantry.plants.own import is_own_plant
+    from pneugantry.plants.described import is_plant_description
     from pyfmi_runner.build import cache_folder
 
     cache = cache_folder() / "parts"
-    if is_own_plant(options.source):
+    if is_plant_description(options.source):
         from pneugantry.engine.describe import case_of
 
         return case_of(options.source, cache, options.catalogue)

@@ -14,7 +14,7 @@ from pneugantry.engine.catalogue import read_catalogue
 from pneugantry.engine.plant import Data, Record
 from pneugantry.engine.result import to_json
 from pneugantry.engine.run import run
-from pneugantry.plants.own import own_task
+from pneugantry.plants.described import described_task
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.driven import DrivenFmu
 from pyfmi_runner.fmu import FmuFile
@@ -66,7 +66,7 @@ def test_the_inverse_models_rungs_are_the_published_ones() -> None:
 
 @measured
 def test_the_loops_rungs_fall_on_both_records() -> None:
-    _, task = own_task(PLANT)
+    _, task = described_task(PLANT)
     rungs = closed_loop.ladder(task)
     for log, last in (("train", 0.03), ("pulses", 0.04)):
         errors = [rungs[r].errors[log] for r in idim.RUNGS]
@@ -86,7 +86,7 @@ def cut(record: Record, rows: int) -> Record:
 @measured
 @pytest.mark.slow
 def test_half_the_record_shows_viscous_coulomb_offset_and_then_the_asymmetry() -> None:
-    described, task = own_task(PLANT)
+    described, task = described_task(PLANT)
     some = (
         "viscous_friction",
         "coulomb_friction",

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from modelica_fmu.errors import InputError
 from pneugantry.engine.sensors import PREFIX, neutral
 from pyfmi_runner.campaign import LoggedRun, LogSetup
+from pyfmi_runner.controller_file import controller_of, is_known_controller
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import PERIOD, Log
-from pyfmi_runner.own_controller import controller_of, is_known_controller
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario
 from pyfmi_runner.sensors import SensorParams

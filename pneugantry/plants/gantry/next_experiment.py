@@ -18,9 +18,9 @@ from pneugantry.engine.run import Task
 from pneugantry.plants.gantry.closed_loop import augmented_of
 from pneugantry.plants.gantry.describe import record_of
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup, scenario_setup
+from pyfmi_runner.controller_file import is_known_controller
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import SIGMA, STROKE_Z
-from pyfmi_runner.own_controller import is_known_controller
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario, scenario_text, short_phases
 from pyfmi_runner.sensors import SensorParams

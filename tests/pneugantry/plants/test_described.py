@@ -15,7 +15,12 @@ from modelica_fmu.errors import InputError
 from pneugantry.cli import main
 from pneugantry.engine.result import to_json
 from pneugantry.engine.run import Found
-from pneugantry.plants.own import diagnose_own, is_own_plant, own_task, write_augmented
+from pneugantry.plants.described import (
+    described_task,
+    diagnose_described,
+    is_plant_description,
+    write_augmented,
+)
 from pneugantry.report.page import Extras, write_page
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile, FmuSession
@@ -124,7 +129,7 @@ def one_file(plant: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def found(plant: Path, one_file: Path, cache: Path) -> Found:
-    return diagnose_own(plant, one_file, cache)
+    return diagnose_described(plant, one_file, cache)
 
 
 def test_an_effect_is_found_with_its_size_and_closes_the_gap(found: Found) -> None:
@@ -174,7 +179,7 @@ def test_an_fmu_without_source_gives_the_same_answer(
     text = text.replace('model = "Cart.mo"', f'fmu = "fmu/{fmu.name}"')
     foreign = plant.with_name("foreign.toml")
     foreign.write_text(text, encoding="utf-8")
-    other = diagnose_own(foreign, None, cache)
+    other = diagnose_described(foreign, None, cache)
     assert other.diagnosis.verdict == "identified"
     assert other.decision.chosen == ("offset",)
     assert other.gap is not None
@@ -199,7 +204,7 @@ def test_the_command_writes_page_json_and_model(
 
 
 def test_periods_below_a_millisecond_are_read(tmp_path: Path, cache: Path) -> None:
-    described, task = own_task(written(tmp_path / "fast", 0.25e-3), None, cache)
+    described, task = described_task(written(tmp_path / "fast", 0.25e-3), None, cache)
     assert described.data.fitted[0].period == pytest.approx(0.25e-3)
     (view,) = task.views
     left = view.residuals(described.data.fitted[0], [{"m": 2.04, "C": 3.92, "F_0": OFFSET}])
@@ -222,7 +227,7 @@ def test_what_cannot_be_is_one_line(
     wrong = plant.with_name("wrong.toml")
     wrong.write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as refused:
-        own_task(wrong, None, cache)
+        described_task(wrong, None, cache)
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -240,10 +245,10 @@ def test_a_catalogue_of_another_plant_is_refused(
     wrong = tmp_path / "effect.toml"
     wrong.write_text(text_of("offset").replace(name, value), encoding="utf-8")
     with pytest.raises(InputError, match=words):
-        own_task(plant, wrong, cache)
+        described_task(plant, wrong, cache)
 
 
 def test_what_is_a_plant_of_ones_own(plant: Path, tmp_path: Path) -> None:
     scenario = tmp_path / "scenario.toml"
     scenario.write_text('workpiece = "straight"\n', encoding="utf-8")
-    assert [is_own_plant(p) for p in (plant, scenario, tmp_path)] == [True, False, False]
+    assert [is_plant_description(p) for p in (plant, scenario, tmp_path)] == [True, False, False]

@@ -13,9 +13,9 @@ from modelica_fmu.errors import InputError
 from pyfmi_runner.blocks import recomputed_commands
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import LoggedRun, read_campaign
+from pyfmi_runner.controller_file import is_known_controller, read_controller
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import write_log
-from pyfmi_runner.own_controller import is_known_controller, read_controller
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario, read_scenario
 

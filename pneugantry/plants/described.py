@@ -23,15 +23,15 @@ from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.fmu import FmuFile, FmuVariable
 from pyfmi_runner.scenario import parse_toml
 
-__all__ = ["diagnose_own", "is_own_plant", "own_task", "write_augmented"]
+__all__ = ["described_task", "diagnose_described", "is_plant_description", "write_augmented"]
 
 
-def is_own_plant(path: Path) -> bool:
+def is_plant_description(path: Path) -> bool:
     """A TOML file with a [plant] table."""
     return path.suffix == ".toml" and os.path.isfile(path) and "plant" in parse_toml(path)
 
 
-def diagnose_own(
+def diagnose_described(
     path: Path,
     catalogue: Path | None = None,
     cache: Path | None = None,
@@ -43,17 +43,17 @@ def diagnose_own(
     and hint.
     """
     say("model and logs")
-    found, task = own_task(path, catalogue, cache, rules)
+    found, task = described_task(path, catalogue, cache, rules)
     return run(task, found.rules, say)
 
 
-def own_task(
+def described_task(
     path: Path,
     catalogue: Path | None = None,
     cache: Path | None = None,
     rules: Rules | None = None,
 ) -> tuple[Described, Task]:
-    """What a diagnosis is made of, as read; arguments and errors as of `diagnose_own`."""
+    """What a diagnosis is made of, as read; arguments and errors as of `diagnose_described`."""
     found = described(path, cache or cache_folder() / "parts", catalogue, rules)
     views, notes = views_of(found)
     if not views:
