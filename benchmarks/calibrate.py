@@ -13,12 +13,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.calibration import FITTED, Known, fitted, known_case, log_score
+from pneugantry.engine.calibration import FITTED, PARTS, Known, calibrated, known_case
 from pneugantry.engine.decide import Chances
 
-__all__ = ["cases_in", "left_out", "main"]
-
-PARTS = 5  # of the rigs, each left out in turn
+__all__ = ["cases_in", "main"]
 
 
 def cases_in(folders: Sequence[Path]) -> list[Known]:
@@ -36,29 +34,17 @@ def cases_in(folders: Sequence[Path]) -> list[Known]:
     return found
 
 
-def left_out(cases: Sequence[Known], start: Chances) -> float:
-    """Mean log probability of rigs that the weights have not seen."""
-    scores = []
-    for k in range(PARTS):
-        chances = fitted([c for i, c in enumerate(cases) if i % PARTS != k], start)
-        scores += [log_score([c], chances) for i, c in enumerate(cases) if i % PARTS == k]
-    return sum(scores) / len(scores)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.calibrate", description=__doc__)
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER")
     cases = cases_in(parser.parse_args(arguments).folders)
     now = Chances()
-    best = fitted(cases, now)
+    best = calibrated(cases, now)
     print(f"{len(cases)} rigs; mean log probability of the truth")
-    for what, chances, score in (
-        ("present", now, log_score(cases, now)),
-        ("best", best, log_score(cases, best)),
-        ("best, on rigs left out", None, left_out(cases, now)),
-    ):
-        values = "" if chances is None else _words(chances)
-        print(f"{what:<24} {score:7.3f}  {values}")
+    print(f"{'present':<24} {best.before:7.3f}  {_words(now)}")
+    print(f"{'fitted, on rigs left out':<24} {best.score:7.3f}  {_words(best.chances)}")
+    for b in best.reliability:
+        print(f"{b.what:<8} {b.claims:4d} claims  said {b.said:.2f}  right {b.right:.2f}")
     return 0
 
 

@@ -28,6 +28,7 @@ COMMANDS = {
     "replay": "measured logs against the FMU: gap per log, channel and block",
     "plan": "which effects these sensors and logs can tell, and what would add most",
     "diagnose": "which block and which effect make a measured campaign differ",
+    "calibrate": "probabilities for a plant of your own, from rigs drawn on its model",
     "blind": "draw sealed cases on the truth plant, diagnose, unseal, score",
     "identify": "plant parameters with 95 % intervals from measured logs",
     "linearize": "state space of the FMU at an operating point",

@@ -70,14 +70,16 @@ def diagnose_campaigns(
     diagnoser: Diagnoser,
     *,
     workers: int = 2,
+    scheduler: str | None = None,
     done: Callable[[str], object] | None = None,
 ) -> dict[Path, dict[str, Any]]:
     """JSON of each campaign's diagnosis; what is on disk already, by the same FMU and catalogue, is
     taken from there.
 
     A campaign whose diagnosis fails, or takes its worker with it three times, has the verdict
-    "failed" and a reason; nothing of it goes to disk, so that the next call tries it again. done:
-    told the name of each campaign as it ends.
+    "failed" and a reason; nothing of it goes to disk, so that the next call tries it again.
+    scheduler: address of a Dask cluster whose workers see the same folders; done: told the name of
+    each campaign as it ends.
     """
     by = {
         "fmu": FmuFile.read(diagnoser.fmu).sha256,
@@ -88,7 +90,7 @@ def diagnose_campaigns(
     }
     by_name = {str(folder): folder for folder in folders if folder not in results}
     jobs = [Job(name, folder) for name, folder in by_name.items()]
-    for ended in run_jobs(diagnoser, jobs, workers=workers):
+    for ended in run_jobs(diagnoser, jobs, workers=workers, scheduler=scheduler):
         folder = by_name[str(ended.key)]
         if ended.failure:
             results[folder] = FAILED | {"reason": ended.failure}

@@ -41,11 +41,16 @@ def draw_cases(folder: Path, seeds: Iterable[int], case_set: LabelledSet = DEVEL
 
 
 def diagnose_cases(
-    folder: Path, workers: int = 2, done: Callable[[str], object] | None = None
+    folder: Path,
+    workers: int = 2,
+    done: Callable[[str], object] | None = None,
+    scheduler: str | None = None,
 ) -> dict[str, dict[str, Any]]:
     """JSON of each case's diagnosis; results that are already on disk are taken from there."""
     cases = sorted(p for p in folder.glob("case_*") if (p / "campaign.toml").is_file())
-    results = diagnose_campaigns(cases, Diagnoser(build_fmu().path), workers=workers, done=done)
+    results = diagnose_campaigns(
+        cases, Diagnoser(build_fmu().path), workers=workers, scheduler=scheduler, done=done
+    )
     return {path.name.removeprefix("case_"): result for path, result in results.items()}
 
 

@@ -35,6 +35,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)"
     )
     command.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="an existing Dask cluster, as in tcp://host:8786, that sees the same folders",
+    )
+    command.add_argument(
         "--set",
         default="plain",
         metavar="NAME",
@@ -73,7 +78,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     def advance(name: str) -> None:
         next(counter, None)
 
-    results = diagnose_cases(folder, options.workers, advance)
+    results = diagnose_cases(folder, options.workers, advance, options.scheduler)
     result = score(unseal(folder, digest), results)
     print(f"\n{'measure':<32} {'target':>9} {'got':>8}")
     for name, target in TARGETS.items():

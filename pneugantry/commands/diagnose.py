@@ -88,6 +88,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         metavar="N",
         help="processes for a folder of campaigns (default: %(default)s)",
     )
+    command.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="for a folder of campaigns: an existing Dask cluster that sees the same folder",
+    )
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
@@ -97,6 +102,12 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     source = Path(options.campaign)
     if folders := campaign_folders(source):
         return _execute_many(folders, options)
+    if options.scheduler is not None:
+        raise InputError(
+            "is for a folder of campaigns",
+            field="--scheduler",
+            hint="leave it out: one campaign is diagnosed here",
+        )
     with Stages("diagnose", _kind(source)) as say:
         found = diagnosis.diagnose(
             options.campaign,
@@ -139,6 +150,7 @@ def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dic
         folders,
         Diagnoser(gantry.path, options.catalogue, strict=False, pages=True),
         workers=options.workers,
+        scheduler=options.scheduler,
         done=lambda _: next(counter, None),
     )
     for folder, found in results.items():

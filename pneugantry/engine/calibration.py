@@ -1,4 +1,5 @@
-"""Weights of the decision from diagnosed rigs whose truth is known.
+"""Weights of the decision from diagnosed rigs whose truth is known, and how well probabilities
+under them say how often they are right.
 
 What a rig's diagnosis weighed (`gap/1`: weighed, stands_out) is enough: nothing is fitted again.
 """
@@ -16,8 +17,22 @@ from scipy.optimize import minimize
 from pneugantry.engine.decide import UNKNOWN, Chances, Weighed, shares, unknown_probability
 from pneugantry.engine.plant import Array
 
-__all__ = ["FITTED", "Known", "fitted", "known_case", "log_score"]
+__all__ = [
+    "FITTED",
+    "Bin",
+    "Calibration",
+    "Known",
+    "calibrated",
+    "error",
+    "fitted",
+    "known_case",
+    "left_out",
+    "log_score",
+    "reliability",
+]
 
+PARTS = 5  # of the rigs, each left out in turn
+BINS = 5  # of probability, of a table of reliability
 LEAST = 0.01  # probability that a truth has at least: one rig must not decide
 FITTED = ("temper", "entry", "unknown_at", "unknown_per")
 # Their logarithms have a spread of 1 about the present ones: a few cases move them little.
@@ -31,6 +46,27 @@ class Known:
     unknown: bool  # whether it has something else besides
     weighed: tuple[Weighed, ...]
     stands_out: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Weights fitted to rigs, and what they are worth on rigs that they have not seen."""
+
+    chances: Chances
+    rigs: int
+    score: float  # mean log probability of the truth, each rig left out of the fit
+    before: float  # the same under the weights to start from
+    reliability: tuple[Bin, ...]
+
+
+@dataclass(frozen=True)
+class Bin:
+    """Claims of like probability. what: "effect", "none" or "unknown"."""
+
+    what: str
+    claims: int
+    said: float  # mean probability
+    right: float  # share that was true
 
 
 def known_case(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> Known:
@@ -82,3 +118,60 @@ def fitted(cases: Sequence[Known], start: Chances) -> Chances:
         options={"initial_simplex": simplex, "maxiter": 2000, "xatol": 1e-3, "fatol": 1e-4},
     )
     return chances(found.x)
+
+
+def left_out(cases: Sequence[Known], start: Chances) -> list[Chances]:
+    """For each rig the weights that the rigs of other parts fit."""
+    parts = [
+        fitted([c for i, c in enumerate(cases) if i % PARTS != k], start) for k in range(PARTS)
+    ]
+    return [parts[i % PARTS] for i in range(len(cases))]
+
+
+def calibrated(cases: Sequence[Known], start: Chances) -> Calibration:
+    """Weights from all rigs; what they are worth, each rig under weights that have not seen it."""
+    unseen = left_out(cases, start)
+    scores = [log_score([c], w) for c, w in zip(cases, unseen, strict=True)]
+    return Calibration(
+        fitted(cases, start),
+        len(cases),
+        float(np.mean(scores)),
+        log_score(cases, start),
+        reliability(cases, unseen),
+    )
+
+
+def reliability(cases: Sequence[Known], weights: Sequence[Chances]) -> tuple[Bin, ...]:
+    """How often claims are true, by kind and probability; weights: one for each rig."""
+    claims: dict[str, list[tuple[float, bool]]] = {"effect": [], "none": [], "unknown": []}
+    for case, chances in zip(cases, weights, strict=True):
+        among = shares(case.weighed, chances)
+        odd = unknown_probability(case.stands_out, chances)
+        claims["unknown"].append((odd, case.unknown))
+        nothing = sum(
+            float(p) for p, (keys, _) in zip(among, case.weighed, strict=True) if not keys
+        )
+        claims["none"].append(((1 - odd) * nothing, not case.effects and not case.unknown))
+        for key in {k for keys, _ in case.weighed for k in keys}:
+            told = sum(
+                float(p) for p, (keys, _) in zip(among, case.weighed, strict=True) if key in keys
+            )
+            if told > LEAST:
+                claims["effect"].append((told, key in case.effects))
+    return tuple(b for what, of in claims.items() for b in _bins(what, of))
+
+
+def _bins(what: str, claims: Sequence[tuple[float, bool]]) -> list[Bin]:
+    found = []
+    for k in range(BINS):
+        own = [c for c in claims if k <= c[0] * BINS < k + 1 or (c[0] == 1 and k == BINS - 1)]
+        if own:
+            said, right = (float(np.mean([c[i] for c in own])) for i in (0, 1))
+            found.append(Bin(what, len(own), said, right))
+    return found
+
+
+def error(table: Sequence[Bin]) -> float:
+    """Expected calibration error: mean distance of said and true shares, by claims."""
+    total = sum(b.claims for b in table)
+    return sum(b.claims * abs(b.said - b.right) for b in table) / max(total, 1)

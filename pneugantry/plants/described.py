@@ -18,6 +18,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
 from pneugantry.engine.sensors import PREFIX
 from pneugantry.engine.views import View
+from pneugantry.plants.calibrate import chances_of
 from pneugantry.plants.modelica import Extension, write_extension
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.fmu import FmuFile, FmuVariable
@@ -62,12 +63,16 @@ def described_task(
     _check(found, views, path)
     if found.data.held_out is None:
         notes.append("no log is held out: the gap before and after is that of a fitted log")
+    chances, uncalibrated = chances_of(path)
+    if uncalibrated:
+        notes.append(uncalibrated)
     task = Task(
         found.plant,
         views,
         found.data,
         found.catalogue,
         found.cache,
+        chances,
         notes=(*found.notes, *notes),
         limits=_unseen(found, views),
     )

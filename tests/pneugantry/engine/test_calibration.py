@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneugantry.engine.calibration import Known, fitted, known_case, log_score
+from pneugantry.engine.calibration import (
+    Known,
+    calibrated,
+    error,
+    fitted,
+    known_case,
+    log_score,
+    reliability,
+)
 from pneugantry.engine.decide import Chances
 
 
@@ -56,3 +64,24 @@ def test_a_case_is_read_from_truth_and_answer() -> None:
     assert case.effects == {"drag/x"}
     assert case.unknown
     assert case.weighed == (((), 0.0), (("drag/x",), -80.0))
+
+
+def test_rigs_left_out_show_what_weights_are_worth() -> None:
+    cases = drawn(100, 3, 60.0)
+    found = calibrated(cases, Chances())
+    assert found.rigs == 100
+    assert found.score > found.before
+    assert error(found.reliability) < 0.1
+
+
+def test_claims_are_counted_by_what_they_say() -> None:
+    """Two rigs of which the weights are sure: one claim of each is right, one wrong."""
+    sure = (((), 0.0), (("drag",), -1000.0))
+    cases = [
+        Known(frozenset({"drag"}), False, sure, -5.0),
+        Known(frozenset(), False, sure, -5.0),
+    ]
+    table = {b.what: b for b in reliability(cases, [Chances()] * 2) if b.said > 0.5}
+    assert table["effect"].claims == 2
+    assert table["effect"].right == 0.5
+    assert error(reliability(cases, [Chances()] * 2)) == pytest.approx(1 / 3, abs=0.01)

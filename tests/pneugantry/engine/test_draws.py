@@ -1,0 +1,48 @@
+"""Rigs drawn from a plant's own model."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneugantry.engine.draws import KINDS, Source, _Odd, drawn
+from pneugantry.plants.own import own_task
+
+MOTOR = Path(__file__).parents[3] / "examples" / "motor" / "plant.toml"
+
+
+@pytest.fixture(scope="module")
+def source() -> Source:
+    _, task = own_task(MOTOR)
+    defaults = {k: v for view in task.views for k, v in view.defaults.items()}
+    return Source(task.plant, task.data, task.catalogue, defaults, task.cache)
+
+
+def test_a_seed_draws_one_rig(source: Source) -> None:
+    one, again, other = drawn(source, 3), drawn(source, 3), drawn(source, 4)
+    assert one.effects == again.effects
+    for record, same in zip(one.data.fitted, again.data.fitted, strict=True):
+        np.testing.assert_array_equal(record.signals["w"], same.signals["w"])
+    assert not np.array_equal(one.data.fitted[0].signals["w"], other.data.fitted[0].signals["w"])
+
+
+def test_all_kinds_are_drawn_and_their_causes_show(source: Source) -> None:
+    rigs = [drawn(source, seed) for seed in range(24)]
+    assert set(Counter(r.kind for r in rigs)) == set(KINDS)
+    for rig in rigs:
+        assert len(rig.effects) == {"none": 0, "one": 1, "two": 2, "unknown": 0}[rig.kind]
+        assert bool(rig.what) == (rig.kind == "unknown")
+        assert set(rig.effects) <= set(source.catalogue)
+        assert np.isfinite(rig.data.held_out.signals["w"]).all()
+
+
+def test_a_discrepancy_has_its_size(source: Source) -> None:
+    """Of a smooth function of its argument: equal arguments, equal errors."""
+    odd = _Odd("w", False, "", 0.3, np.array([[1.0, 0.0, 1.0], [2.0, 1.0, -0.5]]))
+    at = np.concatenate([np.linspace(0, 1, 500), np.linspace(1, 0, 500)])
+    added = odd.added(at)
+    assert np.std(added) == pytest.approx(0.3)
+    np.testing.assert_allclose(added[:500], added[:499:-1], atol=1e-12)

@@ -1,0 +1,73 @@
+"""`pneugantry calibrate`."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pneugantry.cli import main
+
+MOTOR = Path(__file__).parents[2] / "examples" / "motor"
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("calibrate") / "motor"
+    shutil.copytree(MOTOR, folder)
+    return folder / "plant.toml"
+
+
+def calibrate(plant: Path, *options: str) -> int:
+    return main(["calibrate", str(plant), "--workers", "1", "--json", "-", *options])
+
+
+def test_a_motor_s_probabilities(
+    capsys: Capture, plant: Path, keeps_to_schema: Callable[[dict[str, Any]], None]
+) -> None:
+    """Ten rigs; what is done is kept, and the result serves the next diagnosis."""
+    capsys.readouterr()
+    assert main(["diagnose", str(plant), "--no-learn"]) == 0
+    assert "probabilities are not calibrated for this plant" in capsys.readouterr().out
+    assert calibrate(plant, "--cases", "10") == 0
+    found = json.loads(capsys.readouterr().out)
+    keeps_to_schema(found)
+    assert found["rigs"] == 10
+    assert found["failed"] == []
+    assert found["error"] < 0.2
+    kept = plant.with_suffix(".rigs.jsonl")
+    assert len(kept.read_text(encoding="utf-8").splitlines()) == 10
+    assert calibrate(plant, "--cases", "10") == 0  # from what is kept
+    again = json.loads(capsys.readouterr().out)
+    assert again["chances"] == found["chances"]
+    assert len(kept.read_text(encoding="utf-8").splitlines()) == 10
+    assert main(["diagnose", str(plant), "--no-learn"]) == 0
+    assert "calibrated" not in capsys.readouterr().out
+
+
+def test_a_changed_description_needs_another_one(capsys: Capture, plant: Path) -> None:
+    text = plant.read_text(encoding="utf-8")
+    changed = plant.with_name("other.toml")
+    changed.write_text(text + "\n# another\n", encoding="utf-8")
+    shutil.copy(plant.with_suffix(".calibration.json"), changed.with_suffix(".calibration.json"))
+    capsys.readouterr()
+    assert main(["diagnose", str(changed), "--no-learn"]) == 0
+    assert "has changed since other.calibration.json was made" in capsys.readouterr().out
+    changed.with_suffix(".calibration.json").write_text("{}", encoding="utf-8")
+    assert main(["diagnose", str(changed), "--no-learn"]) == 2
+    assert "other.calibration.json: is no calibration" in capsys.readouterr().err
+
+
+def test_what_is_no_plant_is_refused(capsys: Capture, plant: Path, tmp_path: Path) -> None:
+    capsys.readouterr()
+    assert calibrate(tmp_path, "--cases", "10") == 2
+    assert "is no description of a plant" in capsys.readouterr().err
+    assert calibrate(plant, "--cases", "0") == 2
+    assert "--cases: is 0, expected >= 1" in capsys.readouterr().err
+    assert calibrate(plant, "--cases", "3") == 2
+    assert "3 rigs were diagnosed, expected >= 10" in capsys.readouterr().err
