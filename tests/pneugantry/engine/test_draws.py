@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pneugantry.plants.own import own_task
 
 from pneugantry.engine.draws import KINDS, Source, _Odd, drawn
-from pneugantry.plants.own import own_task
 
 MOTOR = Path(__file__).parents[3] / "examples" / "motor" / "plant.toml"
 
