@@ -45,9 +45,9 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 
     from pneugantry.engine.calibration import error
     from pneugantry.plants.calibrate import calibration_of, write_calibration
-    from pneugantry.plants.own import is_own_plant
+    from pneugantry.plants.described import is_plant_description
 
-    if not is_own_plant(options.plant):
+    if not is_plant_description(options.plant):
         raise InputError(
             "is no description of a plant",
             file=options.plant,

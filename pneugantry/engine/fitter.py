@@ -200,22 +200,23 @@ class Fitter:
             columns, wanted = {}, set(known.names)
             self.simulation.forget()
         residuals, made = self.simulation.linearised(start, cells, wanted)
-        solution = Solution(start, residuals, {**columns, **made})
-        solution = self._by_view(solution, known, cells)
-        if not self._hopeless(solution, base, cells):
+        first = Solution(start, residuals, {**columns, **made})
+        solution = self._by_view(first, known, cells)
+        before, after = (self._beside(s, base, known, cells) for s in (first, solution))
+        if after > before:  # where the views lead apart is worse than where the base stood
+            solution, after = first, before
+        if after - self._beside(base, base, known, cells) < self.rules.hopeless:
             solution = self._jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
 
-    def _hopeless(self, solution: Solution, base: Fit, cells: Sequence[Cell]) -> bool:
-        """Whether a hypothesis fits some cells so much worse than the base that fitting all views
-        together has never made it the better one.
-        """
-        weighing = Weighing(base.noise, self.rules)
-        before, after = (
-            sum(weighing.costs({c: r[c] for c in cells}).values())
-            for r in (base.residuals, solution.residuals)
-        )
-        return after - before > self.rules.hopeless
+    def _beside(
+        self, found: Solution | Fit, base: Fit, known: Parabola, cells: Sequence[Cell]
+    ) -> float:
+        """-2 log posterior of some cells under the noise that a base has."""
+        costs = Weighing(base.noise, self.rules).costs({c: found.residuals[c] for c in cells})
+        among = {c.name: t for c, t in zip(found.point.coordinates, found.point.theta, strict=True)}
+        theta = np.array([among.get(n, 0.0) for n in known.names])
+        return sum(costs.values()) + known.cost(theta)
 
     def again(self, fit: Fit, thorough: bool = False) -> Fit:
         """The same hypothesis from where a fit ended, all views together. thorough: points about

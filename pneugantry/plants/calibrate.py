@@ -41,9 +41,9 @@ class Rigs:
     catalogue: Path | None = None
 
     def __call__(self) -> Callable[[int], dict[str, Any]]:
-        from pneugantry.plants.own import own_task
+        from pneugantry.plants.described import described_task
 
-        found, task = own_task(self.plant, self.catalogue)
+        found, task = described_task(self.plant, self.catalogue)
         defaults = {k: v for view in task.views for k, v in view.defaults.items()}
         source = Source(task.plant, task.data, task.catalogue, defaults, task.cache)
         return partial(_rig, source, task, found.rules)

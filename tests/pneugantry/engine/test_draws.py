@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pneugantry.plants.own import own_task
 
 from pneugantry.engine.draws import KINDS, Source, _Odd, drawn
+from pneugantry.plants.described import described_task
 
 MOTOR = Path(__file__).parents[3] / "examples" / "motor" / "plant.toml"
 
 
 @pytest.fixture(scope="module")
 def source() -> Source:
-    _, task = own_task(MOTOR)
+    _, task = described_task(MOTOR)
     defaults = {k: v for view in task.views for k, v in view.defaults.items()}
     return Source(task.plant, task.data, task.catalogue, defaults, task.cache)
 
