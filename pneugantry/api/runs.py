@@ -22,6 +22,7 @@ from pneugantry.api.presets import conditions
 from pneugantry.progress import bar, loop_progress
 from pyfmi_runner.blocks import BlockReplayer, noisy_copy
 from pyfmi_runner.campaign import Campaign
+from pyfmi_runner.enough_rows import long_enough
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.fmu_controller import FmuController
 from pyfmi_runner.log import MEASURED, Log, write_log
@@ -362,5 +363,6 @@ def identify(
     from pneugantry.analysis.identify.identification import identify as identified
 
     began = time.perf_counter()
-    found = identified(campaign_from(source, setup), fmu_from(fmu), say or (lambda _: None))
+    campaign = long_enough(campaign_from(source, setup), "an identification")
+    found = identified(campaign, fmu_from(fmu), say or (lambda _: None))
     return IdentifiedPlant(found, time.perf_counter() - began)

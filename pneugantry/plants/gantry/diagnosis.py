@@ -32,9 +32,10 @@ from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, re
 from pneugantry.plants.gantry.excitation import not_excited
 from pneugantry.plants.gantry.next_experiment import next_experiment, rivals
 from pneugantry.plants.gantry.nominal import parameters_of
-from pneugantry.plants.gantry.usable import long_enough, sound_logs
+from pneugantry.plants.gantry.usable import sound_logs
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.campaign import Campaign, LoggedRun
+from pyfmi_runner.enough_rows import long_enough
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import COLUMNS, log_warnings
 

@@ -1,4 +1,4 @@
-"""Logs that can be diagnosed: long enough, and without faults of the record."""
+"""Logs that can be diagnosed: without faults of the record."""
 
 from __future__ import annotations
 
@@ -7,35 +7,12 @@ from dataclasses import replace
 from modelica_fmu.errors import InputError
 from pneugantry.plants.gantry.converter import converter_step
 from pyfmi_runner.campaign import Campaign, LoggedRun
-from pyfmi_runner.log import PERIOD, SIGMA, log_warnings
+from pyfmi_runner.log import SIGMA, log_warnings
 
-__all__ = ["LEAST_ROWS", "long_enough", "sound_logs"]
+__all__ = ["sound_logs"]
 
-LEAST_ROWS = 500  # rows: one block of the bootstrap over time, five segments of a residual
 # words of `log_warnings` that tell of a fault of the record
 FAULTS = ("swapped", "reversed", "clipped", "throughout")
-
-
-def long_enough(campaign: Campaign) -> Campaign:
-    """The campaign without logs of less than LEAST_ROWS rows, each named in its notes. Raises
-    InputError where none is left.
-    """
-    short = {name: len(run.log) for name, run in campaign.logs.items() if len(run.log) < LEAST_ROWS}
-    if not short:
-        return campaign
-    notes = [
-        f"{name} left out: {rows} rows ({rows * PERIOD:.2g} s), a diagnosis needs at least "
-        f"{LEAST_ROWS}"
-        for name, rows in short.items()
-    ]
-    logs = {name: run for name, run in campaign.logs.items() if name not in short}
-    if not logs:
-        raise InputError(
-            f"no log is long enough ({notes[0]})", file=campaign.path, hint="record longer ones"
-        )
-    # its notes on logs that are no longer there go with them
-    kept = [n for n in campaign.notes if n.split()[0].rstrip(":") not in short]
-    return replace(campaign, logs=logs, notes=[*kept, *notes])
 
 
 def sound_logs(campaign: Campaign) -> tuple[Campaign, list[str]]:

@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 
 from modelica_fmu.errors import InputError
-from pneugantry.plants.gantry.usable import LEAST_ROWS, long_enough
+from pneugantry.cli import main
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup
+from pyfmi_runner.enough_rows import LEAST_ROWS, long_enough
 from pyfmi_runner.log import REQUIRED, Log
 
 
@@ -39,3 +40,19 @@ def test_short_logs_are_left_out_by_name() -> None:
 def test_short_logs_alone_are_refused_in_one_line() -> None:
     with pytest.raises(InputError, match=r"no log is long enough \(short left out: 50 rows"):
         long_enough(replace(campaign(short=50), notes=[]))
+
+
+def test_identify_says_so_in_one_line_and_computes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It once printed a table after a minute, with a gap of nan."""
+    table = pd.DataFrame(np.zeros((50, len(REQUIRED))), columns=REQUIRED)
+    table["time"] = 1e-3 * np.arange(50)
+    table.to_csv(tmp_path / "short.csv", index=False)
+    assert main(["identify", str(tmp_path / "short.csv")]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.splitlines()[-1].endswith(
+        "no log is long enough (short left out: 50 rows (0.05 s), an identification needs at least "
+        "500); record longer ones"
+    )
