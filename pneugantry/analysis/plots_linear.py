@@ -28,6 +28,9 @@ __all__ = [
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 FAR = 2.0  # / delay, from which on a pole is one of the delay's approximation
+# heights of the axes within which a zero is shown: with a limit gain, and without, where all that
+# there is to see are the branches on their way to it
+NEAR_ZERO, FAR_ZERO = 4.0, 30.0
 CLEAR = 0.12  # of the axes' height, between two labels
 ROOM = 1.6  # of the axes over what decides
 COLOURS = (MEASURED, NOMINAL, AUGMENTED, "#8b6bb1")
@@ -58,7 +61,8 @@ def window(picture: LocusPicture) -> tuple[float, float, float]:
         near = near[near < FAR / picture.delay]
     reach = max([*near, picture.limit[1] if picture.limit else 0.0, 1.0])
     top = ROOM * reach
-    zeros = -picture.zeros.real[(picture.zeros.real < 0) & (np.abs(picture.zeros) < 4 * top)]
+    far = NEAR_ZERO if picture.limit else FAR_ZERO
+    zeros = -picture.zeros.real[(picture.zeros.real < 0) & (np.abs(picture.zeros) < far * top)]
     if picture.limit is None and len(zeros):  # the branches bend round the zero to the real axis
         top = max(top, 1.1 * float(zeros.max()))
         return -2.2 * float(zeros.max()), 0.6 * reach, top

@@ -20,11 +20,12 @@ def loci() -> dict[str, RootLocus]:
     return {
         "x": root_locus(force_loop(file, "x", "0.2", delay=0.005), pade=4),
         "none": root_locus(force_loop(file, "z", "none")),
+        "x none": root_locus(force_loop(file, "x", "none")),
         "z": root_locus(force_loop(file, "z", "z")),
     }
 
 
-@pytest.mark.parametrize("name", ["x", "none", "z"])
+@pytest.mark.parametrize("name", ["x", "none", "x none", "z"])
 def test_the_branches_fill_the_axes(name: str, loci: dict[str, RootLocus]) -> None:
     picture = locus_picture(loci[name])
     left, right, top = window(picture)
@@ -54,6 +55,19 @@ def test_a_loop_without_a_limit_says_so(loci: dict[str, RootLocus]) -> None:
     legend = figure.axes[0].get_legend()
     assert legend is not None
     assert picture.words in [text.get_text() for text in legend.get_texts()]
+
+
+def test_without_a_limit_the_branches_are_seen_to_reach_the_zero(
+    loci: dict[str, RootLocus],
+) -> None:
+    """The x loop's zero lies at -333/s, nine times as far as its poles: all gains were outside."""
+    picture = locus_picture(loci["x none"])
+    left, _, top = window(picture)
+    zero = float(picture.zeros.real.max())
+    assert left < 2 * zero
+    assert top > abs(zero)
+    figure = root_locus_figure({"x": picture})
+    assert len(figure.axes[0].texts) >= 3  # labelled gains
 
 
 def test_marked_gains_are_dots_on_the_branches(loci: dict[str, RootLocus]) -> None:
