@@ -1,6 +1,6 @@
 """Writes the generated parts of `docs/results/thesis.md` anew from what `python docs/record.py
 thesis thesis_gap thesis_board thesis_peers thesis_variants thesis_tuning` kept: `python
-docs/thesis_page.py`. No figure of those parts is typed.
+docs/thesis_page.py`. No figure of those parts is typed. The gap's picture is drawn from the same.
 """
 
 from __future__ import annotations
@@ -374,5 +374,14 @@ def part(name: str) -> str:
         return f"Not recorded yet: `python docs/record.py {Path(error.filename).stem}`."
 
 
+def draw() -> None:
+    """The page's picture."""
+    from pneugantry.analysis.plots import save
+    from pneugantry.thesis.gap_report import gap_figure
+
+    save(gap_figure(read("thesis_gap")[1]), HERE.parent / "images" / "thesis_gap.png")
+
+
 if __name__ == "__main__":
+    draw()
     PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

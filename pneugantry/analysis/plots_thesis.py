@@ -5,7 +5,9 @@ here.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -35,8 +37,9 @@ Drawing = tuple[list[Panel], str, int]  # panels, title, columns
 
 
 def panels_figure(panels: list[Panel], title: str, columns: int = 1, height: float = 2.0) -> Figure:
-    """Panels row by row."""
+    """Panels row by row; a panel alone is higher."""
     rows = -(-len(panels) // columns)
+    height = height if len(panels) > 1 else 1.6 * height
     figure, axes = axes_grid(rows, columns, height=height)
     for ax, panel in zip(axes.ravel(), panels, strict=False):
         colours = iter(COLOURS * 3)
@@ -53,13 +56,22 @@ def panels_figure(panels: list[Panel], title: str, columns: int = 1, height: flo
         if panel.y_range:
             ax.set_ylim(panel.y_range)
         if panel.note:
-            ax.set_title(panel.note, fontsize=8)
+            ax.set_title(panel.note, fontsize=8, loc="left" if columns == 1 else "center")
         if len(panel.curves) > 1:
-            ax.legend(loc="best")
+            _legend(ax, columns)
     for ax in axes.ravel()[len(panels) :]:
         ax.remove()
     figure.suptitle(title)
     return figure
+
+
+def _legend(ax: Axes, columns: int) -> None:
+    """Above wide axes, where it hides no curve; within narrow ones, which have no room above."""
+    if columns > 1:
+        ax.legend(loc="best")
+        return
+    place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
+    ax.legend(ncols=6, borderaxespad=0.1, **place)
 
 
 @dataclass(frozen=True)
@@ -70,19 +82,26 @@ class Bars:
     label: str
     names: list[str]
     values: NDArray
+    limits: tuple[float, ...] = ()  # dashed lines
 
 
 def bars_figure(bars: list[Bars], title: str) -> Figure:
-    """Bars below one another, each as high as it has names."""
-    heights = [0.16 * len(b.names) + 0.5 for b in bars]
-    figure = Figure(figsize=(7.2, sum(heights)), layout="constrained")
+    """Bars below one another, each as high as it has names, each with its value."""
+    heights = [0.19 * len(b.names) + 0.7 for b in bars]
+    figure, whole = axes_grid(1, 1, height=sum(heights))
+    whole[0, 0].remove()
     axes = figure.subplots(len(bars), 1, height_ratios=heights, squeeze=False).ravel()
     for ax, b in zip(axes, bars, strict=True):
-        ax.barh(range(len(b.names)), b.values, color=NOMINAL)
-        ax.set_yticks(range(len(b.names)), b.names, fontsize=6)
+        drawn = ax.barh(range(len(b.names)), b.values, color=MEASURED)
+        ax.bar_label(drawn, fmt="%.1f", fontsize=7, padding=2)
+        ax.set_yticks(range(len(b.names)), b.names, fontsize=7)
         ax.invert_yaxis()
+        ax.margins(x=0.1)
         ax.axvline(0.0, color=REFERENCE, lw=0.8)
-        ax.set_xlabel(b.label, fontsize=7)
-        ax.set_title(b.title, fontsize=8)
+        for limit in b.limits:
+            ax.axvline(limit, color=NOMINAL, lw=0.8, ls="--")
+        ax.set_xlabel(b.label, fontsize=8)
+        ax.set_title(b.title, fontsize=9, loc="left")
+        ax.grid(visible=False, axis="y")
     figure.suptitle(title)
     return figure

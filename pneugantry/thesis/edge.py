@@ -21,6 +21,7 @@ from pneugantry.thesis.scores import Trace
 
 __all__ = [
     "UP_ANGLES",
+    "before_stroke_end",
     "ladder_conclusion",
     "ladder_cuts",
     "ladder_runs",
@@ -99,6 +100,12 @@ def ladder_runs(choice: Choice, draw: int) -> dict[float, tuple[Run, Run]]:
         run = Run(edge_file(angle), finish="none", choice=choice, plant=plant)
         pairs[angle] = (run, run.changed(plant=plant + BIDIRECTIONAL))
     return pairs
+
+
+def before_stroke_end(trace: Trace) -> Trace:
+    """The part that `uphill_errors` scores: beyond it the z piston has no stroke left."""
+    rows = trace.x > LAST + 0.01
+    return Trace(*(values[rows] for values in trace))
 
 
 def ladder_cuts(results: Results, pair: tuple[Run, Run], angle: float) -> tuple[float, float]:

@@ -5,23 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneugantry.analysis.plots import save
 from pneugantry.analysis.plots_thesis import Drawing, Panel, panels_figure
 from pneugantry.thesis.conclusions import ANGLE_ERRORS, angle_run
 from pneugantry.thesis.conditions import MOTION_START, Run
-from pneugantry.thesis.edge import valve_runs
+from pneugantry.thesis.edge import before_stroke_end, valve_runs
 from pneugantry.thesis.figures_rig import part_drawings, speed_drawings, tracked_drawings
-from pneugantry.thesis.figures_tracking import TIME, tracking_panels
+from pneugantry.thesis.figures_tracking import TIME, close_up, smooth, tracking_panels
 from pneugantry.thesis.gain_course import scheduled_course
 from pneugantry.thesis.leaderboard import NEW
+from pneugantry.thesis.plant_tests import READ_OFF_SPAN
 from pneugantry.thesis.printed import WORKPIECES
 from pneugantry.thesis.scores import Trace
 from pneugantry.thesis.study import Study
 from pyfmi_runner.fmu import FmuFile
 
 __all__ = ["draw_figures"]
+
+CLOSE_UP = (23.6, 24.0)  # s, of Fig. 4.33
+REVERSALS = {"4_32_4_33": "4.32, 4.33", "4_34": "4.34", "4_35": "4.35", "4_36": "4.36"}
 
 
 def draw_figures(study: Study, fmu: FmuFile, out: Path) -> list[Path]:
@@ -44,8 +47,10 @@ def draw_figures(study: Study, fmu: FmuFile, out: Path) -> list[Path]:
         "fig_4_30_valves": _valves(study),
         "fig_4_31_angle_error": _angle_errors(study),
         **{
-            f"fig_{number}_reversals_{piece}": _reversals(study.results.trace(Run(piece)), piece)
-            for number, piece in zip(("4_32_4_33", "4_34", "4_35", "4_36"), WORKPIECES, strict=True)
+            f"fig_{number}_reversals_{piece}": _reversals(
+                study.results.trace(Run(piece)), piece, REVERSALS[number]
+            )
+            for number, piece in zip(REVERSALS, WORKPIECES, strict=True)
         },
         "fig_5_1_5_3_scheduler": _scheduler(study),
         "fig_5_5_perfect_compensator": _perfect(study),
@@ -76,7 +81,12 @@ def _hysteresis(study: Study) -> Drawing:
     for name, test in study.plant.friction.items():
         rows = test.f_z > 0.5
         panels.append(
-            Panel("z [mm]", "F_z [N]", {name: (1e3 * test.z[rows], test.friction[rows])}, note=name)
+            Panel(
+                "z [mm]",
+                "F_z [N]",
+                {name: (1e3 * test.z[rows], test.friction[rows])},
+                note=f"{name}: F_z spans {test.span:.0f} N, Fig. 4.14 about {READ_OFF_SPAN:.0f} N",
+            )
         )
         panels.append(Panel("f_az [N]", "F_z [N]", {name: (test.f_az[rows], test.friction[rows])}))
     return panels, "Fig. 4.14, 4.17: hysteresis of the constrained open-loop test", 2
@@ -105,9 +115,14 @@ def _anfis(study: Study) -> Drawing:
 
 
 def _valves(study: Study) -> Drawing:
-    one, both = (study.results.trace(run) for run in valve_runs())
-    panels = tracking_panels({"one-directional": one, "bidirectional": both})
-    return panels[:3], "Fig. 4.30: one-directional and bidirectional valves", 1
+    names = ("one-directional", "bidirectional")
+    traces = {
+        name: before_stroke_end(study.results.trace(run))
+        for name, run in zip(names, valve_runs(), strict=True)
+    }
+    panels = tracking_panels(traces)
+    title = "Fig. 4.30: one-directional and bidirectional valves, up to the end of the z stroke"
+    return panels[:3], title, 1
 
 
 def _angle_errors(study: Study) -> Drawing:
@@ -116,13 +131,10 @@ def _angle_errors(study: Study) -> Drawing:
     return panels[:2], "Fig. 4.31: error in theta, straight edge", 1
 
 
-def _reversals(trace: Trace, piece: str) -> Drawing:
+def _reversals(trace: Trace, piece: str, number: str) -> Drawing:
     rows = trace.time >= MOTION_START
     time, f_n = trace.time[rows], trace.f_n[rows]
-    z, theta = (
-        _smooth(trace.z[rows]),
-        _smooth(trace.theta[rows]),
-    )  # the position's noise of 0.1 mm hides the finish
+    z, theta = smooth(trace.z[rows]), smooth(trace.theta[rows])
     turns = np.flatnonzero(np.diff(np.sign(theta))) + 1  # v_z = v_x tan(theta)
     panels = [
         Panel(TIME, "z [mm]", {"z": (time, 1e3 * z)}, (time[turns], 1e3 * z[turns])),
@@ -131,13 +143,10 @@ def _reversals(trace: Trace, piece: str) -> Drawing:
         Panel(TIME, "command [V]", {"u_z": (time, trace.u_z[rows])}),
         Panel(TIME, "f_az [N]", {"f_az": (time, trace.f_az[rows])}),
     ]
-    return panels, f"Fig. 4.32-4.36: f_n errs where z turns (circles), {piece}", 1
-
-
-def _smooth(values: NDArray[np.float64], window: int = 15) -> NDArray[np.float64]:
-    """Moving mean over `window` samples of 10 ms, the ends held."""
-    padded = np.pad(values, window // 2, mode="edge")
-    return np.convolve(padded, np.ones(window) / window, mode="valid")
+    if piece == "straight":  # Fig. 4.33
+        panels.append(close_up({"PI FV": trace}, *CLOSE_UP))
+    said = "f_n errs where z turns (circles)" if len(turns) else "z does not turn: f_n errs once"
+    return panels, f"Fig. {number}: {said}, {piece}", 1
 
 
 def _scheduler(study: Study) -> Drawing:
@@ -164,7 +173,7 @@ def _perfect(study: Study) -> Drawing:
         curves[f"perfect compensator, {name}"] = (run.time[rows][::10], run.f_n[rows][::10])
     span = (MOTION_START - 1.0, float(run.time[-1]))
     return (
-        [Panel(TIME, "f_n [N]", curves, x_range=span, y_range=(5.0, 50.0))],
+        [Panel(TIME, "f_n [N]", curves, x_range=span)],
         "Fig. 5.5: lag and perfect friction compensation",
         1,
     )
@@ -172,18 +181,19 @@ def _perfect(study: Study) -> Drawing:
 
 def _networks(study: Study) -> dict[str, Drawing]:
     pairs = {
-        "fig_5_13_5_14_ebpa_zero": ("straight", "pi_fv_ebpa_zero"),
-        "fig_5_15_5_16_ebpa": ("straight", "pi_fv_ebpa"),
-        "fig_5_17_5_18_mbpm": ("straight", "pi_fv_mbpm"),
-        "fig_5_19_5_20_mbpm_curved": ("curved", "pi_fv_mbpm"),
-        "beyond_straight": ("straight", NEW),
-        "beyond_curved": ("curved", NEW),
+        "fig_5_13_5_14_ebpa_zero": ("Figs. 5.13, 5.14", "straight", "pi_fv_ebpa_zero"),
+        "fig_5_15_5_16_ebpa": ("Figs. 5.15, 5.16", "straight", "pi_fv_ebpa"),
+        "fig_5_17_5_18_mbpm": ("Figs. 5.17, 5.18", "straight", "pi_fv_mbpm"),
+        "fig_5_19_5_20_mbpm_curved": ("Figs. 5.19, 5.20", "curved", "pi_fv_mbpm"),
+        "beyond_straight": ("Beyond the thesis", "straight", NEW),
+        "beyond_curved": ("Beyond the thesis", "curved", NEW),
     }
     drawings = {}
-    for figure, (piece, name) in pairs.items():
+    for figure, (number, piece, name) in pairs.items():
         traces = {
             "PI FV": study.results.trace(Run(piece)),
             name: study.results.trace(Run(piece, name)),
         }
-        drawings[figure] = (tracking_panels(traces), f"{name} beside PI FV, {piece} edge", 1)
+        panels = [*tracking_panels(traces), close_up(traces, MOTION_START, MOTION_START + 3.0)]
+        drawings[figure] = (panels, f"{number}: {name} beside PI FV, {piece} edge", 1)
     return drawings

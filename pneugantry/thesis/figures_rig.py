@@ -6,20 +6,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from pneugantry.analysis.plots_thesis import Curve, Drawing, Panel
+from pneugantry.analysis.plots_thesis import Drawing, Panel
 from pneugantry.thesis.conditions import MOTION_START, Run
-from pneugantry.thesis.figures_tracking import F_ND, TIME, tracking_panels
+from pneugantry.thesis.figures_tracking import TIME, close_up, tracking_panels
 from pneugantry.thesis.pictured import COMPENSATED, DRAWN, SPEEDS, rig_speed_run
 from pneugantry.thesis.plant_tests import LagStep, lag_steps
 from pneugantry.thesis.rig_tests import RAMPS, THRESHOLD, BreakAway, break_away, rest_signals
 from pneugantry.thesis.runner import Results
-from pneugantry.thesis.scores import Trace
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.sensors import NO_STEPS, SIGMA, converter_steps
 
 __all__ = ["part_drawings", "speed_drawings", "tracked_drawings"]
 
-CLOSE_UP = (MOTION_START - 0.5, MOTION_START + 3.0)  # s, of Figs. 4.27 and 4.29
+CLOSE_UP = {  # s, of Figs. 4.27 and 4.29
+    "straight": (MOTION_START + 0.4, MOTION_START + 3.0),
+    "curved": (MOTION_START + 3.0, MOTION_START + 6.5),
+}
 TRACKED = {
     "fig_3_30_4_26_4_27_straight": "straight",
     "fig_3_31_incline_7": "incline_7",
@@ -27,7 +29,7 @@ TRACKED = {
     "fig_3_33_4_28_4_29_curved": "curved",
 }
 SHOWN = 1.0  # s, of a lag test
-REST = 1000  # samples of a signal at rest
+REST = 300  # samples of a signal at rest that are drawn
 
 
 def speed_drawings(results: Results) -> dict[str, Drawing]:
@@ -52,8 +54,8 @@ def tracked_drawings(results: Results) -> dict[str, Drawing]:
     for name, piece in TRACKED.items():
         trace = results.trace(Run(piece))
         panels = tracking_panels({"PI FV": trace})
-        if piece in ("straight", "curved"):
-            panels.append(_close_up(trace))
+        if piece in CLOSE_UP:
+            panels.append(close_up({"PI FV": trace}, *CLOSE_UP[piece]))
         title = f"Fig. {_number(name)}: {piece}, finish of the measured edge, gains of Table 3.11"
         found[name] = (panels, title, 1)
     pair = {
@@ -62,17 +64,6 @@ def tracked_drawings(results: Results) -> dict[str, Drawing]:
     }
     title = "Fig. 3.34: VDFM compensator, straight edge"
     return found | {"fig_3_34_vdfm": (tracking_panels(pair)[:2], title, 1)}
-
-
-def _close_up(trace: Trace) -> Panel:
-    curves = {"PI FV": (trace.time, trace.f_n), "wanted": _level(CLOSE_UP, F_ND)}
-    rows = (trace.time >= CLOSE_UP[0]) & (trace.time <= CLOSE_UP[1])
-    span = (float(trace.f_n[rows].min()) - 1.0, float(trace.f_n[rows].max()) + 1.0)
-    return Panel(TIME, "f_n [N]", curves, x_range=CLOSE_UP, y_range=span, note="close up")
-
-
-def _level(span: tuple[float, float], value: float) -> Curve:
-    return np.array(span), np.array([value, value])
 
 
 def part_drawings(results: Results, fmu: FmuFile) -> dict[str, Drawing]:
@@ -90,18 +81,20 @@ def part_drawings(results: Results, fmu: FmuFile) -> dict[str, Drawing]:
 
 
 def _noise() -> Drawing:
-    """Two channels of each kind at rest, ideal and behind the converter."""
+    """A channel of each kind at rest, ideal and behind the converter."""
     shown = {"z [mm]": (1, 1e3), "v_z [mm/s]": (3, 1e3), "f_z [N]": (5, 1.0), "f_az [N]": (7, 1.0)}
-    ideal, rig = (rest_signals(steps)[:REST] for steps in (NO_STEPS, converter_steps()))
+    signals = {
+        "ideal": rest_signals(NO_STEPS),
+        "12-bit converter": rest_signals(converter_steps()),
+    }
     time = 1e-3 * np.arange(REST)
     panels = []
     for label, (channel, scale) in shown.items():
-        curves = {
-            "12-bit converter": (time, scale * rig[:, channel]),
-            "ideal": (time, scale * ideal[:, channel]),
-        }
-        note = f"RMS of Table 3.3: {scale * SIGMA[channel]:g}"
-        panels.append(Panel(TIME, label, curves, x_range=(0.0, 0.3), note=note))
+        for kind, values in signals.items():
+            course = scale * values[:, channel]
+            rms = float(np.sqrt(np.mean(course**2)))
+            note = f"{kind}: RMS {rms:.3g}, Table 3.3 {scale * SIGMA[channel]:g}"
+            panels.append(Panel(TIME, label, {kind: (time, course[:REST])}, note=note))
     return panels, "Figs. 3.5, 4.6: signals at rest", 2
 
 

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pneugantry.analysis.plots import save
+from pneugantry.analysis.plots import Figure, save
 from pneugantry.analysis.plots_thesis import Bars, bars_figure
 from pneugantry.thesis.gap import CLEAR, TABLES, Gap, GapCell, Ranked
 from pneugantry.thesis.gap_tests import PartTest
 
-__all__ = ["draw_gap", "gap_lines", "gap_report"]
+__all__ = ["draw_gap", "gap_figure", "gap_lines", "gap_report"]
 
 SHOWN = 12  # structures in the table and the picture
 
@@ -122,22 +122,37 @@ def _label(c: GapCell) -> str:
 
 
 def draw_gap(gap: Gap, out: Path) -> Path:
-    """One picture: factors, structures, strays."""
-    top = gap.structures[:SHOWN]
-    bars = [
-        Bars("factors, changed alone", "log units", *_names(gap.factors)),
-        Bars("on top of the best, at usual size", "log units", *_names(top)),
-        Bars(
-            "measured - predicted",
-            "standard deviations",
-            [_label(c) for c in gap.cells],
-            np.asarray(gap.strays),
-        ),
-    ]
+    """The picture of `gap_figure`, as a file."""
     path = out / "gap.png"
-    save(bars_figure(bars, "The thesis' own sim-to-real gap"), path)
+    save(gap_figure(gap_report(gap)), path)
     return path
 
 
-def _names(ranked: list[Ranked]) -> tuple[list[str], np.ndarray]:
-    return [r.name for r in ranked], np.array([r.gain for r in ranked])
+def gap_figure(report: Mapping[str, Any]) -> Figure:
+    """From the JSON: factors, structures, tests of the parts, and what each measured cell strays.
+    Dashed: odds of 20 to 1, and two standard deviations.
+    """
+    ranked = [
+        ("one factor changed alone (0: the best combination)", report["factors"], (-CLEAR,)),
+        ("on top of it: one effect at its usual size", report["structures"][:SHOWN], (CLEAR,)),
+        ("rival explanations of the tests of parts (0: the best)", report["tests"], (-CLEAR,)),
+    ]
+    bars = [
+        Bars(title, "log units", [_name(r) for r in rows], _gains(rows), limits)
+        for title, rows, limits in ranked
+    ]
+    cells = report["cells"]
+    keys = ("table", "row", "workpiece", "column", "value")
+    names = [_label(GapCell(*(c[key] for key in keys))) for c in cells]
+    strays = np.array([c["stray"] for c in cells])
+    title = "measured less predicted, on the best combination"
+    bars.append(Bars(title, "standard deviations", names, strays, (-2.0, 2.0)))
+    return bars_figure(bars, "The thesis' own sim-to-real gap")
+
+
+def _name(row: Mapping[str, Any]) -> str:
+    return f"{row['test']}: {row['name']}" if "test" in row else str(row["name"])
+
+
+def _gains(rows: Sequence[Mapping[str, Any]]) -> np.ndarray:
+    return np.array([row["gain"] for row in rows])

@@ -115,8 +115,8 @@ def _share_lines(study: Study) -> Iterator[str]:
     yield f"  fitted setting: {met} of {len(once)} = {met / len(once):.0%}"
     for group, kinds in study.shares.items():
         plain, rounded = kinds["met"], kinds["met in print"]
-        yield f"  {group:<24} {_percent(plain)}; allowing for the print's rounding "
-        yield f"  {'':<24} {_percent(rounded)}"
+        yield f"  {group:<30} {_percent(plain)}; allowing for the print's rounding "
+        yield f"  {'':<30} {_percent(rounded)}"
 
 
 def _percent(value: Range) -> str:

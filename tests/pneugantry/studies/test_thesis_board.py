@@ -1,6 +1,7 @@
 """The leaderboard over structures, the gap and the list, short."""
 
 import importlib.util
+import json
 import math
 import re
 from dataclasses import replace
@@ -11,6 +12,7 @@ import pytest
 
 from controllers.catalogue import make_controller
 from modelica_fmu.errors import InputError
+from pneugantry.analysis.plots_thesis import panels_figure
 from pneugantry.thesis import (
     figures,
     figures_rig,
@@ -20,8 +22,10 @@ from pneugantry.thesis import (
     tuning_report,
 )
 from pneugantry.thesis.board_report import board_lines, board_report
+from pneugantry.thesis.conditions import Run
 from pneugantry.thesis.contents import contents, contents_report
 from pneugantry.thesis.entrants import Entrant, entrants
+from pneugantry.thesis.figures_rig import speed_drawings, tracked_drawings
 from pneugantry.thesis.gap import (
     DRAWS,
     Combination,
@@ -32,12 +36,15 @@ from pneugantry.thesis.gap import (
     predicted_cells,
     print_gaps,
 )
+from pneugantry.thesis.gap_report import gap_figure
 from pneugantry.thesis.loop_limits import FoundMargins, cosimulated_margins, linear_margins
 from pneugantry.thesis.peers import PEERS
+from pneugantry.thesis.pictured import picture_runs
 from pneugantry.thesis.printed import WORKPIECES
 from pneugantry.thesis.robust_design import design_plants, distances, needed
 from pneugantry.thesis.run_store import RunStore
-from pneugantry.thesis.runner import run_one
+from pneugantry.thesis.runner import Done, Results, run_one
+from pneugantry.thesis.scores import Effort, Scores, Trace
 from pneugantry.thesis.structure_board import (
     LIMIT,
     NOMINAL_LIMIT,
@@ -232,6 +239,34 @@ def fitted_stems() -> list[str]:
     tracked = [f"{n}_{piece}" for n, piece in zip(first, WORKPIECES, strict=True)]
     turned = [f"{n}_reversals_{piece}" for n, piece in zip(last, WORKPIECES, strict=True)]
     return tracked + turned
+
+
+def test_pictures_of_the_rigs_runs_are_those_that_the_list_names():
+    time = np.arange(17.5, 28.5, 0.01)
+    trace = Trace(time, *(np.full_like(time, level) for level in (0.9, 0.04, 30.0, 0, 0, 1, 1, 40)))
+    results = Results()
+    for run in [*picture_runs(), *(Run(piece) for piece in WORKPIECES)]:
+        results.done[run] = Done(Scores(0, 0, 0, 0), Effort(0, 0, 0, 0, 0, 0), trace)
+    drawn = speed_drawings(results) | tracked_drawings(results)
+    listed = {e.ours.removeprefix("out/thesis/") for e in contents() if e.kind == "picture"}
+    assert len(drawn) == 9
+    assert set(drawn) <= listed
+    for name, (panels, title, columns) in drawn.items():
+        assert title.startswith(f"Fig. {'.'.join(name.split('_')[1:3])}:")
+        assert all(panel.curves for panel in panels)
+        assert panels_figure(panels, title, columns).axes
+    close = drawn["fig_3_33_4_28_4_29_curved"][0][-1]
+    assert close.x_range == (25.0, 28.5)
+    assert close.curves["PI FV"][0][0] == pytest.approx(25.0)
+
+
+def test_the_gaps_picture_shows_every_cell_and_rival():
+    recorded = json.loads((ROOT / "docs/results/data/thesis_gap.json").read_text("utf-8"))["result"]
+    factors, effects, tests, cells = gap_figure(recorded).axes
+    assert len(factors.patches) == len(recorded["factors"])
+    assert len(effects.patches) == 12
+    assert len(tests.patches) == len(recorded["tests"])
+    assert [bar.get_width() for bar in cells.patches] == [c["stray"] for c in recorded["cells"]]
 
 
 def test_the_list_says_of_what_kind_ours_is():
