@@ -1,54 +1,105 @@
-"""Curves of one variable: straight between knots over the range that the data cover, level beyond;
-smooth as far as the evidence says.
+"""Curves of one variable, as sums of given shapes with a prior: straight between knots over the
+range that the data cover, level beyond, with a jump where the variable changes its sign; or a wave
+of one period.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from pneugantry.engine.plant import Array
 
-__all__ = ["Knots", "knots_over"]
+__all__ = ["BENDS", "SIZES", "Basis", "Knots", "Wave", "knots_over"]
 
-COUNT = 9
+COUNT = 11
 EDGE = 0.005  # share of the rows beyond each end of the covered range
+JUMP = 2e-3  # share of the range over which a jump takes place
 SIZES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # prior sizes of a curve, in units that show
 BENDS = (0.03, 0.3, 3.0)  # prior sizes of its bending, in units of its size
 
 
+class Basis(Protocol):
+    """Shapes whose sum is a curve."""
+
+    def shapes(self, values: Array) -> Array:
+        """(rows, coefficients) over values of the variable."""
+        ...
+
+    def prior(self, size: float, bend: float) -> Array:
+        """Precision of the coefficients of a curve of a size."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Knots:
-    """Where a curve is defined."""
+    """Values at knots and, where `jumps`, the half of a jump at 0."""
 
     at: Array  # (COUNT,), evenly over the covered range
+    jumps: bool
+
+    @property
+    def width(self) -> float:
+        """Of a jump, in units of the variable."""
+        return JUMP * float(self.at[-1] - self.at[0])
 
     def hats(self, values: Array) -> Array:
-        """Weights (rows, COUNT) of the curve's values at the knots."""
+        """Weights (rows, COUNT) of the values at the knots."""
         step = self.at[1] - self.at[0]
         place = np.clip((values - self.at[0]) / step, 0.0, len(self.at) - 1.0)
         return np.asarray(np.maximum(1 - np.abs(place[:, None] - np.arange(len(self.at))), 0.0))
 
+    def shapes(self, values: Array) -> Array:
+        hats = self.hats(values)
+        if not self.jumps:
+            return hats
+        return np.column_stack([hats, np.tanh(values / self.width)])
+
+    def seen(self, law_at: Array, either_side: tuple[float, float]) -> Array:
+        """Coefficients of a function: its values at the knots, and just below and above 0."""
+        if not self.jumps:
+            return law_at
+        jump = (either_side[1] - either_side[0]) / 2
+        return np.append(law_at - jump * np.tanh(self.at / self.width), jump)
+
     @cached_property
-    def _shapes(self) -> tuple[Array, Array]:
-        """Covariances of a straight line and of what bends (twice integrated white noise)."""
+    def _covariances(self) -> tuple[Array, Array]:
+        """Of a straight line and of what bends (twice integrated white noise)."""
         x = np.linspace(0.0, 1.0, len(self.at))
         low, high = np.minimum.outer(x, x), np.maximum.outer(x, x)
         bent = low**2 * (3 * high - low) / 2
         return 1 + np.outer(2 * x - 1, 2 * x - 1), bent
 
     def prior(self, size: float, bend: float) -> Array:
-        """Precision of the values at the knots."""
-        straight, bent = self._shapes
+        straight, bent = self._covariances
         covariance = size**2 * (straight + bend**2 * bent + 1e-6 * np.eye(len(self.at)))
+        if self.jumps:
+            covariance = np.pad(covariance, (0, 1))
+            covariance[-1, -1] = size**2
         return np.asarray(np.linalg.inv(covariance))
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A sine and a cosine."""
+
+    period: float  # in units of the variable
+
+    def shapes(self, values: Array) -> Array:
+        phase = 2 * np.pi * values / self.period
+        return np.column_stack([np.sin(phase), np.cos(phase)])
+
+    def prior(self, size: float, bend: float) -> Array:
+        return np.eye(2) / size**2
 
 
 def knots_over(values: Array, count: int = COUNT) -> Knots | None:
     """Knots over the range that some values cover; None: they do not vary."""
-    low, high = np.quantile(values, (EDGE, 1 - EDGE))
+    low, high = (float(q) for q in np.quantile(values, (EDGE, 1 - EDGE)))
     if not np.isfinite([low, high]).all() or high - low <= 1e-9 * max(abs(low), abs(high), 1e-12):
         return None
-    return Knots(np.linspace(low, high, count))
+    jumps = min(-low, high) > 0.05 * (high - low)
+    return Knots(np.linspace(low, high, count), jumps)

@@ -4,13 +4,14 @@ the columns of everything that was fitted, and the responses to a missing term b
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from pneugantry.engine.descent import Weighing
 from pneugantry.engine.fitter import Fit
+from pneugantry.engine.noise import Noise, Whitener
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
@@ -59,9 +60,9 @@ class Base:
         found = self.weighing.innovations(cell, column) * self.roots[cell]
         return np.asarray(np.nan_to_num(found))
 
-    def stats(self, responses: Mapping[Cell, Sequence[Array]], width: int) -> dict[str, Stats]:
-        """By fold, with `width` responses (rows, signals) each after the fit's coordinates; a cell
-        without responses does not answer to the term.
+    def stats(self, responses: Mapping[Cell, Array], width: int) -> dict[str, Stats]:
+        """By fold, with responses (width, rows, signals) after the fit's coordinates; a cell that
+        has none does not answer to the term.
         """
         n = len(self.fit.point.coordinates)
         found: dict[str, Stats] = {}
@@ -79,7 +80,7 @@ class Base:
 
 def base_of(fit: Fit, rules: Rules, parts: int = 4) -> Base:
     """Weights and whitened columns of a fit. parts: stretches into which a single record is cut."""
-    weighing = Weighing(fit.noise, rules)
+    weighing = Weighing(_flat(fit, rules), rules)
     names = [c.name for c in fit.point.coordinates]
     roots, white, columns, folds = {}, {}, {}, {}
     records = sorted({c[1] for c in fit.residuals})
@@ -97,6 +98,19 @@ def base_of(fit: Fit, rules: Rules, parts: int = 4) -> Base:
                 columns[cell][:, i] = np.nan_to_num(column) * roots[cell]
         folds[cell] = tuple(_folds(cell[1], len(w), r.shape[1], 1 if len(records) > 1 else parts))
     return Base(fit, weighing, roots, white, columns, folds)
+
+
+def _flat(fit: Fit, rules: Rules) -> Noise:
+    """White noise of each residual's own size. What is missing has coloured the residuals: under
+    their own colour it would look like noise.
+    """
+    return {
+        cell: tuple(
+            Whitener(np.zeros(0), max(float(np.sqrt(np.mean(r[:, c] ** 2))), 0.1 * w.sigma))
+            for c, w in enumerate(fit.noise[cell])
+        )
+        for cell, r in fit.residuals.items()
+    }
 
 
 def _folds(record: str, rows: int, signals: int, parts: int) -> Iterable[tuple[str, slice]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from modelica_fmu.cut import Structure, structure
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.plant import Array, Plant, Record, Signal
+from pneugantry.engine.sensors import PREFIX, sensed, signal_of
 from pneugantry.engine.views import RATE, SubsystemView, View, part_of
 from pneugantry.learn.sources import (
     Addition,
@@ -28,6 +29,8 @@ from pneugantry.learn.sources import (
 
 __all__ = ["Opened", "Point", "opened", "written"]
 
+Values = Mapping[str, float]
+Series = Mapping[str, Array]
 NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")
 
 
@@ -54,17 +57,52 @@ class Point:
         return f"{self.equation.left} = {' '.join(self.equation.right.split())}"
 
 
+@dataclass(eq=False)
+class OpenedView(SubsystemView):
+    """A view whose equations have an addend each."""
+
+    def answers(self, record: Record, values: Values, fed: Sequence[Series]) -> Array:
+        """Residuals (len(fed), rows, signals) of a record under each set of series: addend ->
+        (rows,). What is measured is smoothed once for all of them.
+        """
+        own = {k: v for k, v in values.items() if self.depends_on(k)}
+        first = self.residuals(record, [own])
+        inputs, correction = self._inputs(
+            record,
+            {k: v for k, v in own.items() if k.startswith(PREFIX) and signal_of(k) in self._read},
+        )
+        base = {**self.plant.settings, **self.plant.parameters, **record.parameters, **own}
+        model = {k: v for k, v in base.items() if k in self._parameters}
+        names, table = sorted(model), np.array([[model[n] for n in sorted(model)]])
+        variables = {s.name: s.variable for s in self.plant.signals}
+        outputs = [variables[n] for n in self.signals]
+        assert self._subsystem is not None
+        rows = first.shape[1]
+        result = np.empty((len(fed), *first.shape[1:]))
+        for i, series in enumerate(fed):
+            given = {**inputs, **{n: v for n, v in series.items() if n in inputs}}
+            made = self._subsystem.run(names, table, given, outputs, record.period, correction)
+            for c, signal in enumerate(self.signals):
+                error = record.signals[signal] - sensed(signal, made[0, :, c], record, own)
+                if record.judged is not None and self.corrected:
+                    error = np.where(record.judged, error, 0.0)
+                error = error[: rows * self.decimation].reshape(rows, self.decimation)
+                result[i, :, c] = error.mean(axis=1)
+        return result
+
+
 @dataclass(frozen=True, eq=False)
 class Opened:
     """A plant whose equations have an addend each."""
 
     plant: Plant  # the addends are inputs of it
     points: tuple[Point, ...]
-    views: tuple[SubsystemView, ...]
+    views: tuple[OpenedView, ...]
     shape: Structure
     cache: Path
+    periods: Mapping[str, float]  # s, between the rows of each record
 
-    def readers(self, point: Point) -> list[SubsystemView]:
+    def readers(self, point: Point) -> list[OpenedView]:
         """Views that an addend reaches."""
         return [v for v in self.views if point.variable in v.part.of("input")]
 
@@ -77,13 +115,16 @@ class Opened:
         readers = self.readers(point)
         return path or (readers[0].block if readers else self.plant.name)
 
-    def fed(self, record: Record, series: Mapping[str, Array], name: str) -> Record:
-        """A record under another name with series of addends (variable -> (rows,)); all others
-        are 0.
-        """
+    def period_of(self, cell: tuple[str, str]) -> float:
+        """s between the rows of a view's residual of a record."""
+        view = next(v for v in self.views if v.name == cell[0])
+        return self.periods[cell[1]] * view.decimation
+
+    def quiet(self, record: Record) -> Record:
+        """A record whose addends are 0."""
         zero = np.zeros(record.rows)
-        inputs = {p.variable: zero for p in self.points} | dict(series)
-        return replace(record, name=name, inputs={**record.inputs, **inputs})
+        inputs = {**record.inputs, **{p.variable: zero for p in self.points}}
+        return replace(record, inputs=inputs)
 
     def variables(self, point: Point) -> list[str]:
         """Variables of the component that change with time, each under one name."""
@@ -126,7 +167,7 @@ class Opened:
         own = {
             r: {k: v for k, v in given.items() if view.depends_on(k)} for r, given in values.items()
         }
-        return {r.name: view.simulate(self.fed(r, {}, r.name), [own[r.name]])[0] for r in records}
+        return {r.name: view.simulate(self.quiet(r), [own[r.name]])[0] for r in records}
 
 
 def _known(plant: Plant, shape: Structure) -> dict[str, str]:
@@ -139,7 +180,7 @@ def _known(plant: Plant, shape: Structure) -> dict[str, str]:
     return known
 
 
-def opened(plant: Plant, views: Sequence[View], cache: Path) -> Opened:
+def opened(plant: Plant, views: Sequence[View], records: Sequence[Record], cache: Path) -> Opened:
     """The plant with an addend in each equation of its components that computes a number from
     others: not in those that only name a variable again. Views of another kind are left out.
     """
@@ -151,7 +192,7 @@ def opened(plant: Plant, views: Sequence[View], cache: Path) -> Opened:
     cut_views = tuple(
         _opened_view(v, made, names, cache) for v in views if isinstance(v, SubsystemView)
     )
-    return Opened(made, points, cut_views, shape, cache)
+    return Opened(made, points, cut_views, shape, cache, {r.name: r.period for r in records})
 
 
 def _open(point: Point) -> Addition:
@@ -160,12 +201,13 @@ def _open(point: Point) -> Addition:
 
 def _opened_view(
     view: SubsystemView, plant: Plant, names: Sequence[str], cache: Path
-) -> SubsystemView:
+) -> OpenedView:
     known = [n for n, source in view.sources.items() if source not in plant.inputs]
     outputs = [next(s.variable for s in plant.signals if s.name == n) for n in view.signals]
     part = part_of(plant, outputs, sorted([*known, *names]), cache)
     sources = {n: view.sources.get(n, n) for n in part.of("input")}
-    return replace(view, plant=plant, part=part, sources=sources, _subsystem=None, _kept={})
+    made = replace(view, plant=plant, part=part, sources=sources, _subsystem=None, _kept={})
+    return OpenedView(**{f.name: getattr(made, f.name) for f in fields(made)})
 
 
 def _points(plant: Plant, shape: Structure) -> list[Point]:
@@ -181,6 +223,8 @@ def _points(plant: Plant, shape: Structure) -> list[Point]:
 def _computes(e: EquationText, component: str, shape: Structure) -> bool:
     """Whether an equation computes a real number from more than one other variable's name."""
     if NAME.match(e.right.strip()) or re.fullmatch(r"[-+\d.eE]+", e.right.strip()):
+        return False
+    if e.kind in ("Boolean", "Integer", "String"):
         return False
     prefix = f"{component}." if component else ""
     left = re.sub(r"^der\((.*)\)$", r"\1", e.left.replace(" ", ""))

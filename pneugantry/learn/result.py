@@ -79,7 +79,7 @@ def sentence(learned: Learned) -> str:
 def to_json(learned: Learned, rules: Rules) -> dict[str, Any]:
     """`learned` of gap/1."""
     screen = [
-        {"equation": c.point.text, "component": c.point.component, "regressor": c.regressor}
+        {"equation": c.point.text, "component": c.point.component, "regressor": c.regressor.label}
         | {"gain": float(c.gain)}
         for c in learned.screen.candidates[:SCREENED]
     ]
@@ -116,7 +116,7 @@ def _short(tried: Tried) -> dict[str, Any]:
         "block": term.block,
         "component": term.point.component,
         "equation": term.point.text,
-        "regressor": term.regressor,
+        "regressor": term.regressor.label,
         "form": term.law.name,
         "formula": term.formula(),
         "beside": [k for k in tried.fit.keys if k != term.effect.key],

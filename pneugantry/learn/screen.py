@@ -4,8 +4,9 @@ beside all that was fitted. What a pair foretells of logs that its curve has not
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,16 +14,20 @@ from pneugantry.engine.fitter import Fit
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
-from pneugantry.learn.curve import BENDS, SIZES, Knots, knots_over
+from pneugantry.learn.curve import BENDS, SIZES, Basis, Wave, knots_over
 from pneugantry.learn.linear import Answer, Stats, base_of, solved
 from pneugantry.learn.points import Opened, Point
+from pneugantry.learn.regressors import TIME, Regressor, regressors_of
+from pneugantry.learn.waves import periods_of
 
 __all__ = ["Candidate", "Screen", "screened"]
 
 WAVE = 9.0  # rad/s, of the term that probes an equation
 FIRST = 1e-3  # its size at first
+PROBES = 3
+LINES = np.arange(3.0, 130.0, 0.5)  # periods in the covered range
+PATIENCE = 20.0  # s, for the lines of one variable
 ALIKE = 0.999  # cosine of the answers to one term from which on two equations are one
-TIME = "time"
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +35,9 @@ class Candidate:
     """A curve of a variable in an equation."""
 
     point: Point
-    regressor: str  # variable of the component, or time
-    knots: Knots
-    answer: Answer  # coefficients: values of the curve at the knots, in the addend's unit
+    regressor: Regressor
+    basis: Basis
+    answer: Answer  # coefficients of the curve, in the addend's unit
     gain: float  # of -2 log density of logs left out
     unit: float  # of the addend: the size that changes residuals by one noise level
     size: float  # of the curve's prior, in the addend's unit
@@ -46,121 +51,172 @@ class Screen:
 
     fit: Fit
     candidates: tuple[Candidate, ...]
-    series: Mapping[str, Mapping[str, Array]]  # of the variables, by name and record
+    series: Mapping[Regressor, Mapping[str, Array]]  # by record
+    tried: int = 0  # curves
 
 
-def screened(opened: Opened, fit: Fit, records: Sequence[Record], rules: Rules) -> Screen:
-    """Every equation with every variable of its component, and time. records: those of the fit."""
-    return _Screening(opened, fit, records, rules).run()
+def screened(
+    opened: Opened,
+    fit: Fit,
+    records: Sequence[Record],
+    rules: Rules,
+    views: Collection[str] | None = None,
+) -> Screen:
+    """Every equation with every variable of its component, and time. records: those of the fit.
+    views: only equations that reach one of these; None: all.
+    """
+    return _Screening(opened, fit, records, rules).run(views)
 
 
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Equations whose addends do the same."""
+
+    points: list[Point]
+    cells: tuple[Cell, ...]
+    answer: Array  # to a slow wave, of length 1
+    unit: float
+    seconds: float  # of one answer
+
+
+@dataclass(eq=False)
 class _Screening:
-    def __init__(self, opened: Opened, fit: Fit, records: Sequence[Record], rules: Rules) -> None:
-        self.opened, self.fit = opened, fit
-        self.records = {r.name: r for r in records}
-        self.base = base_of(fit, rules)
-        self.values = {r.name: fit.values(r.name) for r in records}
-        self._zero: dict[Cell, Array] = {}
-        self._runs = 0
+    opened: Opened
+    fit: Fit
+    records: Sequence[Record]
+    rules: Rules
+    _zero: dict[Cell, Array] = field(default_factory=dict)
 
-    def run(self) -> Screen:
-        groups = self._groups()
-        names = sorted({n for points, _ in groups for n in self.opened.variables(points[0])})
-        made = self.opened.series(names, list(self.records.values()), self.values)
-        series = {n: {r: made[r][:, i] for r in made} for i, n in enumerate(names)}
-        series[TIME] = {
-            n: np.asarray(np.arange(r.rows) * r.period) for n, r in self.records.items()
-        }
-        plain = self._cost(self.base.stats({}, 0), np.zeros((0, 0)))
-        found = []
-        for points, unit in groups:
-            for name in (*self.opened.variables(points[0]), TIME):
-                one = self._candidate(points, unit, name, series[name], plain)
-                if one is not None:
-                    found.append(one)
-        return Screen(self.fit, tuple(sorted(found, key=lambda c: -c.gain)), series)
+    def __post_init__(self) -> None:
+        self.base = base_of(self.fit, self.rules)
+        self.values = {r.name: self.fit.values(r.name) for r in self.records}
+        self.quiet = {r.name: self.opened.quiet(r) for r in self.records}
+        self.plain = self._cost(self.base.stats({}, 0), np.zeros((0, 0)))
 
-    def _groups(self) -> list[tuple[tuple[Point, ...], float]]:
-        """Equations that residuals answer to, those that answer alike together, and the size of
-        an addend that shows.
+    def run(self, views: Collection[str] | None) -> Screen:
+        groups = self._groups(views)
+        wanted = {g.points[0]: self.opened.variables(g.points[0]) for g in groups}
+        series = regressors_of(self.opened, wanted, self.records, self.values)
+        found, tried = [], 0
+        for group in groups:
+            for regressor, values in series.items():
+                if not regressor.within(group.points[0]):
+                    continue
+                for basis in self._bases(group, regressor, values):
+                    found.append(self._candidate(group, regressor, basis, values))
+                    tried += 1
+        return Screen(self.fit, tuple(sorted(found, key=lambda c: -c.gain)), series, tried)
+
+    def _bases(
+        self, group: _Group, regressor: Regressor, values: Mapping[str, Array]
+    ) -> list[Basis]:
+        """A curve; and waves of time whose period stands out of the residuals' spectrum."""
+        knots = knots_over(np.concatenate(list(values.values())))
+        if knots is None:
+            return []
+        if regressor.name == TIME:
+            periods = periods_of(self.fit, group.cells, self.opened.period_of)
+        else:
+            periods = self._lines(group, regressor, values)
+        return [knots, *(Wave(p) for p in periods)]
+
+    def _lines(
+        self, group: _Group, regressor: Regressor, values: Mapping[str, Array]
+    ) -> list[float]:
+        """The period of a state along which residuals repeat most, many of which lie in the range;
+        none where trying them would take too long.
         """
-        groups: list[tuple[list[Point], tuple[Cell, ...], Array, float]] = []
+        roots, states = self.opened.shape.roots, self.opened.shape.states
+        if roots.get(regressor.label) not in states or 2 * len(LINES) * group.seconds > PATIENCE:
+            return []
+        low, high = np.quantile(np.concatenate(list(values.values())), (0.005, 0.995))
+        waves = [Wave(float(high - low) / k) for k in LINES]
+        shapes = {r: np.column_stack([w.shapes(v) for w in waves]) for r, v in values.items()}
+        answers = self.responses(group.points[0], shapes, group.unit)
+        power = np.zeros(len(LINES))
+        for k in range(len(LINES)):
+            pair = [
+                np.stack([self.base.whitened(c, a[i]) for i in (2 * k, 2 * k + 1)], axis=1)
+                for c, a in answers.items()
+            ]
+            j = np.concatenate(pair)
+            r = np.concatenate([self.base.white[c] for c in answers])
+            pull = j.T @ r
+            power[k] = pull @ np.linalg.solve(j.T @ j + 1e-12 * np.eye(2), pull)
+        return [waves[int(np.argmax(power))].period]
+
+    def _groups(self, views: Collection[str] | None) -> list[_Group]:
+        """Equations that residuals answer to, those that answer alike together."""
+        groups: list[_Group] = []
         for point in self.opened.points:
+            reached = {v.name for v in self.opened.readers(point)}
+            if views is not None and not reached & set(views):
+                continue
+            began = time.process_time()
             answers, unit = self._probe(point)
+            seconds = (time.process_time() - began) / PROBES
             if unit == 0.0:
                 continue
             cells = tuple(sorted(answers))
             whole = np.concatenate([self.base.whitened(c, answers[c]) for c in cells])
             whole = whole / np.linalg.norm(whole)
-            for members, others, other, _ in groups:
-                if cells == others and abs(float(whole @ other)) > ALIKE:
-                    members.append(point)
+            for group in groups:
+                if cells == group.cells and abs(float(whole @ group.answer)) > ALIKE:
+                    group.points.append(point)
                     break
             else:
-                groups.append(([point], cells, whole, unit))
-        return [(tuple(members), unit) for members, _, _, unit in groups]
+                groups.append(_Group([point], cells, whole, unit, seconds))
+        return groups
 
     def _probe(self, point: Point) -> tuple[dict[Cell, Array], float]:
         """Answers to a slow wave, and the size that changes residuals by one noise level; 0 where
         nothing answers.
         """
-        waves = {n: np.sin(WAVE * np.arange(r.rows) * r.period) for n, r in self.records.items()}
+        waves = {r.name: np.sin(WAVE * np.arange(r.rows) * r.period) for r in self.records}
+        columns = {n: w[:, None] for n, w in waves.items()}
         size, found = FIRST, dict[Cell, Array]()
-        for _ in range(3):
-            found = self.responses(point, waves, size)
+        for _ in range(PROBES):
+            found = {c: r[0] for c, r in self.responses(point, columns, size).items()}
             told = [self.base.whitened(c, r) for c, r in found.items()]
             rms = max((float(np.sqrt(np.mean(t**2))) for t in told), default=0.0)
-            if rms <= 0.0:
+            if not 0.0 < rms < np.inf:
                 return found, 0.0
             size = 1 / rms
         return found, size
 
     def responses(
-        self, point: Point, series: Mapping[str, Array], size: float
+        self, point: Point, shapes: Mapping[str, Array], size: float
     ) -> dict[Cell, Array]:
-        """Change of the residuals per addend of a series (by record); size: of the addend that is
-        simulated.
+        """Changes of the residuals (shapes, rows, signals) per addend of each shape (rows, shapes)
+        by record; size: of the addend that is simulated.
         """
         found = {}
-        self._runs += 1
         for view in self.opened.readers(point):
-            for name, record in self.records.items():
-                cell = (view.name, name)
+            for record in self.records:
+                cell = (view.name, record.name)
                 if cell not in self.base.white:
                     continue
-                own = [self.values[name]]
+                quiet, own = self.quiet[record.name], self.values[record.name]
                 if cell not in self._zero:
-                    quiet = self.opened.fed(record, {}, name)
-                    self._zero[cell] = view.residuals(quiet, own)[0]
-                fed = {point.variable: size * series[name]}
-                moved = self.opened.fed(record, fed, f"{name} {self._runs}")
-                found[cell] = (view.residuals(moved, own)[0] - self._zero[cell]) / size
+                    self._zero[cell] = view.answers(quiet, own, [{}])[0]
+                fed = [{point.variable: size * s} for s in shapes[record.name].T]
+                found[cell] = (view.answers(quiet, own, fed) - self._zero[cell]) / size
         return found
 
     def _candidate(
-        self,
-        points: tuple[Point, ...],
-        unit: float,
-        name: str,
-        series: Mapping[str, Array],
-        plain: float,
-    ) -> Candidate | None:
-        knots = knots_over(np.concatenate(list(series.values())))
-        if knots is None:
-            return None
-        hats = {r: knots.hats(v) for r, v in series.items()}
-        columns: dict[Cell, list[Array]] = {}
-        for k in range(len(knots.at)):
-            one = self.responses(points[0], {r: h[:, k] for r, h in hats.items()}, unit)
-            for cell, response in one.items():
-                columns.setdefault(cell, []).append(response)
-        stats = self.base.stats(columns, len(knots.at))
+        self, group: _Group, regressor: Regressor, basis: Basis, values: Mapping[str, Array]
+    ) -> Candidate:
+        point, unit = group.points[0], group.unit
+        shapes = {r: basis.shapes(v) for r, v in values.items()}
+        width = next(iter(shapes.values())).shape[1]
+        columns = self.responses(point, shapes, unit)
+        stats = self.base.stats(columns, width)
         tried = [(unit * size, bend) for size in SIZES for bend in BENDS]
-        answers = [solved(self.base, stats.values(), knots.prior(*t)) for t in tried]
+        answers = [solved(self.base, stats.values(), basis.prior(*t)) for t in tried]
         best = int(np.argmin([a.cost for a in answers]))
-        gain = plain - self._cost(stats, knots.prior(*tried[best]))
-        size, bend = tried[best]
-        return Candidate(points[0], name, knots, answers[best], gain, unit, size, bend, points[1:])
+        gain = self.plain - self._cost(stats, basis.prior(*tried[best]))
+        rest = tuple(group.points[1:])
+        return Candidate(point, regressor, basis, answers[best], gain, unit, *tried[best], rest)
 
     def _cost(self, stats: Mapping[str, Stats], prior: Array) -> float:
         """-2 log density of each fold as foretold by the others, summed."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from modelica_fmu.modelica.grammar import parse
@@ -28,6 +28,7 @@ class EquationText:
     start: int  # of the right-hand side
     end: int
     section: int  # of the keyword `equation` before it
+    kind: str = ""  # declared type of the left-hand side, where that is one name of the class
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,8 @@ def equations_of(model: Path) -> list[EquationText]:
             if made.place.line <= w.line <= made.end_line
             and not any(c.place.line <= w.line <= c.end_line for c in inner)
         ]
-        found += _of_class(path, own, text)
+        kinds = {e.name: str(e.type) for e in made.elements if isinstance(e, Component)}
+        found += [replace(e, kind=kinds.get(e.left, "")) for e in _of_class(path, own, text)]
     return sorted(found, key=lambda e: e.start)
 
 

@@ -11,7 +11,7 @@ from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Plant
 from pneugantry.learn.forms import FormLaw
 from pneugantry.learn.points import Point, written
-from pneugantry.learn.screen import TIME
+from pneugantry.learn.regressors import TIME, Regressor
 from pneugantry.learn.sources import Addition
 
 __all__ = ["NAME", "Term", "with_term"]
@@ -26,17 +26,16 @@ class Term:
     """One addend: where, of what variable, in which form, from which values on."""
 
     point: Point
-    regressor: str  # of the component, or time
+    regressor: Regressor
     law: FormLaw
     values: tuple[float, ...]  # p1, p2, ...: where its fit starts
-    spreads: tuple[float, ...]  # prior sizes of the values
+    spreads: tuple[float, ...]  # usual sizes of the values; of a width, its relative error
     block: str  # of the answer
 
     @property
     def variable(self) -> str:
         """The regressor within its class."""
-        prefix = f"{self.point.component}." if self.point.component else ""
-        return self.regressor.removeprefix(prefix)
+        return self.regressor.name
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -51,7 +50,7 @@ class Term:
         for k, value in enumerate(self.values, 1):
             shown = f"{value:.{digits}g}"
             text = text.replace(f"p{k}", f"({shown})" if k > 1 and value < 0 else shown)
-        named = "t" if self.regressor == TIME else self.variable
+        named = "t" if self.variable == TIME else self.variable
         return text.replace("3.141592653589793", "pi").replace("z", named)
 
     def addition(self, neutral: bool) -> Addition:
@@ -59,7 +58,7 @@ class Term:
         name, kind = self.point.name, f"Residual_{self.point.equation.number}"
         values = [0.0 if neutral and self._is_size(k) else v for k, v in enumerate(self.values)]
         parameters = "".join(
-            f"    parameter Real p{k}(min = -1e30, max = 1e30) = {v!r};\n"
+            f"    parameter Real p{k}(min = -1e30, max = 1e30) = {float(v)!r};\n"
             for k, v in enumerate(values, 1)
         )
         block = textwrap.indent(
@@ -88,12 +87,12 @@ class Term:
                 made.append(Parameter(name, 0.0, spread, -bound, bound, starts=(value,)))
             elif self.law.shapes[k - 1] == "width":
                 low, high = value / NARROW, value * NARROW
-                made.append(Parameter(name, value, 0.5, low, high, positive=True))
+                made.append(Parameter(name, value, spread, low, high, positive=True))
             else:
                 made.append(
                     Parameter(name, value, spread, value - NARROW * spread, value + NARROW * spread)
                 )
-        summary = f"learnt: {self.law.name} of {self.regressor}"
+        summary = f"learnt: {self.law.name} of {self.regressor.label}"
         form = Form(self.law.name, tuple(made))
         return Effect(NAME, "", self.block, summary, (form,))
 

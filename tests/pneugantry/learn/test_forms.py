@@ -15,12 +15,13 @@ from pneugantry.learn.curve import Knots, knots_over
 from pneugantry.learn.forms import FORMS, FormLaw, distilled, free_curve
 from pneugantry.learn.linear import Answer
 from pneugantry.learn.points import Point, written
+from pneugantry.learn.regressors import Regressor
 from pneugantry.learn.screen import Candidate
 from pneugantry.learn.sources import EquationText, equations_of
 from pneugantry.learn.term import Term
 
 HERE = Point("", EquationText(("M",), 1, "y", "u", 0, 0, 0))
-KNOTS = Knots(np.linspace(-2.0, 3.0, 9))
+KNOTS = Knots(np.linspace(-2.0, 3.0, 11), jumps=True)
 TRUE = {  # where each form is most itself
     "sign": (0.7, 0.6),
     "fading sign": (-2.0, 1.1),
@@ -32,9 +33,16 @@ TRUE = {  # where each form is most itself
 }
 
 
+def curve_of(form: FormLaw, values: tuple[float, ...]) -> np.ndarray:
+    """Coefficients of a form."""
+    edges = np.array([-2 * KNOTS.width, 2 * KNOTS.width])
+    low, high = form.law(edges, values)
+    return KNOTS.seen(form.law(KNOTS.at, values), (float(low), float(high)))
+
+
 def candidate(curve: np.ndarray, sigma: float) -> Candidate:
     answer = Answer(np.zeros(0), curve, sigma**2 * np.eye(len(curve)), 0.0)
-    return Candidate(HERE, "u", KNOTS, answer, 100.0, 1.0, 1.0, 1.0)
+    return Candidate(HERE, Regressor("", "u"), KNOTS, answer, 100.0, 1.0, 1.0, 1.0)
 
 
 def values_of(form: FormLaw) -> tuple[float, ...]:
@@ -43,16 +51,28 @@ def values_of(form: FormLaw) -> tuple[float, ...]:
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda f: f.name)
 def test_a_form_is_recognised_through_noise_and_a_constant(form: FormLaw) -> None:
-    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(KNOTS.at))
-    curve = form.law(KNOTS.at, values_of(form)) + 0.4 + noise
-    best = distilled(candidate(curve, 1e-3))[0]
+    curve = curve_of(form, values_of(form))
+    curve += 0.4 * KNOTS.seen(np.ones(len(KNOTS.at)), (1.0, 1.0))
+    curve += 1e-3 * np.random.default_rng(1).standard_normal(len(curve))
+    best = distilled(KNOTS, curve, 1e-6 * np.eye(len(curve)))[0]
     assert best.law.name == form.name
-    assert best.values[0] == pytest.approx(values_of(form)[0], rel=0.05)
+    z = np.linspace(-2.0, 3.0, 50)
+    left = best.law.law(z, best.values) - form.law(z, values_of(form))
+    assert np.ptp(left) < 0.05 * np.ptp(form.law(z, values_of(form)))  # but for a constant
+
+
+def test_a_curve_s_coefficients_make_it_again() -> None:
+    z = np.linspace(-1.9, 2.9, 400)
+    sign = next(f for f in FORMS if f.name == "fading sign")
+    made = KNOTS.shapes(z) @ curve_of(sign, (-2.0, 1.1))
+    far = np.abs(z) > 0.6  # nearer to 0 than a knot it is straight
+    assert made[far] == pytest.approx(sign.law(z, (-2.0, 1.1))[far], abs=0.06)
+    assert made[np.argmin(np.abs(z - 0.03))] < -1.8 < 1.8 < made[np.argmin(np.abs(z + 0.03))]
 
 
 def test_every_form_and_a_free_curve_are_the_same_in_modelica(tmp_path: Path) -> None:
-    free = free_curve(candidate(np.sin(KNOTS.at), 0.1))
-    laws = [(form, values_of(form)) for form in FORMS] + [(free.law, free.values)]
+    start = free_curve(candidate(np.append(np.sin(KNOTS.at), 0.3), 0.1), KNOTS).start
+    laws = [(form, values_of(form)) for form in FORMS] + [(start.law, start.values)]
     told = simulated(laws, tmp_path)
     for (form, values), column in zip(laws, told.T, strict=True):
         assert column == pytest.approx(form.law(INPUT, values), abs=1e-7), form.name
@@ -70,7 +90,7 @@ def simulated(laws: list[tuple[FormLaw, tuple[float, ...]]], folder: Path) -> np
     path.write_text(f"model M\n  input Real u;\n{declared}equation\n{body}end M;\n", "utf-8")
     additions = {}
     for e, (form, values) in zip(equations_of(path), laws, strict=True):
-        term = Term(Point("", e), "u", form, values, (1.0,) * len(values), "block")
+        term = Term(Point("", e), Regressor("", "u"), form, values, (1.0,) * len(values), "block")
         additions[e] = term.addition(neutral=False)
     plant = Plant("m", path, "M", ("u",), (), {}, (), {})
     part = part_of(replace(plant, model=written(plant, additions, folder)), names, (), folder)
