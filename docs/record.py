@@ -31,6 +31,8 @@ COMMANDS = {  # name: the command, without --json
     "thesis_gap": "pneugantry thesis --gap --draws 2 --no-figures",
     "thesis_board": "pneugantry thesis --board",
     "thesis_variants": "pneugantry thesis --variants --draws 8",
+    "thesis_board_peers": "pneugantry thesis --board --controllers pi_fv robust_fv pi_fv_pressure "
+    "pi_fv_pressure_tuned pi_fv_pressure_nominal",
     "thesis_peers": "python -m pneugantry.thesis.robust_design pi_fv_pressure --nominal --starts 4",
     "thesis_tuning": "pneugantry thesis --tuning --no-figures",
     "benchmark": "pneugantry benchmark --only-paths",

@@ -1,6 +1,7 @@
 """Writes the generated parts of `docs/results/thesis.md` anew from what `python docs/record.py
-thesis thesis_gap thesis_board thesis_peers thesis_variants thesis_tuning` kept: `python
-docs/thesis_page.py`. No figure of those parts is typed. The gap's picture is drawn from the same.
+thesis thesis_gap thesis_board thesis_peers thesis_board_peers thesis_variants thesis_tuning` kept:
+`python docs/thesis_page.py`. No figure of those parts is typed; the gap's picture is drawn from the
+same.
 """
 
 from __future__ import annotations
@@ -102,8 +103,8 @@ def findings() -> str:
     return "\n\n".join(parts)
 
 
-def board() -> str:
-    said, found = read("thesis_board")
+def board(name: str = "thesis_board") -> str:
+    said, found = read(name)
     searched = found["searched_to"]
     rows, worst = [], []
     for row in found["rows"]:
@@ -158,17 +159,18 @@ def peers() -> str:
     ]
     heads = (
         "",
-        "straight, untuned",
-        "curved, untuned",
+        "straight, start",
+        "curved, start",
         "straight, tuned",
         "curved, tuned",
         "candidates",
         "cost by start",
-        "smallest |1 + L|",
+        "smallest distance from -1",
     )
     return (
         f"{said} RMSE f_n [N] on the board's nominal plant and finish, which the search does not "
-        "see; |1 + L| over the plants that a design has to bear, < 0 where a loop is unstable:\n\n"
+        "see; distance of the loops from -1 over the plants that a design has to bear, < 0 where "
+        "one is unstable:\n\n"
         f"{table(heads, rows)}"
     )
 
@@ -352,6 +354,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "findings": findings,
     "board": board,
     "peers": peers,
+    "board_peers": lambda: board("thesis_board_peers"),
     "variants": variants,
     "tuning": tuning,
     "gap": gap,
