@@ -1,4 +1,5 @@
-"""Savitzky-Golay filters (least squares of a polynomial in a moving window).
+"""Noisy signals made smooth: Savitzky-Golay filters (least squares of a polynomial in a moving
+window), and means over windows as wide as the signal allows.
 
 `scipy.signal.savgol_filter` fits the two ends of every signal anew, at ten times the price of the
 rest; a diagnosis filters thousands of short signals.
@@ -12,7 +13,10 @@ import numpy as np
 
 from pneugantry.engine.plant import Array
 
-__all__ = ["savgol"]
+__all__ = ["savgol", "widest"]
+
+WIDTHS = (3, 7, 15, 31, 63)  # rows of a window
+APART = 4.5  # standard deviations by which estimates may differ: by chance once in 150,000 rows
 
 
 def savgol(values: Array, window: int, degree: int, derivative: int = 0) -> Array:
@@ -39,3 +43,33 @@ def _ends(width: int, degree: int, derivative: int) -> Array:
         factor = np.prod(np.arange(k - derivative + 1, k + 1, dtype=float))
         of_rows[:, k] = factor * at.astype(float) ** (k - derivative)
     return np.asarray(of_rows @ np.linalg.pinv(powers))
+
+
+def widest(values: Array, sigma: float, rest: float | None = None) -> Array:
+    """Means (N,) about each row, over the widest window whose mean agrees with those of all
+    narrower ones: standstill is smoothed more than motion. sigma: of the signal's white noise;
+    rest: where the widest window of all does not differ from this value, it is this value.
+    (Intersection of confidence intervals: Goldenshluger and Nemirovski, 1997.)
+    """
+    chosen = np.asarray(values, dtype=float)
+    low, high = chosen - APART * sigma, chosen + APART * sigma
+    agree = np.ones(len(values), dtype=bool)
+    for width in WIDTHS:
+        if width > len(values):
+            break
+        mean = _mean(values, width)
+        reach = APART * sigma / np.sqrt(width)
+        low, high = np.maximum(low, mean - reach), np.minimum(high, mean + reach)
+        agree &= low <= high
+        chosen = np.where(agree, mean, chosen)
+        if rest is not None and width == WIDTHS[-1]:
+            chosen = np.where(agree & (np.abs(mean - rest) < reach), rest, chosen)
+    return chosen
+
+
+def _mean(values: Array, width: int) -> Array:
+    """Moving mean; the ends repeat the mirrored signal, so that a slope goes on."""
+    half = width // 2
+    before, after = 2 * values[0] - values[half:0:-1], 2 * values[-1] - values[-2 : -half - 2 : -1]
+    total = np.cumsum(np.concatenate([[0.0], before, values, after]))
+    return np.asarray((total[width:] - total[:-width]) / width)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from pneugantry.engine.smooth import savgol
+from pneugantry.engine.smooth import savgol, widest
 
 
 @pytest.mark.parametrize(("window", "degree", "derivative"), [(3, 1, 0), (9, 2, 1), (9, 3, 2)])
@@ -17,3 +17,18 @@ def test_as_scipy(window: int, degree: int, derivative: int) -> None:
 def test_short_signal() -> None:
     values = np.array([1.0, 3.0, 5.0, 7.0])
     np.testing.assert_allclose(savgol(values, 9, 1, 1), 2.0)
+
+
+def test_standstill_is_smoothed_most() -> None:
+    """A ramp between two stands, with noise: the stands lose most of it, the corners stay."""
+    rng = np.random.default_rng(2)
+    true = np.interp(np.arange(1000), [0, 450, 500, 1000], [0.0, 0.0, 30.0, 30.0])
+    found = widest(true + rng.standard_normal(1000), 1.0)
+    stand = np.r_[100:400, 600:900]
+    assert np.std(found[stand] - true[stand]) < 0.25
+    assert np.abs(found - true)[430:520].max() < 3.0
+
+
+def test_a_line_stays_a_line() -> None:
+    line = np.linspace(-3, 5, 200)
+    np.testing.assert_allclose(widest(line, 1e-3), line, atol=1e-12)
