@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneugantry.engine.confirm import Gap
 from pneugantry.engine.excess import Channel, Excess
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.plant import Array
@@ -45,6 +46,8 @@ class Chances:
     unknown_at: float = 0.2  # excess (see `unknown_score`) at which unknown is as likely as not
     unknown_per: float = 0.03  # excess that makes it e times likelier
     usual: Mapping[Channel, float] | None = None  # excess ratio of a sound rig's channel
+    replay: float = 0.2  # excess that a replay's gap e times the usual one counts as
+    replayed: float = 1.6  # usual gap of the right answer's replay, in that of noise alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +70,18 @@ class Decision:
     best: Fit  # of the likeliest hypothesis
 
 
-def unknown_score(excess: Excess, usual: Mapping[Channel, float] | None) -> float:
-    """How far the channel that stands out most does so: log of its ratio to the usual one."""
-    return max(
-        (math.log(max(excess.ratio(c), 1e-9) / (usual or {}).get(c, 1.0)) for c in excess.whole),
-        default=0.0,
-    )
+def unknown_score(excess: Excess, chances: Chances, gap: Gap | None = None) -> float:
+    """How far the channel that stands out most does so: log of its ratio to the usual one. Or how
+    far the replay of a record that no fit saw does, under the luckiest of the values that the fit
+    leaves open, where it hangs on no event that was missed.
+    """
+    usual = chances.usual or {}
+    found = [math.log(max(excess.ratio(c), 1e-9) / usual.get(c, 1.0)) for c in excess.whole]
+    if gap is not None and gap.parted is None and not gap.bifurcates:
+        least = min(gap.augmented, gap.spread[0] if gap.spread else gap.augmented)
+        left = least / max(gap.floor, 1e-9) / chances.replayed
+        found.append(chances.replay * math.log(max(left, 1e-9)))
+    return max(found, default=0.0)
 
 
 Weighed = tuple[tuple[str, ...], float]  # effects, cost
