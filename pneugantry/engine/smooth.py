@@ -1,5 +1,5 @@
 """Noisy signals made smooth: Savitzky-Golay filters (least squares of a polynomial in a moving
-window), and means over windows as wide as the signal allows.
+window), and parabolas over windows as wide as the signal allows.
 
 `scipy.signal.savgol_filter` fits the two ends of every signal anew, at ten times the price of the
 rest; a diagnosis filters thousands of short signals.
@@ -15,7 +15,7 @@ from pneugantry.engine.plant import Array
 
 __all__ = ["savgol", "widest"]
 
-WIDTHS = (3, 7, 15, 31, 63)  # rows of a window
+WIDTHS = (5, 9, 17, 33, 65)  # rows of a window
 APART = 4.5  # standard deviations by which estimates may differ: by chance once in 150,000 rows
 
 
@@ -46,30 +46,23 @@ def _ends(width: int, degree: int, derivative: int) -> Array:
 
 
 def widest(values: Array, sigma: float, rest: float | None = None) -> Array:
-    """Means (N,) about each row, over the widest window whose mean agrees with those of all
-    narrower ones: standstill is smoothed more than motion. sigma: of the signal's white noise;
-    rest: where the widest window of all does not differ from this value, it is this value.
-    (Intersection of confidence intervals: Goldenshluger and Nemirovski, 1997.)
+    """Parabolas (N,) through the rows about each, over the widest window whose value agrees with
+    those of all narrower ones: standstill is smoothed more than motion. sigma: of the signal's
+    white noise; rest: where the mean of the widest window of all does not differ from this value,
+    it is this value. (Intersection of confidence intervals: Goldenshluger and Nemirovski, 1997.)
     """
     chosen = np.asarray(values, dtype=float)
     low, high = chosen - APART * sigma, chosen + APART * sigma
     agree = np.ones(len(values), dtype=bool)
     for width in WIDTHS:
         if width > len(values):
-            break
-        mean = _mean(values, width)
-        reach = APART * sigma / np.sqrt(width)
-        low, high = np.maximum(low, mean - reach), np.minimum(high, mean + reach)
+            return chosen
+        tried = savgol(values, width, 2)
+        reach = APART * sigma * float(np.sqrt((_ends(width, 2, 0)[width // 2] ** 2).sum()))
+        low, high = np.maximum(low, tried - reach), np.minimum(high, tried + reach)
         agree &= low <= high
-        chosen = np.where(agree, mean, chosen)
-        if rest is not None and width == WIDTHS[-1]:
-            chosen = np.where(agree & (np.abs(mean - rest) < reach), rest, chosen)
+        chosen = np.where(agree, tried, chosen)
+    if rest is not None:
+        still = np.abs(savgol(values, WIDTHS[-1], 1) - rest) < APART * sigma / WIDTHS[-1] ** 0.5
+        chosen = np.where(agree & still, rest, chosen)
     return chosen
-
-
-def _mean(values: Array, width: int) -> Array:
-    """Moving mean; the ends repeat the mirrored signal, so that a slope goes on."""
-    half = width // 2
-    before, after = 2 * values[0] - values[half:0:-1], 2 * values[-1] - values[-2 : -half - 2 : -1]
-    total = np.cumsum(np.concatenate([[0.0], before, values, after]))
-    return np.asarray((total[width:] - total[:-width]) / width)

@@ -22,13 +22,14 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, sensed, signal_of, slope, true_signal
-from pneugantry.engine.smooth import widest
+from pneugantry.engine.smooth import savgol, widest
 from pyfmi_runner.smoothing import smooth_axis
 
 __all__ = ["SubsystemView", "View", "build_views", "known_variables", "part_of", "view_beside"]
 
 Values = Mapping[str, float]
 LONGEST_STEP = 0.004  # s, of the solver; its tolerance bounds the error, rows read no finer
+SMOOTH = 3  # rows over which an input of a part with states is smoothed
 RATE = "der "  # before a signal's name: its rate, taken from its readings
 
 
@@ -198,6 +199,8 @@ class SubsystemView:
             return smooth_axis(values, rate, sigma[signal], sigma[speed], record.period).position
         if signal in self.corrected.values():
             return values
+        if self.part.of("state"):  # which averages by itself; a bias would add up in it
+            return savgol(values, SMOOTH, 1)
         rest = 0.0 if signal in self.pairs.values() else None  # what does not move stands still
         return widest(values, sigma[signal], rest)
 
