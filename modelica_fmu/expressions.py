@@ -21,7 +21,7 @@ from modelica_fmu.frontend import Source, undecided
 Value = Any  # ca.SX | list["Value"] | dict[str, "Value"]
 Node = Any  # a node of ir.py
 
-UNARY = {
+UNARY: dict[str, Callable[[Any], Any]] = {
     "sqrt": ca.sqrt,
     "sin": ca.sin,
     "cos": ca.cos,
@@ -39,7 +39,7 @@ UNARY = {
     "log10": lambda v: ca.log(v) / ca.log(10),
     "Integer": lambda v: v,
 }
-BINARY = {"atan2": ca.atan2, "min": ca.fmin, "max": ca.fmax}
+BINARY: dict[str, Callable[[Any, Any], Any]] = {"atan2": ca.atan2, "min": ca.fmin, "max": ca.fmax}
 OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
     "+": lambda a, b: a + b,
     "-": lambda a, b: a - b,

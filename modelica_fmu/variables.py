@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 
@@ -171,16 +171,18 @@ def _bound(
     number = constant(value)
     if number is not None:
         return number
+    assert isinstance(translate.scope, PlainScope)
     table = translate.scope.table
-    values = flat_values(value)
+    values: Any = flat_values(value)
     for _ in range(MOST_PARAMETERS):
         symbols = [symbol for item in values for symbol in ca.symvar(item)]
         if not symbols:
             return float(values[0]) if at_start and len(values) == 1 else None
-        known = [table.scalars.get(symbol.name()) for symbol in symbols]
-        if any(k is None or k.kind not in PARAMETERS or k.value is None for k in known):
+        found = [table.scalars.get(symbol.name()) for symbol in symbols]
+        known: Any = [s.value for s in found if s is not None and s.kind in PARAMETERS]
+        if len(known) < len(symbols) or None in known:
             break
-        values = ca.substitute(values, symbols, [k.value for k in known])
+        values = ca.substitute(values, symbols, known)
     raise translate.source.refuse(
         f"a bound of {s.name} depends on a variable", s.variable, hint="give a number"
     )

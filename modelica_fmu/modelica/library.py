@@ -13,6 +13,10 @@ from modelica_fmu.modelica.syntax import ClassDef, Import
 
 MODELICAPATH = "MODELICAPATH"
 TABLES = Path(__file__).with_name("tables.mo")  # classes that replace ones written in C
+REPLACEMENTS = {  # where they stand, and the class that tells of what file
+    (("Modelica", "Blocks"), ""): TABLES,
+    (("Modelica",), "Math"): Path(__file__).with_name("matrices.mo"),
+}
 
 
 class Library:
@@ -142,11 +146,12 @@ class Library:
             if names.count(made.name) > 1:
                 raise twice(made)
             _refuse_double_names(made)
-        if tuple(within) == ("Modelica", "Blocks"):
-            replacements = {c.name: c for c in parse(read_text(TABLES), TABLES)[1]}
-            for made in classes:
-                if made.name in replacements:
-                    _replace(made, replacements[made.name])
+        for (place, name), by in REPLACEMENTS.items():
+            if tuple(within) == place and name in ("", *names):
+                replacements = {c.name: c for c in parse(read_text(by), by)[1]}
+                for made in classes:
+                    if made.name in replacements:
+                        _replace(made, replacements[made.name])
         return within, classes
 
 

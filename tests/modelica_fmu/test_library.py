@@ -32,13 +32,16 @@ def tiny(tmp_path: Path):
 
 @pytest.fixture
 def blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A model that sees the tables of a standard library with nothing else in it."""
+    """A model that sees a standard library with nothing in it but what the compiler replaces."""
     folder = tmp_path / "Modelica" / "Blocks"
     folder.mkdir(parents=True)
     (folder.parent / "package.mo").write_text("package Modelica end Modelica;")
     (folder / "package.mo").write_text("within Modelica; package Blocks end Blocks;")
     (folder / "Types.mo").write_text(TYPES)
     (folder / "Tables.mo").write_text(TABLES)
+    (folder.parent / "Math.mo").write_text(
+        "within Modelica; package Math package Matrices end Matrices; end Math;"
+    )
     monkeypatch.setenv("MODELICAPATH", str(tmp_path))
     return lambda text: library_of(text, tmp_path)
 
@@ -343,3 +346,20 @@ end M;
 def test_a_spline_through_a_table_is_refused(blocks, tmp_path: Path) -> None:
     said = refused(TIME_TABLE % (0, "ContinuousDerivative", "HoldLastPoint", 0, "Always"), tmp_path)
     assert "unsupportedSmoothness" in said
+
+
+def test_linear_equations_of_matrices_that_move(blocks) -> None:
+    """Rows are exchanged while running: the largest pivot is another one at each time."""
+    m = blocks("""model M
+  import Modelica.Math.Matrices.*;
+  Real A[4, 4] = {{cos(i*j*time + i) for j in 1:4} for i in 1:4} - 3*time*identity(4);
+  output Real x[4] = solve(A, {1, 2, 3, time});
+  output Real d = det(A), one = sum(A[2, k]*inverse[k, 2] for k in 1:4);
+  Real inverse[4, 4] = inv(A);
+end M;
+""").start()
+    i = np.arange(1, 5)
+    for t, *x, d, one in m.run(1.0, "x[1]", "x[2]", "x[3]", "x[4]", "d", "one", step=0.17).T:
+        a = np.cos(np.outer(i, i) * t + i[:, None]) - 3 * t * np.eye(4)
+        assert x == pytest.approx(np.linalg.solve(a, [1, 2, 3, t]), rel=1e-8)
+        assert (d, one) == pytest.approx((np.linalg.det(a), 1.0), rel=1e-8)
