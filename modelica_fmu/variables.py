@@ -180,7 +180,7 @@ def _bound(
             return float(values[0]) if at_start and len(values) == 1 else None
         found = [table.scalars.get(symbol.name()) for symbol in symbols]
         known: Any = [s.value for s in found if s is not None and s.kind in PARAMETERS]
-        if len(known) < len(symbols) or None in known:
+        if len(known) < len(symbols) or any(k is None for k in known):
             break
         values = ca.substitute(values, symbols, known)
     raise translate.source.refuse(
