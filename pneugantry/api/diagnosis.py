@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -82,9 +82,10 @@ class Diagnosis:
     def write_html(self, path: PathLike) -> Path:
         """The report as one self-contained page."""
         from pneugantry.plants.gantry.page import extras_of
-        from pneugantry.report.page import write_page
+        from pneugantry.report.page import Extras, write_page
 
-        extras = None if self.campaign is None else extras_of(self.campaign, self.found)
+        extras = Extras() if self.campaign is None else extras_of(self.campaign, self.found)
+        extras = replace(extras, learned=self.json.get("learned"))
         return write_page(self.found, Path(path), extras)
 
     def write_augmented(self, folder: PathLike) -> tuple[Path, Path]:

@@ -26,6 +26,7 @@ from pneugantry.report.headline import (
     shrinkable,
     verdict_word,
 )
+from pneugantry.report.learned import term_svg
 from pneugantry.report.logs import Shot, shots, shown_of
 from pneugantry.report.pictures import (
     CURVES,
@@ -64,6 +65,7 @@ class Extras:
     next_experiment: Mapping[str, Any] | None = None  # what, scenario, separates, separation
     phases: Mapping[str, Sequence[Phase]] = field(default_factory=dict)  # by record
     setups: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # by record: head, words
+    learned: Mapping[str, Any] | None = None  # the missing term, as `learned` of gap/1
     source: str = ""  # what `pneugantry diagnose` was given; empty: not known
 
 
@@ -102,6 +104,10 @@ def _context(found: Found, extras: Extras) -> dict[str, Any]:
         "closed": extras.closed_loop or facts["closed_loop"],
         "next": extras.next_experiment or facts["next_experiment"],
         **_rest(found, facts, unseen),
+        "learned": extras.learned,
+        "curve": term_svg(extras.learned["term"])
+        if extras.learned and extras.learned["term"]
+        else "",
         "logs": _logs(found, extras),
         "heads": list(dict.fromkeys(h for own in extras.setups.values() for h in own)),
         "made": made(found),

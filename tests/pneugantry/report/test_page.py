@@ -320,6 +320,62 @@ def test_a_plant_that_could_not_be_replayed_has_a_page(found: Found, tmp_path: P
     assert 'id="panels"' not in text
 
 
+LEARNED = {
+    "accepted": True,
+    "why": "the gap of other falls",
+    "sentence": "missing term (learnt): 2*v*abs(v) in cart",
+    "screen": [],
+    "gap": {
+        "nominal": 9.0,
+        "without": 4.0,
+        "with": 1.02,
+        "floor": 1.0,
+        "shrink": 1,
+        "log": "other",
+    },
+}
+TERM = {
+    "block": "cart",
+    "component": "",
+    "equation": "m*der(v) = f - c*v <b>",
+    "regressor": "v",
+    "form": "quadratic",
+    "formula": "2*v*abs(v)",
+    "beside": [],
+    "cost": 1.0,
+}
+
+
+def test_a_learnt_term_is_drawn_with_its_band_and_its_rivals(found: Found, tmp_path: Path) -> None:
+    at = [-1.0, 0.0, 1.0]
+    curve = {
+        "at": at,
+        "value": [-2.0, 0.0, 2.0],
+        "low": [-3.0, -1.0, 1.0],
+        "high": [-1.0, 1.0, 3.0],
+    }
+    term = {**TERM, "parameters": {}, "range": [-1.0, 1.0], "curve": curve}
+    rival = {**TERM, "regressor": "s", "formula": "k*s"}
+    own = {**LEARNED, "term": term, "answer_set": [TERM, rival]}
+    text = page(found, tmp_path, Extras(learned=own))
+    said = words(text)
+    assert "Missing term" in said
+    assert "missing term (learnt): 2*v*abs(v) in cart" in said
+    assert "4 without the term, 1.02 with it (floor 1)" in said
+    assert "k*s" in said
+    assert "<b>" not in text.split("Missing term")[1].split("Tolerance")[0]  # escaped
+    band = re.search(r'<polygon points="([^"]*)"', text)
+    assert band
+    assert len(band[1].split()) == 2 * len(at)
+
+
+def test_a_term_that_was_not_found_says_why(found: Found, tmp_path: Path) -> None:
+    none = {**LEARNED, "sentence": "missing term: none found; too few rows", "term": None}
+    said = words(page(found, tmp_path, Extras(learned={**none, "answer_set": []})))
+    assert "missing term: none found; too few rows" in said
+    assert "Missing term" not in words(page(found, tmp_path))
+
+
 def test_the_next_experiment_is_shown(found: Found, tmp_path: Path) -> None:
     experiment = {
         "what": "Slow triangle of u",
