@@ -29,7 +29,7 @@ conclusion holds, and the leaderboard.
   pneugantry thesis --board               every controller on every structure of plant
   pneugantry thesis --runs FILE           finished runs are kept there: a killed study goes on
   pneugantry thesis --variants            on which unprinted value a conclusion hangs
-  pneugantry thesis --tuning              Figs. 3.14-3.17, 3.22-3.24, 4.8, 4.15 and App. E
+  pneugantry thesis --tuning              Figs. 3.14-3.17, 3.19-3.25, 4.8, 4.15 and App. E
   pneugantry thesis --list                every table and figure: ours, or why not
 
 What the thesis does not print was chosen once for all tables: docs/results/thesis.md."""
