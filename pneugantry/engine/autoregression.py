@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 LONGEST = (
     12  # samples; every order leaves out as many rows at a log's start, so that orders compare
 )
+BISECTIONS = 12  # until a bound is met
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +34,13 @@ class Whitener:
         return np.asarray(np.convolve(residual, kernel)[LONGEST : len(residual)] / self.sigma)
 
 
-def whitener_of(residuals: Sequence[Array], least: float = 1e-9) -> Whitener:
+def whitener_of(
+    residuals: Sequence[Array], least: float = 1e-9, slow: float = math.inf
+) -> Whitener:
     """Autoregression of the order 0..LONGEST of least n log s^2 + order log n over all residuals.
-    `least`: bound of sigma from below.
+    `least`: bound of sigma from below. `slow`: bound of the noise at frequency 0, as the sigma of
+    white noise that is as strong there: without it an error that hardly changes would be noise,
+    however large.
 
     The mean is not taken out: a constant error is structure that an effect may explain.
     """
@@ -46,12 +51,32 @@ def whitener_of(residuals: Sequence[Array], least: float = 1e-9) -> Whitener:
     lags[0] = lags[0] * (1 + 1e-9) + 1e-300
     best, cost = Whitener(np.zeros(0), 1.0), math.inf
     for order in range(LONGEST + 1):
-        tried = Whitener(
-            np.asarray(solve_toeplitz(lags[:order], lags[1 : order + 1])) if order else np.zeros(0),
-            1.0,
-        )
+        raw = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.zeros(0)
+        tried = Whitener(_bounded(np.asarray(raw), lags / max(n, 1), slow), 1.0)
         square = sum(float(e @ e) for e in map(tried, residuals)) / n
         price = n * math.log(max(square, least**2)) + order * math.log(n)
         if price < cost - 1e-9:
             best, cost = Whitener(tried.coefficients, max(math.sqrt(square), least)), price
     return best
+
+
+def _bounded(coefficients: Array, lags: Array, slow: float) -> Array:
+    """Coefficients with their roots drawn inwards as far as the noise at frequency 0 needs to be
+    `slow`. lags: autocovariance.
+    """
+    order = len(coefficients)
+    among = np.abs(np.subtract.outer(np.arange(order + 1), np.arange(order + 1)))
+
+    def held(share: float) -> tuple[Array, bool]:
+        drawn = coefficients * share ** np.arange(1, order + 1)
+        kernel = np.concatenate([[1.0], -drawn])
+        sigma = math.sqrt(max(float(kernel @ lags[among] @ kernel), 0.0))
+        return drawn, sigma <= slow * float(kernel.sum())
+
+    if order == 0 or math.isinf(slow) or held(1.0)[1]:
+        return coefficients
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        share = 0.5 * (low + high)
+        low, high = (share, high) if held(share)[1] else (low, share)
+    return held(low)[0]

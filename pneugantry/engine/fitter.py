@@ -348,7 +348,9 @@ class Fitter:
         return {
             cell: tuple(
                 noise.coloured(
-                    [r[:, c]] if np.isfinite(r).all() else [], self.rules.quietest * sigma
+                    [r[:, c]] if np.isfinite(r).all() else [],
+                    self.rules.quietest * sigma,
+                    self.rules.slowest * sigma,
                 )
                 for c, sigma in enumerate(self.simulation.views[cell[0]].sigmas)
             )

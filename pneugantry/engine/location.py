@@ -118,7 +118,9 @@ def floor_below(fitter: Fitter, fit: Fit, levels: Mapping[str, float] | None = N
     for name, view in fitter.simulation.views.items():
         own = {cell: r for cell, r in drawn.items() if cell[0] == name}
         whiteners[name] = tuple(
-            noise.coloured([r[:, c] for r in own.values()], rules.quietest * sigma)
+            noise.coloured(
+                [r[:, c] for r in own.values()], rules.quietest * sigma, rules.slowest * sigma
+            )
             for c, sigma in enumerate(view.sigmas)
         )
         terms = {cell: _terms(r, whiteners[name], rules.tails) for cell, r in own.items()}

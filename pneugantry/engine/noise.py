@@ -63,9 +63,11 @@ def flat(residuals: Sequence[Array], sigma: float) -> Whitener:
     return Whitener(np.zeros(0), max(spread(residuals), sigma) if residuals else sigma)
 
 
-def coloured(residuals: Sequence[Array], least: float) -> Whitener:
-    """Autoregression of the bulk of the residuals; `least`: bound of its innovations' size."""
+def coloured(residuals: Sequence[Array], least: float, slow: float) -> Whitener:
+    """Autoregression of the bulk of the residuals; `least`: bound of its innovations' size; `slow`:
+    of the noise at frequency 0 (see `whitener_of`).
+    """
     if not residuals:
         return Whitener(np.zeros(0), least)
     bound = CLIPPED * max(spread(residuals), least)
-    return whitener_of([np.clip(r, -bound, bound) for r in residuals], least)
+    return whitener_of([np.clip(r, -bound, bound) for r in residuals], least, slow)

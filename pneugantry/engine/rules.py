@@ -21,6 +21,7 @@ class Rules:
     observer: float = 0.016  # s, time constant of the observer in parts that switch
     tails: float = 4.0  # degrees of freedom of the noise's distribution (field: robust regression)
     quietest: float = 0.6  # smallest noise, in units of the quoted one, that a sensor may have
+    slowest: float = 20.0  # noise at frequency 0, in units of the quoted one (decision 0107)
     effect_prior: float = 2.0  # spread of an effect's size, in usual sizes
     tolerance: float = 1.5  # a rig's deviations at first, in units of what its description gives
     tolerance_weight: float = 8.0  # parameters that the description's own spread is worth

@@ -29,3 +29,18 @@ def test_white_noise_pays_for_no_order() -> None:
 def test_a_constant_error_is_left_in_where_noise_is_white() -> None:
     whiten = whitener_of([n + 0.5 for n in NOISE])
     assert np.mean(whiten(NOISE[0] + 0.5) - whiten(NOISE[0])) > 0.1
+
+
+def test_an_error_that_hardly_changes_is_no_noise() -> None:
+    """An offset of 200 sigma: a free colour takes all of it, a bounded one leaves it in sight."""
+    offset = [n + 200.0 for n in NOISE]
+    free, bounded = whitener_of(offset, 1.0), whitener_of(offset, 1.0, slow=20.0)
+    assert np.abs(free(offset[0])).mean() < 2.0
+    assert np.abs(bounded(offset[0]) * bounded.sigma).mean() > 100.0
+
+
+def test_a_bound_that_is_kept_changes_nothing() -> None:
+    np.testing.assert_array_equal(
+        whitener_of(list(NOISE), 0.1, slow=20.0).coefficients,
+        whitener_of(list(NOISE), 0.1).coefficients,
+    )
