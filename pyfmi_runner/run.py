@@ -79,7 +79,7 @@ def make_scenario_controller(
             str(error),
             file=file,
             field="controller",
-            hint="choose a known controller and gain table",
+            hint="`pneugantry list controllers` and `pneugantry list gains` name them",
         ) from None
 
 

@@ -109,6 +109,7 @@ def test_single_gains_go_over_a_table_s(capsys: Capture) -> None:
     err = capsys.readouterr().err
     assert "gains must name a table" in err
     assert "unknown gain 'Kp_q'" in err
+    assert "pneugantry list gains" in err  # where the names stand
     for table in TABLES.values():
         name = next(n for n, t in TABLES.items() if t is table)
         assert gains_named(named_gains(name)) == table
