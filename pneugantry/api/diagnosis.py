@@ -105,6 +105,17 @@ class Diagnosis:
         remarks = [f"{c.key}: probability {c.probability:.2f}" for c in self.found.diagnosis.causes]
         return write_augmented(Path(folder), self.fmu, self.found.values, remarks)
 
+    def write_catalogue(self, folder: PathLike) -> tuple[Path, Path]:
+        """A catalogue with the learnt term as an effect, and the Modelica file that has it as a
+        parameter; returns both paths. Raises InputError where no term was accepted.
+        """
+        from pneugantry.learn.export import write_catalogue
+
+        if self.learned is None:
+            hint = "the verdict was not unknown, or the plant has no Modelica source of its own"
+            raise InputError("no missing term was looked for", field="--catalogue-out", hint=hint)
+        return write_catalogue(Path(folder), self.learned)
+
     def _repr_html_(self) -> str:
         shares = html_table(
             ("block", "share", "regime"),

@@ -76,6 +76,13 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="the rig's own controller, for the closed-loop check; the file is run",
     )
     command.add_argument(
+        "--catalogue-out",
+        metavar="FOLDER",
+        type=out_folder,
+        help="write the learnt term as an effect beside those of the catalogue, and the model that "
+        "has it as a parameter, for the next rig (a plant of your own)",
+    )
+    command.add_argument(
         "--no-learn",
         action="store_true",
         help="do not look for the term that the catalogue lacks (a plant of your own, verdict "
@@ -121,6 +128,9 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     if options.augmented is not None:
         model, fmu = found.write_augmented(options.augmented)
         print(f"augmented plant: {model}, {fmu}")
+    if options.catalogue_out is not None:
+        effects, base = found.write_catalogue(options.catalogue_out)
+        print(f"catalogue with the learnt term: {effects}, for the model {base}")
     if options.html is not None:
         print(f"report: {found.write_html(options.html)}")
     return found.json, 0

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import fmpy
 import numpy as np
 import pandas as pd
 import pytest
@@ -104,8 +105,9 @@ def test_quadratic_drag_is_learnt_named_and_written_back(
     capsys: pytest.CaptureFixture[str],
     keeps_to_schema: Callable[[dict[str, Any]], None],
 ) -> None:
-    out = tmp_path / "out"
-    found = diagnosed(tmp_path, lambda s, v: -1.5 * v * abs(v), "--augmented", str(out))
+    out, known = tmp_path / "out", tmp_path / "known"
+    options = ("--augmented", str(out), "--catalogue-out", str(known))
+    found = diagnosed(tmp_path, lambda s, v: -1.5 * v * abs(v), *options)
     keeps_to_schema(found)
     learned = found["learned"]
     assert learned["accepted"], learned["why"]
@@ -119,7 +121,44 @@ def test_quadratic_drag_is_learnt_named_and_written_back(
     assert value == pytest.approx(-1.5 * at * np.abs(at), abs=0.15)
     assert "missing term (learnt)" in capsys.readouterr().out
     assert "block Residual_1" in (out / "Cart.mo").read_text(encoding="utf-8")
-    assert (out / "AugmentedCart.fmu").is_file()
+    measured = pd.read_csv(tmp_path / "other.csv")
+    left = measured["v"] - foreign(out / "AugmentedCart.fmu", measured["u"].to_numpy())
+    assert np.sqrt(np.mean(left**2)) < 1.3 * 0.003  # the sensor's noise
+
+    (tmp_path / "next").mkdir()
+    path = rig(tmp_path / "next", lambda s, v: -0.8 * v * abs(v))
+    path.write_text(
+        PLANT.replace("Cart.mo", "../known/Cart.mo").replace("effects.", "../known/effects."),
+        encoding="utf-8",
+    )
+    assert main(["diagnose", str(path), "--json", str(tmp_path / "next.json")]) == 0
+    again = json.loads((tmp_path / "next.json").read_text(encoding="utf-8"))
+    assert again["verdict"] == "identified"
+    (cause,) = again["causes"]
+    assert cause["effect"] == "learnt_signed_square_of_v"
+    low, high = cause["parameters"]["missing_1.p1"]["ci95"]
+    assert low < -0.8 < high < -0.6
+
+
+def foreign(fmu: Path, u: np.ndarray) -> np.ndarray:
+    """Speeds at the rows of a log, as fmpy simulates an FMU whose force is held over each row."""
+    times = np.arange(len(u) + 1) * PERIOD
+    table = np.zeros(2 * len(u), dtype=[("time", float), ("u", float)])
+    table["time"] = np.stack([times[:-1], times[1:]], axis=1).ravel()
+    table["u"] = np.repeat(u, 2)
+    made = fmpy.simulate_fmu(
+        str(fmu), stop_time=times[-2], output_interval=PERIOD, input=table, output=["v"]
+    )
+    return np.interp(times[:-1], made["time"], made["v"])
+
+
+def test_there_is_no_catalogue_to_write_without_a_term(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rig(tmp_path, lambda s, v: 0.0)
+    assert main(["diagnose", str(path), "--catalogue-out", str(tmp_path / "known")]) == 2
+    assert "no missing term was looked for" in capsys.readouterr().err
+    assert not (tmp_path / "known").exists()
 
 
 def test_a_sound_rig_is_given_no_term(tmp_path: Path) -> None:

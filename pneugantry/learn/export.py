@@ -1,0 +1,80 @@
+"""A learnt term as a catalogue's effect, so that the next rig is recognised by it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+from modelica_fmu.errors import InputError
+from modelica_fmu.files import write_atomically
+from pneugantry.engine.catalogue import Effect
+from pneugantry.engine.sensors import PREFIX
+from pneugantry.learn.learn import Learned
+from pneugantry.learn.term import Term, with_term
+
+__all__ = ["effect_name", "effects_toml", "write_catalogue"]
+
+
+def write_catalogue(folder: Path, learned: Learned) -> tuple[Path, Path]:
+    """Writes a catalogue, the plant's own effects and the learnt one, and the plant's Modelica file
+    in which that effect is a parameter, neutral at 0; returns both paths. Raises InputError where
+    no term was accepted, and where the folder cannot be written.
+    """
+    if learned.best is None or not learned.accepted:
+        hint = "add what you know of the rig to the catalogue by hand"
+        raise InputError("no missing term was accepted", field="--catalogue-out", hint=hint)
+    term, task = learned.best.term, learned.before.task
+    named = replace(term.effect, name=effect_name(term), summary=f"learnt: {term.formula()}")
+    own = [e for e in task.catalogue.values() if not _of_a_sensor(e)]
+    model = with_term(task.plant, term, task.cache).model
+    paths = folder / "effects.toml", folder / model.name
+    text = effects_toml([*own, named])
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(paths[0], lambda at: at.write_text(text, encoding="utf-8"))
+        write_atomically(paths[1], lambda at: shutil.copy(model, at))
+    except OSError as error:
+        hint = "name a folder that can"
+        raise InputError(f"cannot be written ({error.strerror})", file=folder, hint=hint) from None
+    return paths
+
+
+def effect_name(term: Term) -> str:
+    """As `learnt_signed_square_of_v`."""
+    return re.sub(r"\W+", "_", f"learnt {term.law.name} of {term.regressor.label}")
+
+
+def effects_toml(effects: list[Effect]) -> str:
+    """Effects as `read_catalogue` reads them, each of its axis alone."""
+    lines: list[str] = []
+    for e in effects:
+        lines += ["[[effect]]", f"name = {_text(e.name)}", f"block = {_text(e.block)}"]
+        lines += [f"axes = [{_text(e.axis)}]"] if e.axis else []
+        lines += [f"summary = {_text(e.summary)}"]
+        lines += [f"refines = [{', '.join(map(_text, e.refines))}]"] if e.refines else []
+        for form in e.forms:
+            lines += ["[[effect.form]]", f"name = {_text(form.name)}"]
+            if form.settings:
+                lines += ["[effect.form.settings]"]
+                lines += [f"{_text(n)} = {v!r}" for n, v in form.settings.items()]
+            for p in form.parameters:
+                lines += [f"[effect.form.parameters.{_text(p.name)}]"]
+                given = {"neutral": p.neutral, "scale": p.scale, "low": p.low, "high": p.high}
+                lines += [f"{k} = {float(v)!r}" for k, v in given.items()]
+                lines += [f"unit = {_text(p.unit)}"]
+                lines += ["relative = true"] if p.relative else []
+                lines += ["positive = true"] if p.positive else []
+                lines += [f"starts = {[float(s) for s in p.starts]!r}"] if p.starts else []
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _text(value: str) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _of_a_sensor(effect: Effect) -> bool:
+    return all(p.name.startswith(PREFIX) for f in effect.forms for p in f.parameters)
