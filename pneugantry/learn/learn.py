@@ -8,31 +8,30 @@ diagnosed as before. A term is accepted where the record that no fit saw is repl
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.cuts import sharp_views
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.plant import Array, Plant
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
-from pneugantry.engine.views import View
+from pneugantry.engine.views import SubsystemView, View
 from pneugantry.learn.curve import Knots, Wave
 from pneugantry.learn.forms import Distilled, distilled, free_curve, wave_of
-from pneugantry.learn.points import Opened, opened
+from pneugantry.learn.points import Opened, opened, recut
 from pneugantry.learn.screen import Candidate, Screen, screened
 from pneugantry.learn.term import NAME, Term, with_term
 
 __all__ = ["Learned", "Tried", "learn", "wanted"]
 
 Say = Callable[[str], None]
-ViewsOf = Callable[[Plant], Sequence[View]]
 WORTH = 0.5  # share of the best candidate's gain from which on another one is fitted
 FINALISTS = 3  # pairs of equation and variable that are fitted
+PATIENCE = 30.0  # s of one core for screens, after which only the answer's own fits get one
 BESIDE = 3  # single effects of the catalogue beside which a term is looked for
 OUT = 0.3  # share of the worst view's excess from which on a view's equations are tried
 CLOSE = 8.0  # -2 log evidence by which a form may lie behind the closest one to be fitted
@@ -84,15 +83,8 @@ def wanted(found: Found) -> bool:
     return found.diagnosis.verdict == "unknown" and not isinstance(found.task.plant, ForeignPlant)
 
 
-def learn(
-    found: Found,
-    rules: Rules,
-    say: Say = lambda stage: None,
-    views_of: ViewsOf | None = None,
-) -> Learned:
-    """The term that a diagnosed plant lacks. views_of: makes the views of the plant with a term;
-    None: cut at what is measured well. Raises InputError for a plant without source.
-    """
+def learn(found: Found, rules: Rules, say: Say = lambda stage: None) -> Learned:
+    """The term that a diagnosed plant lacks. Raises InputError for a plant without source."""
     task, began = found.task, time.perf_counter()
     if isinstance(task.plant, ForeignPlant):
         raise InputError(
@@ -100,8 +92,8 @@ def learn(
             field="learn",
             hint="describe the plant by its Modelica source",
         )
-    made = _Learning(found, rules, say, views_of or (lambda plant: _cut(task, plant, rules)))
-    return replace(made.run(), seconds=time.perf_counter() - began)
+    apart = opened(task.plant, task.views, task.data.fitted, task.cache)
+    return replace(_Learning(found, rules, say, apart).run(), seconds=time.perf_counter() - began)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,25 +101,28 @@ class _Learning:
     found: Found
     rules: Rules
     say: Say
-    views_of: ViewsOf
+    apart: Opened
+
+    def reached(self, term: Term) -> list[str]:
+        """Views that a term reaches."""
+        return [v.name for v in self.apart.readers(term.point)]
 
     def run(self) -> Learned:
         """Screens beside nothing and beside the effects found; once more beside those that the
         diagnosis with the term has found.
         """
-        task, found = self.found.task, self.found
-        apart = opened(task.plant, task.views, task.data.fitted, task.cache)
+        found = self.found
         bases = {
             fit.keys: fit
             for fit in (found.search.null, found.decision.best, *_hopeful(found, self.rules))
         }
-        screens, tried = self._tried(apart, list(bases.values()))
+        screens, tried = self._tried(list(bases.values()))
         if not tried:
             return Learned(found, None, None, (), _main(screens), False, NOTHING, 0.0)
         after = self._diagnosed(tried[0])
         beside = tuple(k for k in after.decision.best.keys if k != NAME)
         if beside not in bases and NAME in after.decision.best.keys:
-            more, others = self._tried(apart, [self._beside(after.decision.best)])
+            more, others = self._tried([self._beside(after.decision.best)])
             screens += more
             tried = sorted((*tried, *others), key=lambda t: t.cost)
             if tried[0] in others:
@@ -135,17 +130,21 @@ class _Learning:
         accepted, why = _judged(found, after)
         return Learned(found, after, tried[0], tuple(tried), _main(screens), accepted, why, 0.0)
 
-    def _tried(self, apart: Opened, bases: Sequence[Fit]) -> tuple[list[Screen], list[Tried]]:
+    def _tried(self, bases: Sequence[Fit]) -> tuple[list[Screen], list[Tried]]:
         """What is worth fitting beside some fits, fitted; the likeliest first."""
         self.say("missing term: screening")
         fitted, blamed = self.found.task.data.fitted, _blamed(self.found)
-        screens = [screened(apart, fit, fitted, self.rules, blamed) for fit in bases]
+        screens: list[Screen] = []
+        began = time.process_time()
+        for fit in bases:
+            if time.process_time() - began < PATIENCE or fit.keys in _answers(self.found):
+                screens.append(screened(self.apart, fit, fitted, self.rules, blamed))
         self.say("missing term: fits")
         tried: list[Tried] = []
         for screen in screens:
             most = FINALISTS if screen.fit.keys in _answers(self.found) else 1
             for candidate in _worth_fitting(screen, self.rules)[:most]:
-                tried += self._forms(screen.fit, candidate, apart.block(candidate.point))
+                tried += self._forms(screen.fit, candidate, self.apart.block(candidate.point))
         return screens, sorted(tried, key=lambda t: t.cost)
 
     def _forms(self, base: Fit, candidate: Candidate, block: str) -> list[Tried]:
@@ -181,7 +180,9 @@ class _Learning:
         """A term beside the effects of a fit."""
         task = self.found.task
         plant = with_term(task.plant, term, task.cache)
-        fitter = Fitter(plant, self.views_of(plant), task.data.fitted, self.rules)
+        fitter = Fitter(
+            plant, _recut(task, plant, self.reached(term)), task.data.fitted, self.rules
+        )
         effect = term.effect
         try:
             hypothesis = base.hypothesis.plus(effect, effect.forms[0])
@@ -198,7 +199,8 @@ class _Learning:
         task, effect = self.found.task, best.term.effect
         plant = with_term(task.plant, best.term, task.cache)
         catalogue = {**task.catalogue, effect.key: effect}
-        own = replace(task, plant=plant, views=self.views_of(plant), catalogue=catalogue)
+        views = _recut(task, plant, self.reached(best.term))
+        own = replace(task, plant=plant, views=views, catalogue=catalogue)
         return run(own, self.rules, self.say)
 
 
@@ -252,10 +254,17 @@ def _spreads(d: Distilled, candidate: Candidate) -> tuple[float, ...]:
     return tuple(sizes[k] or max(abs(v), 1e-12) for k, v in zip(kinds, d.values, strict=True))
 
 
-def _cut(task: Task, plant: Plant, rules: Rules) -> list[View]:
-    """Views of a plant of one's own."""
-    measured = [s.name for s in plant.signals]
-    return list(sharp_views(plant, measured, task.cache, task.data.fitted, rules))
+def _recut(task: Task, plant: Plant, reached: Collection[str]) -> list[View]:
+    """Views of the plant with a term: those that it does not reach keep their parts."""
+    found: list[View] = []
+    for view in task.views:
+        if not isinstance(view, SubsystemView):
+            found.append(view)
+        elif view.name in reached:
+            found.append(recut(view, plant, task.cache))
+        else:
+            found.append(replace(view, plant=plant, _kept={}))
+    return found
 
 
 def _judged(before: Found, after: Found) -> tuple[bool, str]:

@@ -27,7 +27,7 @@ from pneugantry.learn.sources import (
     with_additions,
 )
 
-__all__ = ["Opened", "Point", "opened", "written"]
+__all__ = ["Opened", "Point", "opened", "recut", "written"]
 
 Values = Mapping[str, float]
 Series = Mapping[str, Array]
@@ -199,14 +199,21 @@ def _open(point: Point) -> Addition:
     return Addition(f"  Real {point.name};", point.name, f"    {point.name} = 0;")
 
 
+def recut(
+    view: SubsystemView, plant: Plant, cache: Path, further: Sequence[str] = ()
+) -> SubsystemView:
+    """A view cut from another plant's model at the same variables, and at further ones."""
+    known = [n for n, source in view.sources.items() if source not in plant.inputs]
+    outputs = [next(s.variable for s in plant.signals if s.name == n) for n in view.signals]
+    part = part_of(plant, outputs, sorted([*known, *further]), cache)
+    sources = {n: view.sources.get(n, n) for n in part.of("input")}
+    return replace(view, plant=plant, part=part, sources=sources, _subsystem=None, _kept={})
+
+
 def _opened_view(
     view: SubsystemView, plant: Plant, names: Sequence[str], cache: Path
 ) -> OpenedView:
-    known = [n for n, source in view.sources.items() if source not in plant.inputs]
-    outputs = [next(s.variable for s in plant.signals if s.name == n) for n in view.signals]
-    part = part_of(plant, outputs, sorted([*known, *names]), cache)
-    sources = {n: view.sources.get(n, n) for n in part.of("input")}
-    made = replace(view, plant=plant, part=part, sources=sources, _subsystem=None, _kept={})
+    made = recut(view, plant, cache, names)
     return OpenedView(**{f.name: getattr(made, f.name) for f in fields(made)})
 
 

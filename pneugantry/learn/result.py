@@ -16,6 +16,7 @@ __all__ = ["band", "covered", "rivals", "sentence", "to_json"]
 
 NORMAL = 1.96  # standard deviations of a 95 % interval
 POINTS = 41  # of a curve
+KNOTS = 11  # at which the free curve is told
 SCREENED = 8  # pairs of equation and variable that are told
 STEP = 1e-4  # of a difference quotient, in standard deviations
 
@@ -138,7 +139,30 @@ def _term(learned: Learned, tried: Tried) -> dict[str, Any]:
             "low": (value - NORMAL * sigma).tolist(),
             "high": (value + NORMAL * sigma).tolist(),
         },
+        "points": _free(learned, tried, (low, high)),
     }
+
+
+def _free(learned: Learned, tried: Tried, ends: tuple[float, float]) -> dict[str, Any] | None:
+    """The free curve that was fitted in the same place, of the same variable and beside the same
+    effects; None: there is none. A constant between both curves says nothing and is taken out.
+    """
+    term = tried.term
+    same = [
+        t
+        for t in learned.tried
+        if t.term.law.tables
+        and (t.term.point, t.term.regressor) == (term.point, term.regressor)
+        and t.fit.keys == tried.fit.keys
+    ]
+    if not same or term.law.tables:
+        return None
+    at = np.linspace(*ends, KNOTS)
+    value, sigma = band(same[0], at)
+    value = value - np.median(value - band(tried, at)[0])
+    low, high = value - NORMAL * sigma, value + NORMAL * sigma
+    made = {"at": at, "value": value, "low": low, "high": high}
+    return {k: v.tolist() for k, v in made.items()}
 
 
 def _sizes(tried: Tried) -> dict[str, Mapping[str, Any]]:

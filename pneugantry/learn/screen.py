@@ -151,13 +151,15 @@ class _Screening:
         for point in self.opened.points:
             reached = {v.name for v in self.opened.readers(point)}
             if views is not None and not reached & set(views):
-                continue
+                continue  # no need to simulate
             began = time.process_time()
             answers, unit = self._probe(point)
             seconds = (time.process_time() - began) / PROBES
             if unit == 0.0:
                 continue
-            cells = tuple(sorted(answers))
+            cells = tuple(c for c in sorted(answers) if np.any(answers[c]))
+            if views is not None and not {c[0] for c in cells} & set(views):
+                continue
             whole = np.concatenate([self.base.whitened(c, answers[c]) for c in cells])
             whole = whole / np.linalg.norm(whole)
             for group in groups:

@@ -106,7 +106,8 @@ def test_quadratic_drag_is_learnt_named_and_written_back(
     keeps_to_schema: Callable[[dict[str, Any]], None],
 ) -> None:
     out, known = tmp_path / "out", tmp_path / "known"
-    options = ("--augmented", str(out), "--catalogue-out", str(known))
+    page = tmp_path / "page.html"
+    options = ("--augmented", str(out), "--catalogue-out", str(known), "--html", str(page))
     found = diagnosed(tmp_path, lambda s, v: -1.5 * v * abs(v), *options)
     keeps_to_schema(found)
     learned = found["learned"]
@@ -120,6 +121,8 @@ def test_quadratic_drag_is_learnt_named_and_written_back(
     at, value = (np.array(term["curve"][k]) for k in ("at", "value"))
     assert value == pytest.approx(-1.5 * at * np.abs(at), abs=0.15)
     assert "missing term (learnt)" in capsys.readouterr().out
+    assert term["formula"] in page.read_text(encoding="utf-8")
+    assert len(term["points"]["at"]) == len(term["points"]["value"]) > 5
     assert "block Residual_1" in (out / "Cart.mo").read_text(encoding="utf-8")
     measured = pd.read_csv(tmp_path / "other.csv")
     left = measured["v"] - foreign(out / "AugmentedCart.fmu", measured["u"].to_numpy())
