@@ -100,7 +100,10 @@ def drawn(source: Source, seed: int) -> Drawn:
     values = {k: v for c in causes for k, v in c.values.items()}
     odd = next((c.odd for c in causes if c.odd is not None), None)
     sigma = {s.name: s.sigma * float(np.exp(NOISE * rng.normal())) for s in source.plant.signals}
-    records = [_measured(source, rig, r, values, odd, sigma, rng) for r in _records(source.data)]
+    records = [
+        _measured(source, r, {**rig[r.name], **values}, odd, sigma, rng)
+        for r in _records(source.data)
+    ]
     held = records.pop() if source.data.held_out is not None else None
     said = str(odd) if odd else ""
     return Drawn(Data(tuple(records), held), kind, tuple(e.key for e in effects), said)
@@ -240,15 +243,14 @@ def _run(
 
 def _measured(
     source: Source,
-    rig: Rig,
     record: Record,
     values: Mapping[str, float],
     odd: _Odd | None,
     sigma: Mapping[str, float],
     rng: np.random.Generator,
 ) -> Record:
-    """The record as the rig's sensors say it."""
-    found = _run(source, record, {**rig[record.name], **values}, odd)
+    """The record as the sensors of a rig with these values say it."""
+    found = _run(source, record, values, odd)
     if found is None:
         raise RunError(f"{record.name}: the model stops under the values that were drawn")
     noise = rng.standard_normal(found.simulated.shape) * [sigma[n] for n in found.signals]
