@@ -34,7 +34,7 @@ __all__ = [
 PARTS = 5  # of the rigs, each left out in turn
 BINS = 5  # of probability, of a table of reliability
 LEAST = 0.01  # probability that a truth has at least: one rig must not decide
-FITTED = ("temper", "entry", "unknown_at", "unknown_per")
+FITTED = ("temper", "entry", "unknown_at", "unknown_per", "unknown_beside")
 # Their logarithms have a spread of 1 about the present ones: a few cases move them little.
 
 
@@ -95,8 +95,14 @@ def _of(case: Known, chances: Chances) -> float:
         for p, (keys, _) in zip(among, case.weighed, strict=True)
         if frozenset(keys) - {UNKNOWN} == case.effects
     )
-    odd = unknown_probability(case.stands_out, chances)
+    odd = _odd(case, among, chances)
     return math.log(max(right, LEAST)) + math.log(max(odd if case.unknown else 1 - odd, LEAST))
+
+
+def _odd(case: Known, among: Array, chances: Chances) -> float:
+    """Probability of something that the catalogue lacks."""
+    likeliest = case.weighed[int(np.argmax(among))][0]
+    return unknown_probability(case.stands_out, chances, bool(likeliest))
 
 
 def fitted(cases: Sequence[Known], start: Chances) -> Chances:
@@ -104,8 +110,15 @@ def fitted(cases: Sequence[Known], start: Chances) -> Chances:
     logs = np.log([getattr(start, n) for n in FITTED])
 
     def chances(step: Array) -> Chances:
-        temper, entry, at, per = (float(v) for v in np.exp(logs + step))
-        return replace(start, temper=temper, entry=entry, unknown_at=at, unknown_per=per)
+        temper, entry, at, per, beside = (float(v) for v in np.exp(logs + step))
+        return replace(
+            start,
+            temper=temper,
+            entry=entry,
+            unknown_at=at,
+            unknown_per=per,
+            unknown_beside=beside,
+        )
 
     def cost(step: Array) -> float:
         return float(step @ step) / 2 - len(cases) * log_score(cases, chances(step))
@@ -146,7 +159,7 @@ def reliability(cases: Sequence[Known], weights: Sequence[Chances]) -> tuple[Bin
     claims: dict[str, list[tuple[float, bool]]] = {"effect": [], "none": [], "unknown": []}
     for case, chances in zip(cases, weights, strict=True):
         among = shares(case.weighed, chances)
-        odd = unknown_probability(case.stands_out, chances)
+        odd = _odd(case, among, chances)
         claims["unknown"].append((odd, case.unknown))
         nothing = sum(
             float(p) for p, (keys, _) in zip(among, case.weighed, strict=True) if not keys

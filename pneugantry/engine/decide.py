@@ -45,6 +45,7 @@ class Chances:
     entry: float = 40.0  # -2 log evidence that an effect must bring to be as likely as none
     unknown_at: float = 0.2  # excess (see `unknown_score`) at which unknown is as likely as not
     unknown_per: float = 0.03  # excess that makes it e times likelier
+    unknown_beside: float = 0.6  # as `unknown_at`, beside an effect, whose form may be another
     usual: Mapping[Channel, float] | None = None  # excess ratio of a sound rig's channel
     replay: float = 0.2  # excess that a replay's gap e times the usual one counts as
     replayed: float = 1.6  # usual gap of the right answer's replay, in that of noise alone
@@ -94,9 +95,12 @@ def shares(weighed: Sequence[Weighed], chances: Chances) -> Array:
     return np.asarray(weights / weights.sum())
 
 
-def unknown_probability(score: float, chances: Chances) -> float:
-    """Of something that the catalogue lacks, from `unknown_score`."""
-    odds = (chances.unknown_at - score) / chances.unknown_per
+def unknown_probability(score: float, chances: Chances, beside: bool) -> float:
+    """Of something that the catalogue lacks, from `unknown_score`; beside: besides an effect that
+    it has, of which a part may be left.
+    """
+    share = chances.unknown_beside / chances.unknown_at if beside else 1.0
+    odds = (chances.unknown_at * share - score) / (chances.unknown_per * share)
     return 1 / (1 + math.exp(min(odds, 700.0)))
 
 
@@ -113,11 +117,11 @@ def decide(
             by_keys[name] = e
     kept = list(by_keys.values())
     weights = shares([(e.fit.keys, e.cost) for e in kept], chances)
-    unknown = unknown_probability(score, chances)
-    if worse:
-        unknown = max(unknown, CLEAR)
     order = np.argsort(-weights)
     best = kept[int(order[0])].fit
+    unknown = unknown_probability(score, chances, bool(best.keys))
+    if worse:
+        unknown = max(unknown, CLEAR)
     answers: list[Answer] = []
     for i in order:
         fit, share = kept[int(i)].fit, float(weights[i])

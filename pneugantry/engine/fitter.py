@@ -127,10 +127,13 @@ class Fitter:
         return [c for c in self.simulation.cells if any(views[c[0]].depends_on(n) for n in names)]
 
     def coordinates(self, hypothesis: Hypothesis, scale: float) -> tuple[Coordinate, ...]:
-        """Nuisances, then effects; an effect's parameter is no nuisance besides."""
+        """Nuisances, then effects; an effect's parameter is no nuisance besides, and one that two
+        effects share is one.
+        """
+        own = {p.name: p for p in reversed(hypothesis.parameters)}
         effects = [
             effect_coordinate(p, self.neutral(p.name), self.rules.effect_prior)
-            for p in hypothesis.parameters
+            for p in own.values()
         ]
         taken = {c.parameter for c in effects}
         rest = [c for c in self.nuisances() if c.parameter not in taken]

@@ -127,7 +127,12 @@ def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list
 
 
 def _added(fitter: Fitter, base: Fit, c: Candidate) -> Fit:
-    return fitter.explore(base.hypothesis.plus(c.effect, c.form), base, c.starts)
+    """From the start that promises most; from the base itself where that leads to a worse fit."""
+    hypothesis = base.hypothesis.plus(c.effect, c.form)
+    fit = fitter.explore(hypothesis, base, c.starts)
+    if c.starts and fit.evidence > base.evidence:
+        return min(fit, fitter.explore(hypothesis, base), key=lambda f: f.evidence)
+    return fit
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
