@@ -40,7 +40,7 @@ BOOTSTRAPS = 400
 NOTHING = 0.05  # mean square beyond the floor's, below which there is no gap to shrink
 PARTED = 10.0  # times the misfit so far by which a stretch and all later ones have parted
 DRAWS = 15  # replays with parameters drawn from what a fit leaves open
-LEAKS = 6  # rounds in which readings that leak into each other settle
+LEAKS = 6  # rounds until readings that leak into each other agree
 
 
 @dataclass(frozen=True, eq=False)

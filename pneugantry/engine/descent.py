@@ -39,10 +39,10 @@ LARGE = 5.0  # standard deviations of what stands out
 FARTHEST = 6.0  # prior spreads to which a point about an end may be moved
 PROBES = (-30.0, -10.0, -3.0, 3.0, 10.0, 30.0)  # standard deviations
 FIRST = 1e-3  # damping after a step that failed
-KEPT = 0.7  # share of a view's promise by which it may be missed and its columns serve again
-TAKEN = 0.1  # share of a step's promise from which on it is taken
+KEPT = 0.7  # share of a view's predicted fall by which it may be missed and its columns serve again
+TAKEN = 0.1  # share of a step's predicted fall from which on it is taken
 SHARED = 0.2  # share of what a step falls short from which on a view is to blame
-PROMISED = 0.5  # of the fall that ends a descent: a step that promises less is not tried
+WORTH = 0.5  # of the fall that ends a descent: a step of which less is predicted is not tried
 
 
 class Weighing:
@@ -140,11 +140,13 @@ class Solution:
     columns: Columns
 
 
-def descend(problem: Problem, start: Solution, of_views: Noise | None, settled: float) -> Solution:
+def descend(
+    problem: Problem, start: Solution, of_views: Noise | None, converged: float
+) -> Solution:
     """Least cost from a start on.
 
     of_views: the noise; None: white, as large as the residuals are at each step (the widest basin).
-    settled: fall of the cost that ends it.
+    converged: fall of the cost that ends it.
     """
     sim, rules, state = problem.simulation, problem.rules, start
     names = set(problem.prior.names)
@@ -153,14 +155,14 @@ def descend(problem: Problem, start: Solution, of_views: Noise | None, settled: 
     old: set[str] = set()  # views whose columns are those of an earlier point
     for _ in range(rules.iterations):
         weighing = Weighing(of_views or flat_noise(sim, state.residuals), rules)
-        step = _step(problem, state, weighing, damping, settled)
+        step = _step(problem, state, weighing, damping, converged)
         if step is None:
             if not old:
                 break
             stale = set(old)
         else:
             state, stale, old = step.solution, set(step.stale), set(views)
-            if step.fall < settled:
+            if step.fall < converged:
                 break
         if stale:
             cells = [c for c in problem.cells if c[0] in stale]
@@ -257,14 +259,14 @@ class _Step:
 
     solution: Solution
     fall: float  # of the cost
-    stale: frozenset[str]  # views that did not do what their columns promised
+    stale: frozenset[str]  # views that did not do what their columns predicted
 
 
 def _step(
-    problem: Problem, state: Solution, weighing: Weighing, damping: Array, settled: float
+    problem: Problem, state: Solution, weighing: Weighing, damping: Array, converged: float
 ) -> _Step | None:
-    """A step that lowers the cost; None where none is promised or found. A view that falls short of
-    its promise gets shorter steps. Renews `damping` in place.
+    """A step that lowers the cost; None where none is predicted or found. A view that falls short
+    of what is predicted gets shorter steps. Renews `damping` in place.
     """
     sim, point, known = problem.simulation, state.point, problem.prior
     costs, theta = weighing.costs(state.residuals), state.point.theta
@@ -279,24 +281,24 @@ def _step(
         step[free] = -np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
         trial = inside(point.moved(theta + step))
         made = trial.theta - theta
-        promised = -float(made @ (2 * gradient + normal @ made))
-        if promised < PROMISED * settled:
+        predicted = -float(made @ (2 * gradient + normal @ made))
+        if predicted < WORTH * converged:
             break
         tried = {**state.residuals, **sim.residuals(trial, problem.cells)}
         after = weighing.costs(tried)
         falls = {v: costs[v] - after[v] for v in costs}
-        promises = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in parts.items()}
+        by_view = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in parts.items()}
         fall = sum(falls.values()) + known.cost(theta) - known.cost(trial.theta)
-        missed = {v: promises[v] - falls[v] for v in costs}
+        missed = {v: by_view[v] - falls[v] for v in costs}
         stale = frozenset(
-            v for v in costs if abs(missed[v]) > max(settled, KEPT * abs(promises[v]))
+            v for v in costs if abs(missed[v]) > max(converged, KEPT * abs(by_view[v]))
         )
         if fall > (best.fall if best else 0.0):
             best = _Step(Solution(trial, tried, state.columns), fall, stale)
-        if fall > TAKEN * promised:
+        if fall > TAKEN * predicted:
             damping[:] = np.maximum(0.1 * damping, LEAST)
             break
-        worst = [v for v in costs if missed[v] > SHARED * (promised - fall)]
+        worst = [v for v in costs if missed[v] > SHARED * (predicted - fall)]
         short = np.diag(sum((parts[v][0] for v in worst or costs), np.zeros_like(normal))) > 0
         damping[short] = np.maximum(30 * damping[short], FIRST)
     return best

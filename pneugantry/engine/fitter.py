@@ -230,11 +230,11 @@ class Fitter:
         whole = prior(fit.point.coordinates)
         residuals = self.simulation.residuals(fit.point, cells)
         solution = Solution(fit.point, residuals, fit.columns)
-        solution = (self._settled if thorough else self._jointly)(solution, whole, cells)
+        solution = (self._polished if thorough else self._jointly)(solution, whole, cells)
         solution = self._renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
-    def _settled(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+    def _polished(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """Jointly, from the best point about it, else with each view apart once more, until neither
         is better.
 
@@ -295,8 +295,8 @@ class Fitter:
     def _descended(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """All views together, under the colour that their residuals have."""
         problem, solution = self._problem(cells, known), start
-        for settled in (ROUGH, self.rules.settled):
-            solution = descend(problem, solution, self.coloured(solution.residuals), settled)
+        for fall in (ROUGH, self.rules.converged):
+            solution = descend(problem, solution, self.coloured(solution.residuals), fall)
         return solution
 
     def _renewed(
@@ -312,7 +312,7 @@ class Fitter:
             )
             at = Solution(solution.point, solution.residuals, {**solution.columns, **columns})
             colour = self.coloured(solution.residuals)
-            solution = descend(self._problem(cells, known), at, colour, self.rules.settled)
+            solution = descend(self._problem(cells, known), at, colour, self.rules.converged)
             before, after = (self._cost(s, known, colour) for s in (at, solution))
             if before - after < self.rules.entry:
                 break

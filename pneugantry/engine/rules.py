@@ -33,9 +33,9 @@ class Rules:
     difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
     fine: float = 0.005  # of these steps near an end (measured: decision 0104)
     stride: float = 0.3  # step of an effect's, in usual sizes
-    settled: float = 2.0  # fall of -2 log posterior below which a fit has converged
-    screened: int = 3  # effects that are fitted at each step, in each of two orders of promise
-    hopeful: float = 0.3  # share of the best promise from which on an effect is fitted
+    converged: float = 2.0  # fall of -2 log posterior below which a fit has converged
+    screened: int = 3  # effects that are fitted at each step, in each of two orders
+    hopeful: float = 0.3  # share of the best predicted gain from which on an effect is fitted
     hopeless: float = (
         500.0  # rise of -2 log likelihood after which a fit stops (measured: decision 0106)
     )

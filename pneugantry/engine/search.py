@@ -1,7 +1,7 @@
 """Which effects the records need: forward selection by evidence, with a backward step.
 
 Every start of every form is screened by a score test: a column of the Jacobian, or the difference
-that the start itself makes, beside the nuisances' columns. What promises most is fitted near the
+that the start itself makes, beside the nuisances' columns. What gains most by it is fitted near the
 base, and the best of that with all views together.
 """
 
@@ -27,7 +27,7 @@ __all__ = ["Candidate", "Search", "Step", "screen", "search"]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A form of an effect from one of its starts, and what a score test promises of it."""
+    """A form of an effect from one of its starts, and what a score test predicts of it."""
 
     effect: Effect
     form: Form
@@ -58,7 +58,7 @@ class Search:
     best: Fit
     steps: tuple[Step, ...]
     tried: tuple[Fit, ...]
-    promised: tuple[Candidate, ...] = field(default=())
+    screened: tuple[Candidate, ...] = field(default=())
 
 
 def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search:
@@ -66,12 +66,12 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     best, steps, tried, thorough = null, [], [null], False
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
     bar = fitter.rules.entry + 2 * math.log(max(len(offered), 1))
-    promised: list[Candidate] = []
+    screened: list[Candidate] = []
     traces: Traces = {}
     for _ in range(fitter.rules.rounds):
         rest = {k: e for k, e in offered.items() if k not in best.keys}
-        promised = screen(fitter, best, rest, traces)
-        fits = _fits(fitter, best, promised, bar)
+        screened = screen(fitter, best, rest, traces)
+        fits = _fits(fitter, best, screened, bar)
         finals = _finals(fitter, best, fits, bar)
         tried += [*fits, *finals]
         top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
@@ -87,12 +87,12 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
         changed = {*fitter.touched(best.hypothesis), *fitter.touched(before.hypothesis)}
         traces = {k: c for k, c in traces.items() if k[2] not in changed}
     null = min((f for f in tried if not f.keys), key=lambda f: f.evidence)
-    return Search(null, best, tuple(steps), tuple(tried), tuple(promised))
+    return Search(null, best, tuple(steps), tuple(tried), tuple(screened))
 
 
-def _fits(fitter: Fitter, base: Fit, promised: Sequence[Candidate], bar: float) -> list[Fit]:
-    """What promises most, with the best in their other forms."""
-    rough = [_added(fitter, base, c) for c in _chosen(fitter, promised, bar)]
+def _fits(fitter: Fitter, base: Fit, screened: Sequence[Candidate], bar: float) -> list[Fit]:
+    """What is predicted to gain most, with the best in their other forms."""
+    rough = [_added(fitter, base, c) for c in _chosen(fitter, screened, bar)]
     return rough + _other_forms(fitter, base, rough)
 
 
@@ -127,7 +127,7 @@ def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list
 
 
 def _added(fitter: Fitter, base: Fit, c: Candidate) -> Fit:
-    """From the start that promises most; from the base itself where that leads to a worse fit."""
+    """From the start of the largest predicted gain; from the base where that ends worse."""
     hypothesis = base.hypothesis.plus(c.effect, c.form)
     fit = fitter.explore(hypothesis, base, c.starts)
     if c.starts and fit.evidence > base.evidence:
@@ -154,13 +154,13 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     return made
 
 
-def _chosen(fitter: Fitter, promised: Sequence[Candidate], bar: float) -> list[Candidate]:
-    """The best start of the most promising effects, in either order of promise: the two may differ
-    in the start.
+def _chosen(fitter: Fitter, screened: Sequence[Candidate], bar: float) -> list[Candidate]:
+    """The best start of the effects of the largest predicted gain, in either order: the two may
+    differ in the start.
     """
     chosen: dict[tuple[str, str, tuple[float, ...]], Candidate] = {}
     for measure in ("gain", "plain"):
-        ranked = sorted(promised, key=lambda c: -getattr(c, measure))
+        ranked = sorted(screened, key=lambda c: -getattr(c, measure))
         least = max(bar, fitter.rules.hopeful * getattr(ranked[0], measure)) if ranked else bar
         best = {c.effect.key: c for c in reversed(ranked) if getattr(c, measure) > least}
         for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[: fitter.rules.screened]:
@@ -295,8 +295,8 @@ def _starts(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
     return [{}, *found] if found[0] and _shared(fitter, base, form) else found
 
 
-SHARES = (1.0, 0.5, 0.25)  # of a promised step that are tried on paper
-CHUNK = 50  # rows of a residual that are drawn together where a promise is weighed
+SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
+CHUNK = 50  # rows of a residual that are drawn together where a gain is predicted
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,7 +335,7 @@ class _Test:
         }
 
     def gain(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
-        """Fall of -2 log posterior that a step along these columns promises, less its doubt."""
+        """Fall of -2 log posterior that a step along these columns is to bring, less its doubt."""
         k = max((len(c) for c in columns.values()), default=0)
         if k == 0 or not all(np.isfinite(c).all() for cs in columns.values() for c in cs):
             return 0.0

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, record
 
-from pneugantry.engine.decide import Chances, Evidence, decide
+from pneugantry.engine.confirm import Gap
+from pneugantry.engine.decide import Chances, Evidence, decide, unknown_score
 from pneugantry.engine.descent import Problem, Solution, Weighing, prior, probed
+from pneugantry.engine.excess import Excess
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Data, Plant
@@ -111,6 +114,40 @@ def test_what_stands_out_is_unknown_beside_what_is_known() -> None:
     assert found.verdict == "unknown"
     assert found.chosen == ("drag",)
     assert found.answers[0].keys == ("drag", "unknown")
+
+
+def test_beside_an_effect_unknown_asks_for_more() -> None:
+    """A rig owes no effect its textbook form: what is left of it is no second one."""
+    chances = Chances()
+    between = (chances.unknown_at + chances.unknown_beside) / 2
+    assert decide([fit_of(0.0)], between, chances).verdict == "unknown"
+    assert decide([fit_of(0.0), fit_of(-500.0, "drag")], between, chances).verdict == "identified"
+
+
+@pytest.mark.parametrize(
+    ("spread", "parted", "stands_out"),
+    [(None, None, True), ((2.0, 9.0), None, False), (None, 3.0, False), ((7.9, 8.5), None, True)],
+)
+def test_what_a_replay_leaves_counts_where_no_missed_event_explains_it(
+    spread: tuple[float, float] | None, parted: float | None, stands_out: bool
+) -> None:
+    quiet = Excess(1.0, {}, {("view", "v"): 1.0}, {})
+    gap = Gap(100.0, 8.0, 1.0, 0.99, (0.98, 0.99), "held", {}, spread, parted)
+    chances = Chances()
+    assert (unknown_score(quiet, chances, gap) > chances.unknown_at) == stands_out
+    assert unknown_score(quiet, chances) == 0.0
+
+
+def test_effects_that_share_a_parameter_fit_it_once(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    drag = CATALOGUE["drag"]
+    twin = replace(drag, name="twin")
+    names = [
+        c.name
+        for c in fitter.coordinates(Hypothesis(((drag, drag.forms[0]), (twin, twin.forms[0]))), 1.0)
+    ]
+    fitter.close()
+    assert len(names) == len(set(names))
 
 
 def test_an_answer_that_replays_worse_is_none() -> None:
