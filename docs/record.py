@@ -40,6 +40,7 @@ COMMANDS = {  # name: the command, without --json
     "compiler_times": "python -m benchmarks.compiler_times",
     "textbook": f"python -m benchmarks.textbook {BOOK} --also {LIBRARY}",
     "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS}",
+    "math_functions": f"python -m benchmarks.math_functions {LIBRARY}",
     "public_models": f"python -m benchmarks.public_models {PUBLIC} --also {LIBRARY} "
     f"--also {PUBLIC}/ORNL-Modelica+TRANSFORM-Library",
     "differential": "python -m benchmarks.differential --count 500",
