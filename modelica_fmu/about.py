@@ -8,28 +8,37 @@ The date is the version's, not the build's, so that equal sources give equal FMU
 
 from __future__ import annotations
 
-import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+
+from modelica_fmu.modelica.grammar import parse
+from modelica_fmu.modelica.syntax import Modifier, Text
 
 __all__ = ["about_file", "about_text"]
 
-VERSION = (
-    r'\bannotation\s*\(\s*version\s*=\s*"([^"\\]*)"\s*,\s*versionDate\s*=\s*"(\d{4}-\d\d-\d\d)"'
-)
-WORDS = r"\b__FMU\s*\(([^()]*)\)"
-WORD = r'\b(author|license|copyright)\s*=\s*"([^"\\]*)"'
+WORDS = ("author", "license", "copyright")
 
 
-def about_text(text: str) -> dict[str, str]:
-    """Attributes of an FMU's description; only those that the text gives."""
+def about_text(text: str, path: Path = Path("model.mo")) -> dict[str, str]:
+    """Attributes of an FMU's description; only those that an outermost class of the text gives."""
     found: dict[str, str] = {}
-    if version := re.search(VERSION, text):
-        found |= {"version": version[1], "generationDateAndTime": f"{version[2]}T00:00:00Z"}
-    if words := re.search(WORDS, text):
-        found |= dict(re.findall(WORD, words[1]))
+    for cls in parse(text, path)[1]:
+        given = dict(_texts(cls.annotation))
+        if {"version", "versionDate"} <= given.keys():
+            date = f"{given['versionDate']}T00:00:00Z"
+            found |= {"version": given["version"], "generationDateAndTime": date}
+        for modifier in cls.annotation:
+            if modifier.name == ("__FMU",):
+                found |= {name: said for name, said in _texts(modifier.inner) if name in WORDS}
     return found
+
+
+def _texts(modifiers: Iterable[Modifier]) -> Iterator[tuple[str, str]]:
+    for modifier in modifiers:
+        if isinstance(modifier.value, Text):
+            yield modifier.name[-1], modifier.value.value
 
 
 def about_file(path: Path) -> dict[str, str]:
     """`about_text` of a file that the compiler has read."""
-    return about_text(path.read_text(encoding="utf-8", errors="replace"))
+    return about_text(path.read_text(encoding="utf-8", errors="replace"), path)

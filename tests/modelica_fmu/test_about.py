@@ -21,6 +21,8 @@ def test_the_annotation_is_read_and_nothing_else() -> None:
         "license": "MIT",
     }
     assert about_text('model M "version = 1" end M;') == {}
+    commented = '// annotation(version = "9", versionDate = "2020-01-01")'
+    assert about_text(f'model M {commented}\n annotation(version = "3"); end M;') == {}
 
 
 def test_the_gantry_s_fmu_says_whose_it_is_and_describes_its_speeds() -> None:
