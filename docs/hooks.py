@@ -87,6 +87,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "textbook": recorded.textbook,
     "public_models": recorded.public_models,
     "differential": recorded.differential,
+    "math_functions": recorded.math_functions,
     "compiler_times": recorded.compiler_times,
     "decisions": decisions,
 }

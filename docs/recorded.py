@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ __all__ = [
     "code_size",
     "compiler_times",
     "differential",
+    "math_functions",
     "motor",
     "public_models",
     "replay",
@@ -252,6 +254,24 @@ def differential() -> str:
     others = [(o["seed"], o["state"], o["said"][:110]) for o in found["others"]]
     table = f"\n\n{_table(('seed', '', 'said'), others)}" if others else ""
     return f"{said} {found['models']} models: {counts}. Pieces drawn: {pieces}.{table}"
+
+
+def math_functions() -> str:
+    """Functions of Modelica.Math beside numpy and scipy."""
+    said, found = _read("math_functions")
+    counts = Counter(o["state"] for o in found)
+    told = ", ".join(f"{n} {state}" for state, n in counts.items())
+    right = ", ".join(o["function"] for o in found if o["state"] == "right")
+    others = [
+        (o["function"], o["state"], o["said"].split(": ", 1)[-1].split(";")[0][:110])
+        for o in found
+        if o["state"] != "right"
+    ]
+    worst = max(o["error"] for o in found if o["state"] == "right")
+    return (
+        f"{said} {len(found)} functions: {told}; largest error of the right ones {worst:.1e}. "
+        f"Right: {right}.\n\n{_table(('function', '', 'said'), others)}"
+    )
 
 
 def compiler_times() -> str:
