@@ -22,5 +22,5 @@ def test_a_rig_differs_from_a_sound_one_by_its_term_alone(tmp_path: Path) -> Non
     assert size < 0.0
     slower = np.abs(speeds["sound"]) - np.abs(speeds["drag"])
     fast = np.abs(speeds["sound"]) > 10.0
-    assert slower[fast].min() > 0.0
+    assert np.mean(slower[fast]) > 0.5
     assert np.abs(slower[:5]).max() < 0.2  # at rest both are alike but for the noise
