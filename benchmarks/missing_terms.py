@@ -113,11 +113,11 @@ def _row(name: str, seed: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path, size = rig(Path(folder), kind, seed)
         found = diagnose(path).json
-    learned = found.get("learned")
-    term = learned and learned["accepted"] and learned["term"]
+    learned: dict[str, Any] = found.get("learned") or {}
+    term: dict[str, Any] | None = learned["term"] if learned.get("accepted") else None
     row: dict[str, Any] = {"kind": name, "seed": seed, "verdict": found["verdict"]}
     if not term:
-        return row | {"term": "" if learned is None else "located only"}
+        return row | {"term": "located only" if learned else ""}
     first = next(iter(term["parameters"].values()))
     named = [t["regressor"] for t in learned["answer_set"]]
     gap = learned["gap"]
