@@ -76,6 +76,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "modules": file_map,
     "printed": printed,
     "bad_input": recorded.bad_input,
+    "blind_nuisance": recorded.blind_nuisance,
     "clean_install": recorded.clean_install,
     "code_size": recorded.code_size,
     "replay": recorded.replay,

@@ -14,6 +14,7 @@ DATA = Path(__file__).parent / "results" / "data"
 
 __all__ = [
     "bad_input",
+    "blind_nuisance",
     "clean_install",
     "code_size",
     "compiler_times",
@@ -120,6 +121,25 @@ def motor() -> str:
         f"{gap['augmented']:.2f}, shrink {gap['shrink']:.3f}. Put in: tau_c 0.15, tau_o 0.06 N m."
     )
     return f"{said} {words}\n\n{_table(('cause', 'probability', 'parameter', 'value'), rows)}"
+
+
+def blind_nuisance() -> str:
+    """Sealed rigs on which everything is a little off."""
+    said, found = _read("blind_nuisance")
+    rows = [
+        (name, _target(found["targets"][name]), "-" if got is None else f"{got:.3g}")
+        for name, got in found["table"].items()
+    ]
+    claims = [(f"{said:.2f}", f"{right:.2f}", n) for said, right, n in found["reliability"]]
+    wrong = "\n".join(f"- {text}" for text in found["confusions"])
+    return (
+        f"{said}\n\n{_table(('measure', 'target', 'got'), rows)}\n\n"
+        f"{_table(('probability', 'share right', 'claims'), claims)}\n\nWrong:\n\n{wrong}"
+    )
+
+
+def _target(told: object) -> str:
+    return f"`{told}`" if told else ""
 
 
 def clean_install() -> str:
