@@ -42,7 +42,7 @@ FIRST = 1e-3  # damping after a step that failed
 KEPT = 0.7  # share of a view's predicted fall by which it may be missed and its columns serve again
 TAKEN = 0.1  # share of a step's predicted fall from which on it is taken
 SHARED = 0.2  # share of what a step falls short from which on a view is to blame
-WORTH = 0.5  # of the fall that ends a descent: a step of which less is predicted is not tried
+WORTH = 0.05  # of the fall that ends a descent: a step of which less is predicted is not tried
 
 
 class Weighing:

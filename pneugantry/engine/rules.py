@@ -31,7 +31,7 @@ class Rules:
     finalists: int = 3  # effects that are fitted to the end at each step of the search
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
     difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
-    fine: float = 0.005  # of these steps near an end (measured: decision 0104)
+    fine: float = 0.005  # share of it near an end, an effect's too (measured: decisions 0104, 0106)
     stride: float = 0.3  # step of an effect's, in usual sizes
     converged: float = 2.0  # fall of -2 log posterior below which a fit has converged
     screened: int = 3  # effects that are fitted at each step, in each of two orders

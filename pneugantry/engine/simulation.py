@@ -134,8 +134,10 @@ class Simulation:
 
     def step(self, c: Coordinate, theta: float, fine: bool) -> float:
         """Step of a difference quotient, away from a bound."""
-        size = self.rules.stride if c.effect else self.rules.difference
-        size *= self.rules.fine if fine else 1.0
+        if fine:
+            size = self.rules.difference * self.rules.fine
+        else:
+            size = self.rules.stride if c.effect else self.rules.difference
         return size if c.value(theta + size) != c.value(theta) else -size
 
     def in_cell(self, c: Coordinate, cell: Cell) -> bool:

@@ -28,7 +28,7 @@ from pyfmi_runner.smoothing import smooth_axis
 __all__ = ["SubsystemView", "View", "build_views", "known_variables", "part_of", "view_beside"]
 
 Values = Mapping[str, float]
-LONGEST_STEP = 0.004  # s, of the solver; its tolerance bounds the error, rows read no finer
+LONGEST_STEP = 0.002  # s, of the solver; its tolerance bounds the error, rows read no finer
 SMOOTH = 3  # rows over which an input of a part with states is smoothed
 RATE = "der "  # before a signal's name: its rate, taken from its readings
 
