@@ -41,10 +41,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    from dataclasses import asdict
-
     from pneugantry.engine.calibration import error
-    from pneugantry.plants.calibrate import calibration_of, write_calibration
+    from pneugantry.plants.calibrate import as_json, calibration_of, write_calibration
     from pneugantry.plants.described import is_plant_description
 
     if not is_plant_description(options.plant):
@@ -65,23 +63,15 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         print(f"{b.what:<9} {b.said:11.2f} {b.right:12.2f} {b.claims:7d}")
     print(f"expected calibration error: {error(found.reliability):.3f}")
     print(f"calibration: {path}")
-    return {
-        "schema": "calibration/1",
-        "rigs": found.rigs,
-        "failed": failed,
-        "chances": {k: v for k, v in asdict(found.chances).items() if k != "usual"},
-        "log_probability": {"before": found.before, "after": found.score},
-        "reliability": [asdict(b) for b in found.reliability],
-        "error": error(found.reliability),
-        "file": str(path),
-    }, 0
+    more = {"failed": failed, "error": error(found.reliability), "file": str(path)}
+    return {**as_json(found), **more}, 0
 
 
 def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]:
     """Diagnosed rigs, those of an earlier call included, and why others were not diagnosed."""
     from pneugantry.jobs.job import Job
     from pneugantry.jobs.run import run_jobs
-    from pneugantry.plants.calibrate import Rigs
+    from pneugantry.plants.calibrate import Rigs, stamp_of
 
     if options.cases < 1:
         raise InputError(
@@ -89,7 +79,8 @@ def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]
         )
     kept = options.plant.with_suffix(".rigs.jsonl")
     seeds = range(options.seed, options.seed + options.cases)
-    done = {r["seed"]: r for r in _kept(kept, options.plant) if r["seed"] in seeds}
+    stamp = stamp_of(options.plant)
+    done = {r["seed"]: r for r in _kept(kept, stamp) if r["seed"] in seeds}
     jobs = [Job(seed, seed) for seed in seeds if seed not in done]
     failed = []
     counter = bar(range(len(jobs)), len(jobs), "calibrate")
@@ -101,12 +92,12 @@ def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]
                 failed.append(f"rig {ended.key}: {ended.failure}")
                 continue
             done[int(ended.key)] = ended.value
-            stream.write(json.dumps(ended.value | {"plant": _stamp(options.plant)}) + "\n")
+            stream.write(json.dumps(ended.value | {"plant": stamp}) + "\n")
             stream.flush()
     return [done[s] for s in sorted(done)], failed
 
 
-def _kept(path: Path, plant: Path) -> list[dict[str, Any]]:
+def _kept(path: Path, stamp: str) -> list[dict[str, Any]]:
     """Rigs of an earlier call for the same description; a line that a stop cut off is left out."""
     found = []
     if path.is_file():
@@ -115,12 +106,6 @@ def _kept(path: Path, plant: Path) -> list[dict[str, Any]]:
                 rig = json.loads(line)
             except ValueError:
                 continue
-            if rig.get("plant") == _stamp(plant):
+            if rig.get("plant") == stamp:
                 found.append(rig)
     return found
-
-
-def _stamp(plant: Path) -> str:
-    from pneugantry.plants.calibrate import stamp_of
-
-    return stamp_of(plant)

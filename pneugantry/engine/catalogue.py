@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
+from pneugantry.engine.sensors import PREFIX
 from pyfmi_runner.scenario import Fields, parse_toml
 
 __all__ = ["Effect", "Form", "Parameter", "read_catalogue"]
@@ -85,6 +86,11 @@ class Effect:
     def key(self) -> str:
         """name/axis, or the name alone."""
         return f"{self.name}/{self.axis}" if self.axis else self.name
+
+    @property
+    def of_a_sensor(self) -> bool:
+        """Whether all of its parameters are a sensor's, in every form."""
+        return all(p.name.startswith(PREFIX) for f in self.forms for p in f.parameters)
 
 
 def read_catalogue(source: Path) -> dict[str, Effect]:

@@ -271,9 +271,10 @@ def _step(
     sim, point, known = problem.simulation, state.point, problem.prior
     costs, theta = weighing.costs(state.residuals), state.point.theta
     parts = {v: weighing.normal(point, *_of(state, v)) for v in costs}
-    normal = known.square + sum(n for n, _ in parts.values())
+    curved = sum((n for n, _ in parts.values()), np.zeros_like(known.square))
+    normal = known.square + curved
     gradient = known.square @ theta - known.pull + sum(g for _, g in parts.values())
-    free = np.diag(normal) > np.diag(known.square)
+    free = np.diag(curved) > 0
     best: _Step | None = None
     for _ in range(TRIES):
         step = np.zeros(len(theta))

@@ -144,7 +144,7 @@ def _effect(
 ) -> tuple[Effect, _Cause]:
     """An effect in one of its forms, of a size that shows: the plant's or a sensor's, at evens."""
     rest = [e for e in source.catalogue.values() if e not in others]
-    sensors = [e for e in rest if _of_a_sensor(e)]
+    sensors = [e for e in rest if e.of_a_sensor]
     own = [e for e in rest if e not in sensors]
     for _ in range(TRIES):
         among = own if own and (rng.random() < 0.5 or not sensors) else sensors
@@ -154,10 +154,6 @@ def _effect(
         if VISIBLE[0] <= _shown(source, rig, cause) <= VISIBLE[1]:
             return effect, cause
     raise RunError("no effect of the catalogue shows in these logs at its usual size")
-
-
-def _of_a_sensor(effect: Effect) -> bool:
-    return all(p.name.startswith(PREFIX) for f in effect.forms for p in f.parameters)
 
 
 def _sizes(source: Source, form: Form, rng: np.random.Generator) -> dict[str, float]:

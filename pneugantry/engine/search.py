@@ -79,7 +79,7 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
             if thorough:
                 break
             top = best  # whose own best optimum may still be elsewhere
-        elif top is not best:
+        else:
             steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
         before, thorough = best, True
         best = _pruned(fitter, fitter.again(top, thorough=True), bar, steps, tried)

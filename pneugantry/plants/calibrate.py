@@ -23,6 +23,7 @@ from pneugantry.engine.run import Task, run
 
 __all__ = [
     "Rigs",
+    "as_json",
     "calibration_of",
     "chances_of",
     "path_of",
@@ -83,17 +84,20 @@ def path_of(plant: Path) -> Path:
     return plant.with_suffix(".calibration.json")
 
 
-def write_calibration(plant: Path, found: Calibration, seed: int) -> Path:
-    """Beside the description; `diagnose` reads it from there."""
-    told = {
+def as_json(found: Calibration) -> dict[str, Any]:
+    """What a calibration says of itself, in its file and as the command's result."""
+    return {
         "schema": "calibration/1",
-        "plant": stamp_of(plant),
-        "seed": seed,
         "rigs": found.rigs,
         "chances": {k: v for k, v in asdict(found.chances).items() if k != "usual"},
         "log_probability": {"before": found.before, "after": found.score},
         "reliability": [asdict(b) for b in found.reliability],
     }
+
+
+def write_calibration(plant: Path, found: Calibration, seed: int) -> Path:
+    """Beside the description; `diagnose` reads it from there."""
+    told = {**as_json(found), "plant": stamp_of(plant), "seed": seed}
     text = json.dumps(told, indent=1) + "\n"
     write_atomically(path_of(plant), lambda at: at.write_text(text, encoding="utf-8"))
     return path_of(plant)

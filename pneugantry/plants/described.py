@@ -11,7 +11,6 @@ from pathlib import Path
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
-from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.describe import Described, described, views_of
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.rules import Rules
@@ -81,7 +80,7 @@ def described_task(
 
 def _check(found: Described, views: list[View], path: Path) -> None:
     """Refuses a catalogue that speaks of another plant."""
-    own = {k: e for k, e in found.catalogue.items() if not _of_a_sensor(e)}
+    own = {k: e for k, e in found.catalogue.items() if not e.of_a_sensor}
     if not own:
         hint = 'write catalogue = "effects" under [plant], or give --catalogue'
         raise InputError("names no catalogue", file=path, field="plant.catalogue", hint=hint)
@@ -106,10 +105,6 @@ def _check(found: Described, views: list[View], path: Path) -> None:
             )
 
 
-def _of_a_sensor(effect: Effect) -> bool:
-    return all(p.name.startswith(PREFIX) for f in effect.forms for p in f.parameters)
-
-
 def _files(found: Described) -> list[Mapping[str, FmuVariable]]:
     """Variables of the plant's model, or of its FMUs under their prefixes."""
     plant = found.plant
@@ -125,7 +120,7 @@ def _unseen(found: Described, views: list[View]) -> tuple[str, ...]:
     said = [f"{s.name} is not judged" for s in found.plant.signals if s.name not in judged]
     for key, effect in found.catalogue.items():
         names = [p.name for form in effect.forms for p in form.parameters]
-        if not any(v.depends_on(n) for v in shown for n in names) and not _of_a_sensor(effect):
+        if not any(v.depends_on(n) for v in shown for n in names) and not effect.of_a_sensor:
             said.append(f"{key} cannot be seen: no fitted log measures what it acts on")
     return tuple(said)
 
