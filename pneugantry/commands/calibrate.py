@@ -52,10 +52,10 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
             hint="give a TOML file with a [plant] table: see docs, Own plant",
         )
     rigs, failed = _rigs(options)
-    found = calibration_of(rigs)
-    path = write_calibration(options.plant, found, options.seed)
     for reason in failed:
         print(f"not diagnosed: {reason}")
+    found = calibration_of(rigs)
+    path = write_calibration(options.plant, found, options.seed)
     print(f"{found.rigs} rigs; mean log probability of the truth, each rig unseen by its weights:")
     print(f"  before {found.before:.3f}, calibrated {found.score:.3f}")
     print("claim     probability  share right  claims")
@@ -85,6 +85,8 @@ def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]
     failed = []
     counter = bar(range(len(jobs)), len(jobs), "calibrate")
     factory = Rigs(options.plant, options.catalogue)
+    if jobs:
+        factory()  # an unusable description is refused here, not by every worker
     with kept.open("a", encoding="utf-8") as stream:
         for ended in run_jobs(factory, jobs, workers=options.workers, scheduler=options.scheduler):
             next(counter, None)

@@ -63,6 +63,14 @@ def test_a_changed_description_needs_another_one(capsys: Capture, plant: Path) -
     assert "other.calibration.json: is no calibration" in capsys.readouterr().err
 
 
+def test_an_unusable_description_is_one_line(capsys: Capture, plant: Path) -> None:
+    wrong = plant.with_name("wrong.toml")
+    wrong.write_text(plant.read_text(encoding="utf-8").replace("J = ", "Jx = "), encoding="utf-8")
+    capsys.readouterr()
+    assert calibrate(wrong, "--cases", "10") == 2
+    assert "wrong.toml: tolerance.Jx: no such variable" in capsys.readouterr().err
+
+
 def test_what_is_no_plant_is_refused(capsys: Capture, plant: Path, tmp_path: Path) -> None:
     capsys.readouterr()
     assert calibrate(tmp_path, "--cases", "10") == 2
