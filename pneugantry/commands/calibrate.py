@@ -17,8 +17,9 @@ under the inputs of its logs, diagnosed, and the weights of the decision fitted 
 
 A rig has tolerance and noise, and nothing else, one or two effects of the catalogue, or a random
 function of a random signal in an input or a sensor. The result, plant.calibration.json beside the
-description, serves `pneugantry diagnose plant.toml` from then on. Rigs that are done are kept in
-plant.rigs.jsonl: the same command with more cases goes on from there."""
+description, serves `pneugantry diagnose plant.toml` from then on, until the description, a file
+that it names or the catalogue changes. Rigs that are done are kept in plant.rigs.jsonl: the same
+command with more cases goes on from there."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -49,13 +50,13 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         raise InputError(
             "is no description of a plant",
             file=options.plant,
-            hint="give a TOML file with a [plant] table: see docs, Own plant",
+            hint="give a TOML file with a [plant] table: see the tutorial My own plant",
         )
     rigs, failed = _rigs(options)
     for reason in failed:
         print(f"not diagnosed: {reason}")
     found = calibration_of(rigs)
-    path = write_calibration(options.plant, found, options.seed)
+    path = write_calibration(options.plant, found, options.seed, options.catalogue)
     print(f"{found.rigs} rigs; mean log probability of the truth, each rig unseen by its weights:")
     print(f"  before {found.before:.3f}, calibrated {found.score:.3f}")
     print("claim     probability  share right  claims")
@@ -79,7 +80,7 @@ def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]
         )
     kept = options.plant.with_suffix(".rigs.jsonl")
     seeds = range(options.seed, options.seed + options.cases)
-    stamp = stamp_of(options.plant)
+    stamp = stamp_of(options.plant, options.catalogue)
     done = {r["seed"]: r for r in _kept(kept, stamp) if r["seed"] in seeds}
     jobs = [Job(seed, seed) for seed in seeds if seed not in done]
     failed = []
@@ -100,7 +101,7 @@ def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]
 
 
 def _kept(path: Path, stamp: str) -> list[dict[str, Any]]:
-    """Rigs of an earlier call for the same description; a line that a stop cut off is left out."""
+    """Rigs of an earlier call for the same description, files and effects; a line that a stop cut off is left out."""
     found = []
     if path.is_file():
         for line in path.read_text(encoding="utf-8").splitlines():

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from pneugantry.engine.draws import Source, drawn
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Task, run
+from pyfmi_runner.scenario import parse_toml
 
 __all__ = [
     "Rigs",
@@ -95,36 +96,64 @@ def as_json(found: Calibration) -> dict[str, Any]:
     }
 
 
-def write_calibration(plant: Path, found: Calibration, seed: int) -> Path:
-    """Beside the description; `diagnose` reads it from there."""
-    told = {**as_json(found), "plant": stamp_of(plant), "seed": seed}
+def write_calibration(
+    plant: Path, found: Calibration, seed: int, catalogue: Path | None = None
+) -> Path:
+    """Beside the description; `diagnose` reads it from there. catalogue: that the rigs were drawn
+    from, where it is not the description's.
+    """
+    told = {**as_json(found), "plant": stamp_of(plant, catalogue), "seed": seed}
     text = json.dumps(told, indent=1) + "\n"
     write_atomically(path_of(plant), lambda at: at.write_text(text, encoding="utf-8"))
     return path_of(plant)
 
 
-def chances_of(plant: Path) -> tuple[Chances, str]:
-    """The weights for a plant, and a note where they are not its own. Raises InputError for a file
-    that is no calibration.
+def chances_of(plant: Path, catalogue: Path | None = None) -> tuple[Chances, str]:
+    """The weights for a plant with its catalogue or another one, and a note where they are not its
+    own. Raises InputError for a file that is no calibration.
     """
     path = path_of(plant)
-    hint = f"probabilities are not calibrated for this plant: pneugantry calibrate {plant}"
+    given = "" if catalogue is None else f" --catalogue {catalogue}"
+    hint = f"probabilities are not calibrated for this plant: pneugantry calibrate {plant}{given}"
     if not path.is_file():
         return Chances(), hint
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
         weights = {k: float(v) for k, v in told["chances"].items()}
-        same = told["plant"] == stamp_of(plant)
+        same = told["plant"] == stamp_of(plant, catalogue)
         chances = replace(Chances(), **{k: weights[k] for k in FITTED})  # type: ignore[arg-type]
     except (ValueError, KeyError, TypeError, AttributeError):
         raise InputError(
-            "is no calibration", file=path, hint=f"make it anew: pneugantry calibrate {plant}"
+            "is no calibration", file=path, hint=f"make it anew: pneugantry calibrate {plant}{given}"
         ) from None
     if not same:
-        return Chances(), f"{plant.name} has changed since {path.name} was made; " + hint
+        what = f"{plant.name}, a file that it names or the catalogue"
+        return Chances(), f"{what} has changed since {path.name} was made; {hint}"
     return chances, ""
 
 
-def stamp_of(plant: Path) -> str:
-    """What tells a description from a changed one."""
-    return hashlib.sha256(plant.read_bytes()).hexdigest()
+def stamp_of(plant: Path, catalogue: Path | None = None) -> str:
+    """Hash of all that rigs are drawn from: the description, the files that it names, the effects.
+    catalogue: folder or file that is read instead of the description's.
+    """
+    table = parse_toml(plant)
+    own = table["plant"].pop("catalogue", None)
+    effects = catalogue if catalogue is not None or own is None else plant.parent / own
+    files = [plant, *_named(table, plant.parent)]
+    if effects is not None:
+        files += sorted(effects.glob("*.toml")) if effects.is_dir() else [effects]
+    digest = hashlib.sha256()
+    for file in files:
+        if file.is_file():
+            digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _named(value: Any, folder: Path) -> Iterator[Path]:
+    """Files that a description's values name: its model or FMUs, its logs."""
+    if isinstance(value, str):
+        if value and (folder / value).is_file():
+            yield folder / value
+    elif isinstance(value, Mapping | list):
+        for part in value.values() if isinstance(value, Mapping) else value:
+            yield from _named(part, folder)

@@ -60,9 +60,10 @@ def described_task(
         hint = "; ".join(notes) or "name what was measured under [outputs]"
         raise InputError("no measured signal can be judged", file=path, field="outputs", hint=hint)
     _check(found, views, path)
+    notes += _judged(found, views, path)
     if found.data.held_out is None:
         notes.append("no log is held out: the gap before and after is that of a fitted log")
-    chances, uncalibrated = chances_of(path)
+    chances, uncalibrated = chances_of(path, catalogue)
     if uncalibrated:
         notes.append(uncalibrated)
     task = Task(
@@ -103,6 +104,32 @@ def _check(found: Described, views: list[View], path: Path) -> None:
                 field=effect.name,
                 hint="correct the name",
             )
+
+
+def _judged(found: Described, views: list[View], path: Path) -> list[str]:
+    """Notes on fitted logs that show nothing. Raises InputError for a log without any measured
+    column, and where nothing is left to fit or to compare with.
+    """
+    names = ", ".join(s.name for s in found.plant.signals)
+    for record in found.records:
+        if not record.signals:
+            raise InputError(
+                f"has no column of a measured signal ({names})",
+                file=path,
+                field=f"log.{record.name}",
+                hint="correct column under [outputs] or the log's file, or take the log out",
+            )
+    dull = [r.name for r in found.records if not any(v.shows(r) for v in views)]
+    held = found.data.held_out
+    unheld = held is not None and held.name in dull
+    if unheld or set(dull) >= {r.name for r in found.data.fitted}:
+        raise InputError(
+            "nothing can be judged: no signal moves, or one that is needed with it is missing",
+            file=path,
+            field=f"log.{held.name}" if held is not None and unheld else "log",
+            hint="record one in which the plant moves, with all of [outputs], or hold out another",
+        )
+    return [f"{name}: nothing in it can be judged, not used" for name in dull]
 
 
 def _files(found: Described) -> list[Mapping[str, FmuVariable]]:

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from pneugantry.cli import main
+from pneugantry.plants.calibrate import chances_of, stamp_of
 
 MOTOR = Path(__file__).parents[2] / "examples" / "motor"
 Capture = pytest.CaptureFixture[str]
@@ -48,6 +49,31 @@ def test_a_motor_s_probabilities(
     assert len(kept.read_text(encoding="utf-8").splitlines()) == 10
     assert main(["diagnose", str(plant), "--no-learn"]) == 0
     assert "calibrated" not in capsys.readouterr().out
+
+
+def test_other_effects_are_another_calibration(capsys: Capture, plant: Path) -> None:
+    """Given, or changed in their folder; neither is taken for the rigs that were kept."""
+    other = plant.with_name("fewer")
+    other.mkdir()
+    shutil.copy(next(iter(sorted(plant.with_name("effects").glob("*.toml")))), other)
+    plain, given = stamp_of(plant), stamp_of(plant, other)
+    assert plain != given
+    assert plain == stamp_of(plant, plant.with_name("effects"))
+    assert chances_of(plant)[1] == ""
+    note = chances_of(plant, other)[1]
+    assert "or the catalogue has changed since plant.calibration.json" in note
+    assert note.endswith(f"pneugantry calibrate {plant} --catalogue {other}")
+    capsys.readouterr()
+    assert calibrate(plant, "--cases", "1", "--catalogue", str(other)) == 2  # one rig is too few
+    rigs = [json.loads(r) for r in plant.with_suffix(".rigs.jsonl").read_text().splitlines()]
+    assert [r["plant"] for r in rigs] == [*10 * [plain], given]
+    for changed in ("data/sines.csv", "Motor.mo", "effects/unbalance.toml"):
+        file = plant.parent / changed
+        text = file.read_text(encoding="utf-8")
+        file.write_text(text + "\n", encoding="utf-8")
+        assert stamp_of(plant) != plain, changed
+        file.write_text(text, encoding="utf-8")
+    assert stamp_of(plant) == plain
 
 
 def test_a_changed_description_needs_another_one(capsys: Capture, plant: Path) -> None:

@@ -5,6 +5,7 @@ for what cannot be.
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -230,6 +231,39 @@ def test_what_cannot_be_is_one_line(
         described_task(wrong, None, cache)
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("log", ["swings", "other"])
+def test_a_log_that_shows_nothing_is_one_line(
+    log: str, plant: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without the measured column, and with one that never moves: fitted, and held out."""
+    folder = tmp_path / "cart"
+    shutil.copytree(plant.parent, folder)
+    table, file = pd.read_csv(folder / f"{log}.csv"), folder / f"{log}.csv"
+    table.drop(columns="speed").to_csv(file, index=False)
+    for command in ("diagnose", "calibrate"):
+        assert main([command, str(folder / "plant.toml")]) == 2
+        said = capsys.readouterr().err
+        assert f"plant.toml: log.{log}: has no column of a measured signal (v); correct" in said
+        assert said.count("\n") == 1
+    table.assign(speed=0.001).to_csv(file, index=False)
+    assert main(["diagnose", str(folder / "plant.toml")]) == 2
+    where = "log" if log == "swings" else "log.other"
+    assert f"plant.toml: {where}: nothing can be judged: no signal mov" in capsys.readouterr().err
+
+
+def test_a_further_log_that_shows_nothing_is_noted(
+    plant: Path, tmp_path: Path, cache: Path
+) -> None:
+    folder = tmp_path / "cart"
+    shutil.copytree(plant.parent, folder)
+    table = pd.read_csv(folder / "swings.csv")
+    table.assign(speed=0.001).to_csv(folder / "still.csv", index=False)
+    with (folder / "plant.toml").open("a", encoding="utf-8") as text:
+        text.write('[log.still]\nfile = "still.csv"\n')
+    _, task = described_task(folder / "plant.toml", None, cache)
+    assert "still: nothing in it can be judged, not used" in task.notes
 
 
 @pytest.mark.parametrize(
