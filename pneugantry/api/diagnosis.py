@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import pandas as pd
 from modelica_fmu.errors import InputError
 from pneugantry.api.html import html_page, html_table
 from pneugantry.api.inputs import CampaignSource, FmuSource, PathLike, campaign_from, fmu_from
+from pneugantry.engine.rules import Rules
 
 if TYPE_CHECKING:
     from pneugantry.engine.run import Found
@@ -43,6 +44,7 @@ class Diagnosis:
     campaign: Campaign | None = None  # of the gantry; None for a plant of one's own
     fmu: FmuFile | None = None
     learned: Learned | None = None  # what the catalogue lacks; None: it was not looked for
+    rules: Rules = field(default_factory=Rules)  # thresholds that it was made with
 
     @property
     def verdict(self) -> str:
@@ -85,7 +87,7 @@ class Diagnosis:
         from pneugantry.report.page import Extras, write_page
 
         extras = Extras() if self.campaign is None else extras_of(self.campaign, self.found)
-        extras = replace(extras, learned=self.json.get("learned"))
+        extras = replace(extras, learned=self.json.get("learned"), rules=self.rules)
         return write_page(self.found, Path(path), extras)
 
     def write_augmented(self, folder: PathLike) -> tuple[Path, Path]:
@@ -105,6 +107,25 @@ class Diagnosis:
         remarks = [f"{c.key}: probability {c.probability:.2f}" for c in self.found.diagnosis.causes]
         return write_augmented(Path(folder), self.fmu, self.found.values, remarks)
 
+    def with_missing_term(self, say: Say | None = None) -> Diagnosis:
+        """The same with the term that the plant's equations lack, looked for where the verdict is
+        unknown and the plant is one's own with Modelica source; else unchanged. say: told the name
+        of each stage.
+        """
+        from pneugantry.learn.learn import learn, wanted
+        from pneugantry.learn.result import to_json
+
+        if self.campaign is not None or not wanted(self.found):
+            return self
+        term = learn(self.found, self.rules, say or (lambda stage: None))
+        json = {
+            **self.json,
+            "learned": to_json(term, self.rules),
+            "stages": {**self.json["stages"], "missing term": term.seconds},
+            "seconds": self.json["seconds"] + term.seconds,
+        }
+        return replace(self, json=json, learned=term)
+
     def write_catalogue(self, folder: PathLike) -> tuple[Path, Path]:
         """A catalogue with the learnt term as an effect, and the Modelica file that has it as a
         parameter; returns both paths. Raises InputError where no term was accepted.
@@ -112,7 +133,9 @@ class Diagnosis:
         from pneugantry.learn.export import write_catalogue
 
         if self.learned is None:
-            hint = "the verdict was not unknown, or the plant has no Modelica source of its own"
+            hint = (
+                "it is where the verdict is unknown, in a plant of one's own with Modelica source"
+            )
             raise InputError("no missing term was looked for", field="--catalogue-out", hint=hint)
         return write_catalogue(Path(folder), self.learned)
 
@@ -141,7 +164,6 @@ def diagnose(
     catalogue: PathLike | None = None,
     fmu: FmuSource = None,
     say: Say | None = None,
-    learn: bool = True,
 ) -> Diagnosis:
     """Where a measured campaign and the model differ, which effects cause it, and how far the gap
     shrinks with them.
@@ -150,9 +172,9 @@ def diagnose(
     description of a plant of one's own. setup: how a single log was taken (keys as in
     campaign.toml). controller: the rig's own, a Python file, for the closed-loop check. catalogue:
     effects of one's own, a file (beside the gantry's) or a folder (instead of them). fmu: the
-    nominal gantry with other parameters. say: told the name of each stage. learn: whether the
-    missing term is looked for where the verdict is unknown, in a plant of one's own with Modelica
-    source. Raises InputError naming file, field and hint.
+    nominal gantry with other parameters. say: told the name of each stage. Where the verdict is
+    unknown, `with_missing_term` of the result looks for what the equations lack. Raises InputError
+    naming file, field and hint.
     """
     from pneugantry.engine.result import to_json
     from pneugantry.plants.described import is_plant_description
@@ -162,7 +184,7 @@ def diagnose(
 
     say = say or (lambda stage: None)
     if isinstance(source, str | Path) and is_plant_description(Path(source)):
-        return _diagnose_described(Path(source), catalogue, fmu, say, learn)
+        return _diagnose_described(Path(source), catalogue, fmu, say)
     effects = catalogue_of(None if catalogue is None else Path(catalogue))
     campaign = campaign_from(source, setup, strict=False, needs=DRIVEN)
     if controller is not None:
@@ -176,14 +198,11 @@ def diagnose(
 
 
 def _diagnose_described(
-    description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say, learn: bool
+    description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say
 ) -> Diagnosis:
     """A plant of one's own with a catalogue of one's own."""
     from pneugantry.engine.result import to_json
     from pneugantry.engine.run import run
-    from pneugantry.learn.learn import learn as learn_term
-    from pneugantry.learn.learn import wanted
-    from pneugantry.learn.result import to_json as learned_json
     from pneugantry.plants.described import described_task
 
     if fmu is not None:
@@ -193,11 +212,4 @@ def _diagnose_described(
     say("model and logs")
     read, task = described_task(description, own)
     found = run(task, read.rules, say)
-    result = to_json(found.diagnosis)
-    if not (learn and wanted(found)):
-        return Diagnosis(result, found)
-    learned = learn_term(found, read.rules, say)
-    result["learned"] = learned_json(learned, read.rules)
-    result["stages"]["missing term"] = learned.seconds
-    result["seconds"] += learned.seconds
-    return Diagnosis(result, found, learned=learned)
+    return Diagnosis(to_json(found.diagnosis), found, rules=read.rules)

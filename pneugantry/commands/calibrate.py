@@ -101,7 +101,9 @@ def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]
 
 
 def _kept(path: Path, stamp: str) -> list[dict[str, Any]]:
-    """Rigs of an earlier call for the same description, files and effects; a line that a stop cut off is left out."""
+    """Rigs of an earlier call for the same description, files and effects; a line that a stop cut
+    off is left out.
+    """
     found = []
     if path.is_file():
         for line in path.read_text(encoding="utf-8").splitlines():

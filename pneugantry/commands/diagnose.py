@@ -122,8 +122,9 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
             catalogue=options.catalogue,
             fmu=options.fmu,
             say=say,
-            learn=not options.no_learn,
         )
+        if not options.no_learn:
+            found = found.with_missing_term(say)
     print_diagnosis(found.json)
     if options.augmented is not None:
         model, fmu = found.write_augmented(options.augmented)

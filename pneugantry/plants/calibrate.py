@@ -124,7 +124,9 @@ def chances_of(plant: Path, catalogue: Path | None = None) -> tuple[Chances, str
         chances = replace(Chances(), **{k: weights[k] for k in FITTED})  # type: ignore[arg-type]
     except (ValueError, KeyError, TypeError, AttributeError):
         raise InputError(
-            "is no calibration", file=path, hint=f"make it anew: pneugantry calibrate {plant}{given}"
+            "is no calibration",
+            file=path,
+            hint=f"make it anew: pneugantry calibrate {plant}{given}",
         ) from None
     if not same:
         what = f"{plant.name}, a file that it names or the catalogue"

@@ -15,6 +15,7 @@ import jinja2
 
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.result import to_json
+from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
 from pneugantry.report.headline import (
     chance,
@@ -37,6 +38,7 @@ from pneugantry.report.pictures import (
     panel_svg,
     strip_svg,
 )
+from pneugantry.report.visibility import visibility
 from pneugantry.report.words import (
     label,
     left_over,
@@ -66,12 +68,14 @@ class Extras:
     phases: Mapping[str, Sequence[Phase]] = field(default_factory=dict)  # by record
     setups: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # by record: head, words
     learned: Mapping[str, Any] | None = None  # the missing term, as `learned` of gap/1
+    rules: Rules = field(default_factory=Rules)  # that the diagnosis was made with
     source: str = ""  # what `pneugantry diagnose` was given; empty: not known
 
 
 def write_page(found: Found, path: Path, extras: Extras | None = None) -> Path:
-    """Writes the page, whole or not at all; returns its path. Every record is replayed for it.
-    Raises InputError where the file system refuses.
+    """Writes the page, whole or not at all; returns its path. Every record is replayed for it,
+    and every effect simulated in every fitted record. Raises InputError where the file system
+    refuses.
     """
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
@@ -104,6 +108,7 @@ def _context(found: Found, extras: Extras) -> dict[str, Any]:
         "closed": extras.closed_loop or facts["closed_loop"],
         "next": extras.next_experiment or facts["next_experiment"],
         **_rest(found, facts, unseen),
+        "seen": visibility(found.task, extras.rules),
         "learned": extras.learned,
         "curve": term_svg(extras.learned["term"])
         if extras.learned and extras.learned["term"]

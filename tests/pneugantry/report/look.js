@@ -15,6 +15,9 @@ addEventListener("load", function () {
   const curves = ["--blue", "--orange", "--measured"].map(function (v) { return contrast(v, "--paper"); });
   const choice = document.getElementById("log"), before = document.documentElement.dataset.window;
   choice.focus(); choice.value = choice.options[1].value; choice.dispatchEvent(new Event("change"));
+  const fold = document.getElementById("seen"), heads = fold.querySelector("summary");
+  heads.focus(); const reached = document.activeElement === heads && !fold.open; heads.click();
+  const table = fold.querySelector("table").getBoundingClientRect();
   const canvas = document.querySelector("canvas"); canvas.focus();
   canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "+", bubbles: true }));
   setTimeout(function () {
@@ -22,6 +25,6 @@ addEventListener("load", function () {
     console.log("PROBE" + JSON.stringify({ words: Math.min(...words), curves: Math.min(...curves),
       dark: light("--paper") < 0.2, wide: document.documentElement.scrollWidth > innerWidth,
       focus: document.activeElement === canvas, title: document.getElementById("signals").textContent,
-      strips: shown.length, before, after: document.documentElement.dataset.window }));
+      strips: shown.length, unfolded: reached && fold.open && table.height > 40, before, after: document.documentElement.dataset.window }));
   }, 300);
 });

@@ -19,9 +19,11 @@ from jsonschema import Draft202012Validator
 from matplotlib.image import imread
 from numpy.typing import NDArray
 
+from pneugantry.engine.catalogue import Form
 from pneugantry.engine.confirm import Replay
 from pneugantry.engine.decide import Decision
 from pneugantry.engine.result import to_json
+from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
 from pneugantry.report.headline import (
     chance,
@@ -34,9 +36,11 @@ from pneugantry.report.headline import (
 )
 from pneugantry.report.page import Extras, write_page
 from pneugantry.report.pictures import SAMPLES, Curves, Shown, gap_svg, packed, ticks
+from pneugantry.report.visibility import visibility
 
 Array = NDArray[np.float64]
 PERIOD, ROWS = 4e-3, 800  # of the records in conftest.py
+RULES = Rules(band=125.0, thinning=1)  # as there
 CHROMIUM = (
     shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 )
@@ -310,6 +314,40 @@ def test_what_stands_out_is_marked(found: Found, tmp_path: Path) -> None:
     assert said.count("stands out") == 2  # the mark, and the sentence below the table
 
 
+def test_what_the_logs_can_tell_stands_folded(found: Found, tmp_path: Path) -> None:
+    """An effect, one like it under another name, one too small to be seen, one of no view."""
+    known = found.task.catalogue
+    drag, spring = known["drag"].forms[0].parameters[0], known["spring"].forms[0].parameters[0]
+    more = {
+        "brake": replace(drag, scale=0.31),
+        "feather": replace(spring, name="spring", scale=1e-9),
+        "ghost": replace(spring, name="no_such_parameter"),
+    }
+    made = {k: replace(known["drag"], name=k, forms=(Form("f", (p,)),)) for k, p in more.items()}
+    task = replace(found.task, catalogue={**known, **made})
+    seen = visibility(task, RULES)
+    by = {row.effect: row for row in seen.rows}
+    assert {k: r.mark for k, r in by.items()} == {
+        "spring": "",  # the feather cannot grow to it
+        "drag": "not told apart",
+        "brake": "not told apart",
+        "feather": "not seen",
+    }
+    assert (by["drag"].rival, by["brake"].rival) == ("brake", "drag")
+    assert seen.unseen == ("ghost",)
+    assert dict(seen.adds).keys() == {"sweep", "slow"}
+    plain = visibility(found.task, RULES)
+    assert [r.mark for r in plain.rows] == ["", ""]
+    assert plain.told == 2.0
+    text = page(replace(found, task=task), tmp_path)
+    folded = text[text.index('<details id="seen">') :]
+    told = words(folded[: folded.index("</details>")])
+    assert f"tell apart: {seen.told:.1f} of 5 effects of the catalogue" in told
+    assert "No measured signal shows: ghost." in told
+    assert told.count("not told apart") == 2
+    assert "pneugantry plan says which further experiment" in told
+
+
 def test_a_plant_that_could_not_be_replayed_has_a_page(found: Found, tmp_path: Path) -> None:
     data = replace(found.task.data, fitted=(), held_out=None)
     task = replace(found.task, data=data)
@@ -551,6 +589,7 @@ def test_width_contrast_keyboard_and_the_choice_of_a_log(
     assert seen["focus"]
     assert seen["title"].startswith("Signals of sweep")
     assert seen["strips"] == 1
+    assert seen["unfolded"]
     start, end = map(float, seen["after"].split())
     assert end - start < 0.8 * 3.2  # s: "+" has zoomed in
 
