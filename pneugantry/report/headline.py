@@ -13,6 +13,7 @@ __all__ = [
     "confirmed",
     "headline",
     "interval",
+    "leaves",
     "number",
     "percent",
     "shrink_words",
@@ -61,7 +62,16 @@ def interval(value: float, low: float, high: float) -> tuple[str, str, str]:
     largest = max(abs(value), abs(low), abs(high))
     digits = 2 + math.floor(math.log10(largest)) - math.floor(math.log10(width))
     digits = min(max(digits, 3), 9)
-    return number(value, digits), number(low, digits), number(high, digits)
+    return _padded((number(value, digits), number(low, digits), number(high, digits)))
+
+
+def _padded(texts: tuple[str, str, str]) -> tuple[str, str, str]:
+    """Numbers with as many decimals each; as they are where one is in powers of ten."""
+    if not all(text.lstrip("-").replace(".", "", 1).isdigit() for text in texts):
+        return texts
+    places = max(len(text.partition(".")[2]) for text in texts)
+    value, low, high = (f"{float(text):.{places}f}" for text in texts)
+    return value, low, high
 
 
 def cause_name(cause: dict[str, Any]) -> str:
@@ -148,8 +158,8 @@ def headline(found: dict[str, Any], summaries: dict[str, str] | None = None) -> 
         text = f"These logs do not settle which effect it is{where}: {', or '.join(answers)}"
         return f"{text}; with the first one, {far}.{_doubt(found)}"
     named = [_named(cause, summaries or {}) for cause in _best(found)]
-    verb = "explain" if len(named) > 1 else "explains"
-    return f"{' and '.join(named) or 'An effect'} {verb} the fitted logs; {far}.{_doubt(found)}"
+    verb = ", explain" if len(named) > 1 else ", explains" if named else " explains"
+    return f"{', and '.join(named) or 'An effect'}{verb} the fitted logs; {far}.{_doubt(found)}"
 
 
 def _best(found: dict[str, Any]) -> list[dict[str, Any]]:
@@ -186,7 +196,13 @@ def _doubt(found: dict[str, Any]) -> str:
             f" The held-out log {gap['log']} does not bear that out: do not act on it before "
             f"another log does."
         )
-    left = gap["augmented"] / gap["floor"]
-    if left <= LEFT:
+    if not leaves(found):
         return ""
-    return f" What is left of it is {number(left)} times the floor: this answer is not all."
+    left = number(gap["augmented"] / gap["floor"])
+    return f" What is left of it is {left} times the floor: this answer is not all."
+
+
+def leaves(found: dict[str, Any]) -> bool:
+    """Whether the augmented plant leaves far more of an unseen log's gap than noise."""
+    gap = found["gap"]
+    return shrinkable(gap) and bool(gap["augmented"] > LEFT * gap["floor"])

@@ -98,7 +98,7 @@ def _context(found: Found, extras: Extras) -> dict[str, Any]:
         "word": verdict_word(facts),
         "doubted": doubted,
         "sentence": headline(facts, summaries(found)),
-        "steps": next_steps(found.diagnosis.verdict, doubted=doubted, source=extras.source),
+        "steps": next_steps(facts, extras.learned, extras.source),
         "after": after,
         "drawing": extras.drawing,
         **_where(found),

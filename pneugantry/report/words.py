@@ -14,7 +14,7 @@ from pneugantry.engine.decide import UNKNOWN
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.run import Found
-from pneugantry.report.headline import chance, interval, number
+from pneugantry.report.headline import chance, confirmed, interval, leaves, number
 
 __all__ = [
     "Deviation",
@@ -194,25 +194,34 @@ def left_over(found: Found) -> list[Left]:
 # ---------------------------------------------------------------- what to do, and how it was made
 
 
-def next_steps(verdict: str, *, doubted: bool, source: str) -> list[str]:
-    """What to do with the answer. source: what `pneugantry diagnose` was given."""
-    if doubted:
+def next_steps(
+    facts: dict[str, Any], learned: Mapping[str, Any] | None, source: str
+) -> list[str]:
+    """What to do with the answer `facts`, of schema gap/1. learned: the missing term, where it was
+    looked for; source: what `pneugantry diagnose` was given.
+    """
+    verdict = facts["verdict"]
+    if confirmed(facts) is False:
         return [
             "Record the held-out experiment once more, and diagnose again.",
             "Look at the signals below where the augmented plant leaves the measured ones.",
         ]
     command = f"pneugantry diagnose {source}" if source else "The same command with"
-    augmented = f"{command} --augmented out/ writes the plant with the effect"
+    augmented = f"{command} --augmented out/ writes the plant with the"
+    if learned is not None and learned["accepted"]:
+        return [f"{augmented} learnt term, as Modelica and FMU: simulate with that one."]
+    look = "Look in the strip and the signals below where and when the residual is large."
     return {
         "none": ["Use the model as it is; its fitted tolerance stands below."],
         "identified": [
-            f"{augmented}, as Modelica and FMU: simulate with that one.",
+            f"{augmented} effect, as Modelica and FMU: simulate with that one.",
+            *([look] if leaves(facts) else []),
             "Fix the cause on the rig if it can be fixed, record again: the verdict should be "
             "none.",
         ],
         "ambiguous": ["Run the next experiment below and add its log."],
         "unknown": [
-            "Look in the strip and the signals below where and when the residual is large.",
+            look,
             "Describe the effect in a catalogue of your own (--catalogue) and diagnose again.",
         ],
     }.get(verdict, [])

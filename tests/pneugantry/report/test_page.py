@@ -37,6 +37,7 @@ from pneugantry.report.headline import (
 from pneugantry.report.page import Extras, write_page
 from pneugantry.report.pictures import SAMPLES, Curves, Shown, gap_svg, packed, ticks
 from pneugantry.report.visibility import visibility
+from pneugantry.report.words import next_steps
 
 Array = NDArray[np.float64]
 PERIOD, ROWS = 4e-3, 800  # of the records in conftest.py
@@ -195,7 +196,7 @@ def test_the_causes_probability_is_the_only_one_that_is_claimed(
 ) -> None:
     unsure = replace(found.diagnosis.causes[0], probability=0.87)
     said = words(page(other(found, causes=(unsure,)), tmp_path))
-    assert "probability 87 % explains the fitted logs" in said
+    assert "probability 87 %, explains the fitted logs" in said
     assert "spring 87 % a spring" in said
 
 
@@ -278,6 +279,9 @@ def test_the_sentence_fits_the_verdict(found: Found, sound: Found) -> None:
     said = headline(to_json(other(found, gap=rest).diagnosis))
     assert said.endswith("What is left of it is 49.3 times the floor: this answer is not all.")
     assert "not all" not in headline(to_json(found.diagnosis))
+    look = "Look in the strip and the signals below where and when the residual is large."
+    assert look in next_steps(to_json(other(found, gap=rest).diagnosis), None, "")
+    assert look not in next_steps(to_json(found.diagnosis), None, "")
     bare = other(found, gap=None)
     assert "could not be replayed" in headline(to_json(bare.diagnosis))
 
@@ -397,6 +401,7 @@ def test_a_learnt_term_is_drawn_with_its_band_and_its_rivals(found: Found, tmp_p
     own = {**LEARNED, "term": term, "answer_set": [TERM, rival]}
     text = page(found, tmp_path, Extras(learned=own))
     said = words(text)
+    assert "--augmented out/ writes the plant with the learnt term" in said
     assert "Missing term" in said
     assert "missing term (learnt): 2*v*abs(v) in cart" in said
     assert "4 without the term, 1.02 with it (floor 1)" in said
@@ -503,7 +508,7 @@ def test_a_probability_that_is_not_certain_does_not_read_as_certain() -> None:
 @pytest.mark.parametrize(
     ("entry", "shown"),
     [
-        ((0.022, 0.02199, 0.02201), ("0.022", "0.02199", "0.02201")),
+        ((0.022, 0.02199, 0.02201), ("0.02200", "0.02199", "0.02201")),
         ((0.0219964, 0.0219951, 0.0219977), ("0.0219964", "0.0219951", "0.0219977")),
         ((9.7e4, 8.9e4, 1.06e5), ("97000", "89000", "106000")),
         ((1.0, 1.0, 1.0), ("1", "1", "1")),
