@@ -194,9 +194,7 @@ def left_over(found: Found) -> list[Left]:
 # ---------------------------------------------------------------- what to do, and how it was made
 
 
-def next_steps(
-    facts: dict[str, Any], learned: Mapping[str, Any] | None, source: str
-) -> list[str]:
+def next_steps(facts: dict[str, Any], learned: Mapping[str, Any] | None, source: str) -> list[str]:
     """What to do with the answer `facts`, of schema gap/1. learned: the missing term, where it was
     looked for; source: what `pneugantry diagnose` was given.
     """
