@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+
+from pyfmi_runner.first_order import first_order
 
 __all__ = ["commands_swapped"]
 
@@ -34,7 +35,7 @@ def _unexplained(axis: str, command: Array, force: Array, dt: float) -> float:
     """
     tau, u_0 = VALVES[axis]
     share = dt / tau
-    driven = lfilter([share], [1.0, share - 1.0], np.maximum(command - u_0, 0.0))
+    driven = first_order(np.maximum(command - u_0, 0.0), share, 1.0 - share)
     size = np.abs(force)
     power = max(float(size @ size), QUIET * len(size))
     gain = float(driven @ size) / max(float(driven @ driven), 1e-12)

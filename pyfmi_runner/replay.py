@@ -119,7 +119,7 @@ class Replayer:
         return outputs
 
 
-@njit(nogil=True)
+@njit(nogil=True, cache=True)
 def _replay(wiring, commands, clamps, edge, clock, outputs):  # type: ignore[no-untyped-def]
     (
         (component, set_real, set_boolean, get_real, do_step),

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
 
 from pneugantry.analysis.identify.motion import slides
 from pneugantry.analysis.identify.signals import (
@@ -20,6 +19,7 @@ from pneugantry.analysis.identify.signals import (
     Signals,
     stretches_of,
 )
+from pyfmi_runner.first_order import first_order
 from pyfmi_runner.log import PERIOD
 
 __all__ = ["Breakaway", "breakaways", "stops"]
@@ -81,7 +81,7 @@ def _onset(net: Array, speed: Array, m: float, C: float) -> float:
         onset = int(held[-1]) + 1 if len(held) else 0
         excess = net[onset:] - level
         push = np.concatenate([[0.0], 0.5 * (excess[1:] + excess[:-1])]) if len(excess) else excess
-        ahead = lfilter([PERIOD / m], [1.0, -fade], push)
+        ahead = first_order(push, PERIOD / m, fade)
         return float(np.sum(speed[:onset] ** 2) + np.sum((speed[onset:] - ahead) ** 2))
 
     return float(

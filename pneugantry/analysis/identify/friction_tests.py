@@ -9,7 +9,7 @@ fitted plant's own logs.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +26,7 @@ from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA, Log
 from pyfmi_runner.replay import SIGMAS
 
-__all__ = ["Rule", "RuleResult", "judged", "noisy_campaign", "rules"]
+__all__ = ["KnownPlant", "Rule", "RuleResult", "judged", "noisy_campaign", "rules"]
 
 Array = NDArray[np.float64]
 STRETCH = 100  # samples over which a speed counts as even, or as evenly rising
@@ -59,6 +59,15 @@ class RuleResult:
     rule: Rule
     bias: float
     estimate: Estimate
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPlant:
+    """Parameters by (symbol, axis); directions of the valves and cable forces F_w [N] by axis."""
+
+    parameters: Mapping[tuple[str, str], float]
+    directions: Mapping[str, float]
+    cables: Mapping[str, float]
 
 
 def rules(
@@ -177,26 +186,24 @@ def noisy_campaign(campaign: Campaign, simulated: Mapping[str, Array], seed: int
 def judged(
     campaign: Campaign,
     simulated: Mapping[str, Array],
-    truth: Mapping[tuple[str, str], float],
-    directions: Mapping[str, float],
-    cables: Mapping[str, float],
-    replicates: int = REPLICATES,
+    plant: KnownPlant,
+    side_by_side: Callable[[Callable[[int], list[Rule]], Sequence[int]], list[list[Rule]]],
 ) -> list[RuleResult]:
-    """Every test with its bias and interval. simulated: the fitted plant's outputs by log; truth:
-    its parameters by (symbol, axis).
+    """Every test with its bias and interval. simulated: outputs of the fitted plant by log;
+    side_by_side: as `map`, on several threads.
     """
-    measured = rules(campaign, directions, cables)
-    copies = [
-        {
-            r.key: r.value
-            for r in rules(noisy_campaign(campaign, simulated, seed), directions, cables)
-        }
-        for seed in range(replicates)
-    ]
+
+    def tested(seed: int) -> list[Rule]:
+        """Rules of the measured campaign (-1), or of a noisy copy of the simulated one."""
+        logs = campaign if seed < 0 else noisy_campaign(campaign, simulated, seed)
+        return rules(logs, plant.directions, plant.cables)
+
+    measured, *noisy = side_by_side(tested, range(-1, REPLICATES))
+    copies = [{r.key: r.value for r in found} for found in noisy]
     results = []
     for rule in measured:
         seen = np.array([copy[rule.key] for copy in copies if rule.key in copy])
-        known = truth.get((rule.symbol, rule.axis), math.nan)
+        known = plant.parameters.get((rule.symbol, rule.axis), math.nan)
         n = len(seen)
         if n < 3 or not math.isfinite(known):
             results.append(RuleResult(rule, math.nan, Estimate(rule.value, math.inf)))

@@ -5,6 +5,7 @@ sections 3.2, 4.1).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from pneugantry.analysis.identify.breakaway import breakaways
 from pneugantry.analysis.identify.edge import edge_test
-from pneugantry.analysis.identify.friction_tests import RuleResult, judged
+from pneugantry.analysis.identify.friction_tests import KnownPlant, RuleResult, judged
 from pneugantry.analysis.identify.hysteresis import Hysteresis, hysteresis
 from pneugantry.analysis.identify.interval import Line
 from pneugantry.analysis.identify.joint import JointFit, fit_logs
@@ -160,11 +161,9 @@ def identify(
     campaign: Campaign, file: FmuFile, progress: Callable[[str], None] = lambda _: None
 ) -> Identification:
     """All tests and the joint fit. Raises RunError where the FMU fails."""
-    progress("tests of the valves")
-    found = {axis: steps(campaign, axis) for axis in "xz"}
-    lags = {axis: list(_lags_by_log(campaign, file, axis, found[axis])) for axis in "xz"}
-    progress("tests of friction and contact")
-    with Plants(file) as plants:
+    with ThreadPoolExecutor(1) as beside, Plants(file) as plants:
+        told = beside.submit(_valve_tests, campaign, file)  # while the fit waits for its replays
+        progress("tests by block")
         start, joint = fit_campaign(campaign, file, plants, progress)
         progress("bias of the rules")
         logs = replayed_logs(campaign, joint.coordinates, plants)
@@ -172,19 +171,43 @@ def identify(
             log.name: plants.drive(log.run.setup, log.commands, log.run.log.time, joint.values)
             for log in logs
         }
-    cables = {axis: joint.values[f"axis_{axis}.F_w"] for axis in "xz"}
-    truth = {(u.symbol, u.axis): joint.values[u.name] for u in joint.coordinates.unknowns}
+        valves, noise = told.result()
+        biased = judged(campaign, simulated, _known(joint), plants.side_by_side)
     return Identification(
         campaign,
-        found,
-        {axis: steady_line(found[axis]) for axis in "xz"},
-        lags,
-        {axis: comparisons(found[axis]) for axis in "xz"},
-        sensor_noise(campaign),
+        valves.steps,
+        {axis: steady_line(valves.steps[axis]) for axis in "xz"},
+        valves.lags,
+        {axis: comparisons(valves.steps[axis]) for axis in "xz"},
+        noise,
         start.hysteresis,
         joint,
-        judged(campaign, simulated, truth, joint.coordinates.direction, cables),
+        biased,
         list(_notes(campaign, joint, start.hysteresis)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _ValveTests:
+    """By axis: every step, and one fit to each log of steps."""
+
+    steps: dict[str, list[Step]]
+    lags: dict[str, list[ValveFit]]
+
+
+def _valve_tests(campaign: Campaign, file: FmuFile) -> tuple[_ValveTests, list[Noise]]:
+    """Tests that need no replay."""
+    found = {axis: steps(campaign, axis) for axis in "xz"}
+    lags = {axis: list(_lags_by_log(campaign, file, axis, found[axis])) for axis in "xz"}
+    return _ValveTests(found, lags), sensor_noise(campaign)
+
+
+def _known(joint: JointFit) -> KnownPlant:
+    """What the rules are judged by: the fitted plant."""
+    return KnownPlant(
+        {(u.symbol, u.axis): joint.values[u.name] for u in joint.coordinates.unknowns},
+        joint.coordinates.direction,
+        {axis: joint.values[f"axis_{axis}.F_w"] for axis in "xz"},
     )
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 __all__ = ["Estimate", "Line", "line", "mean", "quantile"]
 
@@ -37,7 +37,7 @@ def quantile(freedom: float) -> float:
     """Half-width of a 95 % interval in standard deviations that were themselves estimated with so
     many degrees of freedom.
     """
-    return float(student.ppf(0.975, freedom)) if freedom >= 1 else math.inf
+    return float(stdtrit(freedom, 0.975)) if freedom >= 1 else math.inf
 
 
 def mean(values: Sequence[float]) -> Estimate:

@@ -1,5 +1,4 @@
-"""One fit of the whole plant to all logs of a campaign by command replay (output error, scipy's
-least_squares).
+"""One fit of the whole plant to all logs of a campaign by command replay (output error).
 
 The residual of a right plant is the sensors' white noise, so least squares is maximum likelihood.
 Where a parameter is still off, the replay of a log may part from the measurement at a missed
@@ -16,11 +15,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.optimize import least_squares
 
+from pneugantry.analysis.identify.chord import Found, Goal, Prior, descend
 from pneugantry.analysis.identify.joint_fit import JointFit, judged_fit
 from pneugantry.analysis.identify.parameters import Coordinates
-from pneugantry.analysis.identify.replayed import Plants, ReplayedLog
+from pneugantry.analysis.identify.replayed import Plants, ReplayedLog, share_steps
 
 __all__ = ["JointFit", "Progress", "fit_logs", "reach"]
 
@@ -30,11 +29,12 @@ WINDOW = 100  # samples over which a misfit is judged
 PARTED = 6.0  # RMS of a window beyond which the replay has parted
 LASTING = 5  # windows over which it must stay parted (median)
 STAGES = 6
-LOOSE, TIGHT = 1e-3, 1e-6  # relative fall of the sum of squares at which a stage ends
-# relative step of theta at which it ends: a hundredth of the best-known parameter's standard
-# deviation
-FINE = 3e-8
-HOPELESS = 3.0  # RMS beyond which a stage ends after a few steps: another plant than the model
+# a stage on the way ends where a thousandth of the sum of squares is left to fall
+LOOSE = Goal(1e-3, 0.0, 12)
+CLOSE = Goal(0.0, 1.0, 4)  # within a standard deviation, all logs counting as a whole
+# the answer: a thirtieth of a standard deviation. Its intervals want derivatives from nearby: the
+# columns are nearly dependent, and from a hundred standard deviations away some are twice as wide
+TIGHT = Goal(0.0, 1e-3, 4, central=True, near=3.0)
 
 
 def reach(residual: Array) -> int:
@@ -58,95 +58,61 @@ def fit_logs(
     """The fit from parameters `start`: first the logs of open loops, then all of them. Raises
     RunError where the FMU fails.
     """
-    first = theta = np.clip(coordinates.theta(start), *_bounds(coordinates))
-    whole = True
+    prior = _prior(coordinates)
+    first = np.clip(coordinates.theta(start), prior.low, prior.high)
+    found, whole = Found(first, first), True
     still = [log for log in logs if log.run.setup.loop == "open"]
     if still and len(still) < len(logs):
         progress("open-loop logs")
-        theta, whole = _stages(still, plants, coordinates, theta, LOOSE)
+        found, whole = _stages(still, plants, prior, found)
+        share_steps(logs)
     if whole:
         progress("all logs")
-        theta, whole = _stages(logs, plants, coordinates, theta, TIGHT)
-    progress("intervals")
+        found, whole = _stages(logs, plants, prior, Found(found.theta, found.theta))
     if whole:
-        return judged_fit(logs, plants, coordinates, theta)
-    for log in (
-        logs
-    ):  # another plant than the model: what its blocks say by themselves is the best there is
+        found = descend(logs, plants, Found(found.theta, found.theta), prior, CLOSE)
+        found = descend(logs, plants, Found(found.theta, found.theta), prior, TIGHT)
+        progress("intervals")
+        return judged_fit(logs, plants, coordinates, found)
+    progress("intervals")
+    for log in logs:  # another plant than the model: its blocks by themselves say more
         log.rows = len(log.measured)
-    fit = judged_fit(logs, plants, coordinates, first)
+    fit = judged_fit(logs, plants, coordinates, Found(first, first))
     return replace(
         fit, sources={name: "blocks" if name in start else "none" for name in coordinates.names}
     )
 
 
-def _bounds(coordinates: Coordinates) -> tuple[Array, Array]:
-    start = coordinates.theta({})
-    ends = np.column_stack([0.05 * start, 20.0 * start])
-    return ends.min(axis=1), ends.max(axis=1)
+def _prior(coordinates: Coordinates) -> Prior:
+    centre = coordinates.theta({})
+    ends = np.column_stack([0.05 * centre, 20.0 * centre])
+    return Prior(centre, coordinates.prior, ends.min(axis=1), ends.max(axis=1))
 
 
 def _residual_of(theta: Array, log: ReplayedLog) -> Array:
     return log.residual(theta)
 
 
+def _count(logs: Sequence[ReplayedLog], plants: Plants, theta: Array) -> bool:
+    """Sets how far each log counts at theta; whether all count as a whole."""
+    residuals = plants.each(partial(_residual_of, theta), logs)
+    for log, residual in zip(logs, residuals, strict=True):
+        log.rows = len(residual) if log.steady else reach(residual)
+    return all(log.whole for log in logs)
+
+
 def _stages(
-    logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, theta: Array, end: float
-) -> tuple[Array, bool]:
-    """(theta, whether every log counts as a whole)."""
+    logs: Sequence[ReplayedLog], plants: Plants, prior: Prior, found: Found
+) -> tuple[Found, bool]:
+    """(found, whether every log counts as a whole)."""
     before = -1
     for _ in range(STAGES):
-        residuals = plants.each(partial(_residual_of, theta), logs)
-        for log, residual in zip(logs, residuals, strict=True):
-            log.rows = len(residual) if log.steady else reach(residual)
+        whole = _count(logs, plants, found.theta)
         rows = sum(log.rows for log in logs)
-        whole = all(log.whole for log in logs)
         if rows <= before and not whole:
             break
-        theta = _solve(logs, plants, coordinates, theta, LOOSE)
+        found = descend(logs, plants, found, prior, LOOSE)
         if whole:
-            return (
-                _solve(logs, plants, coordinates, theta, end, central=True)
-                if end < LOOSE
-                else theta
-            ), True
+            return found, True
         before = rows
-    return theta, False
-
-
-def _solve(
-    logs: Sequence[ReplayedLog],
-    plants: Plants,
-    coordinates: Coordinates,
-    theta: Array,
-    end: float,
-    central: bool = False,
-) -> Array:
-    """Least squares over the samples that count, with the prior; cut short where the plant does not
-    fit anyway.
-    """
-    prior, centre = coordinates.prior, coordinates.theta({})
-
-    def residual(at: Array) -> Array:
-        return np.concatenate(
-            [*plants.each(lambda log: log.vector(log.residual(at)), logs), (at - centre) / prior]
-        )
-
-    def jacobian(at: Array) -> Array:
-        return np.vstack(
-            [*plants.each(lambda log: log.jacobian(at, central), logs), np.diag(1 / prior)]
-        )
-
-    first = residual(theta)
-    fits = float(first @ first) < HOPELESS**2 * len(first)
-    most = 20 if fits else 8
-    options = {
-        "bounds": _bounds(coordinates),
-        "x_scale": "jac",
-        "ftol": end,
-        "xtol": FINE,
-        "gtol": None,
-        "max_nfev": most,
-    }
-    found = least_squares(residual, theta, jacobian, **options)
-    return np.asarray(found.x)
+    return found, False

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneugantry.analysis.identify.chord import Found
 from pneugantry.analysis.identify.interval import Estimate
 from pneugantry.analysis.identify.parameters import Coordinates
-from pneugantry.analysis.identify.replayed import Plants, ReplayedLog
+from pneugantry.analysis.identify.replayed import Plants, ReplayedLog, gram
 from pneugantry.analysis.identify.rounding import other_rounding
 
 __all__ = ["JointFit", "judged_fit"]
@@ -85,17 +86,17 @@ class JointFit:
 
 
 def judged_fit(
-    logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, theta: Array
+    logs: Sequence[ReplayedLog], plants: Plants, coordinates: Coordinates, found: Found
 ) -> JointFit:
     """Covariance H^-1 M H^-1: H the curvature; M what noise, its correlation where the plant does
     not fit, and rounding move.
     """
-    n = len(theta)
+    theta, n = found.theta, len(found.theta)
     prior = np.diag(coordinates.prior**-2)
     curvature, meat, rounding = prior.copy(), prior.copy(), np.zeros((n, n))
     gaps, rows = {}, {}
     for log, (h, m, b, gap) in zip(
-        logs, plants.each(lambda log: _log_terms(log, theta), logs), strict=True
+        logs, plants.each(lambda log: _log_terms(log, found), logs), strict=True
     ):
         curvature += h
         meat += m
@@ -114,19 +115,20 @@ def judged_fit(
     return JointFit(coordinates, theta, covariance, sources, gaps, rows, share)
 
 
-def _log_terms(log: ReplayedLog, theta: Array) -> tuple[Array, Array, Array, float]:
-    """(J'J, what noise moves, what rounding moves, gap) of one log at theta."""
-    jacobian, residual = log.jacobian(theta, central=True), log.vector(log.residual(theta))
+def _log_terms(log: ReplayedLog, found: Found) -> tuple[Array, Array, Array, float]:
+    """(J'J, what noise moves, what rounding moves, gap) of one log."""
+    theta = found.theta
+    jacobian, residual = log.jacobian(found.at, central=True), log.vector(log.residual(theta))
     channels = len(log.columns)
-    curvature = _gram(jacobian)
+    curvature = gram(jacobian)
     meat = np.zeros_like(curvature)
     for c in range(channels):
         part, rest = jacobian[c::channels], residual[c::channels]
-        meat += _gram(part) * max(1.0, _long_run_variance(rest))
+        meat += gram(part) * max(1.0, _long_run_variance(rest))
     moved = np.zeros_like(curvature)
     if log.rounded:
         rng = np.random.default_rng(0)
-        base = log.simulate(theta)
+        base = log.replay(theta)
         for _ in range(ROUNDINGS):
             push = jacobian.T @ log.vector(
                 log.simulate(theta, other_rounding(log.commands, rng)) - base
@@ -139,13 +141,6 @@ def _log_terms(log: ReplayedLog, theta: Array) -> tuple[Array, Array, Array, flo
         moved,
         float(np.sqrt(np.mean(counting**2))) if len(counting) else math.nan,
     )
-
-
-def _gram(jacobian: Array) -> Array:
-    """J'J, on the calling thread alone: several logs are at it, and a threaded BLAS would get in
-    its own way.
-    """
-    return np.asarray(np.einsum("ki,kj->ij", jacobian, jacobian))
 
 
 def _long_run_variance(values: Array) -> float:

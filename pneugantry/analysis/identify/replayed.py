@@ -21,9 +21,10 @@ from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED, SIGMA
 from pyfmi_runner.replay import SIGMAS, Replayer
 
-__all__ = ["Plants", "ReplayedLog", "replayed_logs"]
+__all__ = ["Plants", "ReplayedLog", "gram", "replayed_logs", "share_steps"]
 
 Array = NDArray[np.float64]
+S = TypeVar("S")
 T = TypeVar("T")
 # samples added up into one residual: the plant does nothing within 4 ms, and the noise stays white
 BLOCK = 4
@@ -75,6 +76,10 @@ class Plants:
         jobs = {i: self._threads.submit(work, logs[i]) for i in order}
         return [jobs[i].result() for i in range(len(logs))]
 
+    def side_by_side(self, work: Callable[[S], T], of: Sequence[S]) -> list[T]:
+        """work of each, on the same threads."""
+        return list(self._threads.map(work, of))
+
 
 class ReplayedLog:
     """One log under the plant. `rows`: how many of its samples count, from the first on."""
@@ -106,10 +111,10 @@ class ReplayedLog:
             [self._matters(u.axis, u.name, contact) for u in coordinates.unknowns]
         )
         self.groups = tuple(self._grouped())
-        self._steps = np.full(len(self.moving), FIRST_STEP)
-        self._kept: tuple[bytes, bool, Array] | None = (
-            None  # the last Jacobian with where it was taken
-        )
+        self.steps = np.full(len(self.moving), np.nan)  # of theta, for differences; NaN: not known
+        # the last replay and the last Jacobian, with where they were taken
+        self._last: tuple[bytes, Array] | None = None
+        self._kept: tuple[bytes, bool, Array] | None = None
         self.counts = self._without_jumps()
 
     @property
@@ -175,7 +180,13 @@ class ReplayedLog:
 
     def residual(self, theta: Array) -> Array:
         """(measured - simulated) / sigma, (samples, shown channels); 0 about jumps."""
-        return np.asarray((self.measured - self.simulate(theta)) * self.counts)
+        return np.asarray((self.measured - self.replay(theta)) * self.counts)
+
+    def replay(self, theta: Array) -> Array:
+        """As `simulate` by the log's own commands; the last one is kept."""
+        if self._last is None or self._last[0] != theta.tobytes():
+            self._last = theta.tobytes(), self.simulate(theta)
+        return self._last[1]
 
     def vector(self, values: Array) -> Array:
         """What counts of a residual (samples, shown channels): sums over blocks, noise 1; (blocks *
@@ -204,24 +215,35 @@ class ReplayedLog:
             self._kept = (theta.tobytes(), central, self._differences(theta, central))
         return self._kept[2][: self._entries]
 
+    def curvature(self, theta: Array, central: bool = False) -> Array:
+        """J'J at theta, (parameters, parameters)."""
+        return gram(self.jacobian(theta, central))
+
+    def slope(self, theta: Array, at: Array, central: bool = False) -> tuple[Array, float]:
+        """(J'r, r'r): the residual at theta, the Jacobian that of `at`."""
+        residual = self.vector(self.residual(theta))
+        jacobian = self.jacobian(at, central)
+        return np.einsum("ki,k->i", jacobian, residual), float(np.sum(residual**2))
+
     def _differences(self, theta: Array, central: bool) -> Array:
         """Jacobian of the whole log."""
-        base = None if central else self.simulate(theta)
+        base = None if central else self.replay(theta)
         result = np.zeros((len(self.measured) // BLOCK * len(self.columns), len(theta)), order="F")
         for group in self.groups:
             chosen, step = list(group), np.zeros(len(theta))
-            step[chosen] = self._steps[chosen] * (WIDER if central else 1.0)
+            known = np.nan_to_num(self.steps[chosen], nan=FIRST_STEP)
+            step[chosen] = known * (WIDER if central else 1.0)
             ahead = self.simulate(theta + step)
             change = (self.simulate(theta - step) - ahead) / 2 if base is None else base - ahead
             for i in group:
                 column = (
                     self._blocks(change if len(group) == 1 else change * self._side(i)) / step[i]
                 )
-                norm = float(
-                    np.sqrt(np.sum(column**2))
-                )  # no BLAS: its threads would fight those of the logs
+                # of what counts: behind a missed event a column is wild; no BLAS, whose threads
+                # would fight those of the logs
+                norm = float(np.sqrt(np.sum(column[: self._entries] ** 2)))
                 result[:, i] = column
-                self._steps[i] = float(np.clip(MOVE / norm, *STEPS)) if norm > 0 else FIRST_STEP
+                self.steps[i] = float(np.clip(MOVE / norm, *STEPS)) if norm > 0 else FIRST_STEP
         return result
 
     @property
@@ -233,6 +255,20 @@ class ReplayedLog:
         """1 for the channels that parameter i may move, 0 for the other axis'."""
         side = _SIDE["x" if self._coordinates.unknowns[i].axis == "x" else "z"]
         return np.array([1.0 if MEASURED[c] in side else 0.0 for c in self.columns])
+
+
+def share_steps(logs: Sequence[ReplayedLog]) -> None:
+    """Logs that know no difference steps yet take the least that others have found."""
+    least = np.fmin.reduce([log.steps for log in logs])
+    for log in logs:
+        log.steps = np.where(np.isnan(log.steps), least, log.steps)
+
+
+def gram(jacobian: Array) -> Array:
+    """J'J, on the calling thread alone: several logs are at it, and a threaded BLAS would get in
+    its own way.
+    """
+    return np.asarray(np.einsum("ki,kj->ij", jacobian, jacobian))
 
 
 def _mask(counts: Array, column: int, rows: NDArray[np.intp], reach: int) -> None:

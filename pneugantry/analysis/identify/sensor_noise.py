@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.log import MEASURED, SIGMA
@@ -52,14 +52,15 @@ def sensor_noise(campaign: Campaign) -> list[Noise]:
     for channel in MEASURED:
         squares, freedom = 0.0, 0
         for run in campaign:
-            for window in _windows(run, channel):
-                t = np.linspace(-1.0, 1.0, WINDOW)
-                rest = window - window.mean() - t * (t @ window) / (t @ t)
-                squares += float(rest @ rest)
-                freedom += WINDOW - 2
+            windows = _windows(run, channel)
+            t = np.linspace(-1.0, 1.0, WINDOW)
+            rest = windows - windows.mean(axis=1, keepdims=True)
+            rest -= np.outer(windows @ t, t) / (t @ t)
+            squares += float(np.sum(rest**2))
+            freedom += len(windows) * (WINDOW - 2)
         if freedom:
             rms = math.sqrt(squares / freedom)
-            low, high = (math.sqrt(squares / float(chi2.ppf(p, freedom))) for p in (0.975, 0.025))
+            low, high = (math.sqrt(squares / float(chdtri(freedom, p))) for p in (0.025, 0.975))
             found.append(
                 Noise(
                     channel,
@@ -74,7 +75,8 @@ def sensor_noise(campaign: Campaign) -> list[Noise]:
     return found
 
 
-def _windows(run: LoggedRun, channel: str) -> list[NDArray[np.float64]]:
+def _windows(run: LoggedRun, channel: str) -> NDArray[np.float64]:
+    """(windows, WINDOW) readings at rest."""
     log, setup = run.log, run.setup
     axis = channel[-1]
     if channel in ("f_x", "f_z"):
@@ -86,5 +88,6 @@ def _windows(run: LoggedRun, channel: str) -> list[NDArray[np.float64]]:
         still = (np.arange(len(log)) - last >= STILL - 2 * WINDOW) | (off & (last == 0))
     else:
         still = setup.clamp_signal(axis, log.time)
-    starts = range(0, len(log) - WINDOW + 1, WINDOW)
-    return [log[channel][k : k + WINDOW] for k in starts if still[k : k + WINDOW].all()]
+    rows = len(log) // WINDOW * WINDOW
+    at_rest = still[:rows].reshape(-1, WINDOW).all(axis=1)
+    return np.asarray(log[channel][:rows].reshape(-1, WINDOW)[at_rest])

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from pneugantry.analysis.identify.interval import Estimate, Line, line, quantile
 from pyfmi_runner.campaign import Campaign, LoggedRun
@@ -197,7 +197,7 @@ def comparisons(found: Sequence[Step]) -> list[Comparison]:
         scale = max(1.0, rest / freedom)
         variance = float(np.linalg.inv(design.T @ design)[0, 0]) * scale
         slope = float(np.linalg.lstsq(design, tau / sigma, rcond=None)[0][0])
-        p = float(fisher.sf(slope**2 / variance, 1, freedom))
+        p = float(fdtrc(1, freedom, slope**2 / variance))
         result.append(
             Comparison(
                 question,

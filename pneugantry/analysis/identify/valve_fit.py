@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.signal import lfilter
 
+from pneugantry.analysis.identify.gauss_newton import least_squares
 from pneugantry.analysis.identify.interval import Estimate
 from pyfmi_runner.campaign import LoggedRun
+from pyfmi_runner.first_order import first_order
 from pyfmi_runner.log import PERIOD, SIGMA
 
 __all__ = ["ValveFit", "valve_fit"]
@@ -59,12 +59,11 @@ def valve_fit(
         )
 
     scale = np.array(guess)
-    found = least_squares(residual, scale, x_scale=scale, bounds=(0.02 * scale, 50 * scale))
-    information = found.jac.T @ found.jac * np.outer(scale, scale)
+    found = least_squares(residual, scale, scale, (0.02 * scale, 50 * scale))
+    information = found.information * np.outer(scale, scale)
     if not (np.diag(information) > 0).all() or np.linalg.cond(information) > 1e13:
         return None
-    rest = residual(found.x)
-    gap = math.sqrt(float(np.mean(rest**2)))
+    gap = math.sqrt(float(np.mean(found.residual**2)))
     sigma = max(1.0, gap) * np.sqrt(np.diag(np.linalg.inv(information))) * scale
     K, u_0, tau = (Estimate(float(v), float(s)) for v, s in zip(found.x, sigma, strict=True))
     position = float(np.mean(np.concatenate([run.log[axis] for run in runs])))
@@ -76,4 +75,4 @@ def _lagged(command: Array, p: Array, direction: float, limit: float) -> Array:
     K, u_0, tau = p
     fade = math.exp(-PERIOD / tau)
     target = direction * np.minimum(K * np.maximum(command - u_0, 0.0), limit)
-    return np.asarray(lfilter([0.0, 1.0 - fade], [1.0, -fade], target))
+    return first_order(np.concatenate([[0.0], target[:-1]]), 1.0 - fade, fade)
