@@ -121,7 +121,7 @@ class Emitter:
     """Prints functions of named input groups.
 
     `groups`: name of the C array ("q->x", ...; a scalar where the vector has one element and the
-    name ends in "time" or "initial") → column of symbols. Symbols of the groups named in
+    name ends in "time", "initial" or "path") → column of symbols. Symbols of the groups named in
     `constant_groups` change only with the parameters.
     """
 
@@ -155,7 +155,7 @@ class Emitter:
                 continue
             if op == ca.OP_INPUT:
                 key = keys[ins[0]]
-                scalar = key.endswith(("->time", "->initial"))
+                scalar = key.endswith(("->time", "->initial", "->path"))
                 node = Node(
                     op,
                     text=key if scalar else f"{key}[{ins[1]}]",

@@ -313,12 +313,12 @@ class Translator:
 
     def _builtin(self, node: ir.Builtin) -> Value:
         function, args = node.function, node.args
-        plain = PLAIN.get(function)
-        if plain is not None:
-            return plain(self, args)
         special = self.scope.operator(function, args, self, node)
         if special is not None:
             return special
+        plain = PLAIN.get(function)
+        if plain is not None:
+            return plain(self, args)
         if function in UNARY and len(args) == 1:
             return elementwise(UNARY[function], self(args[0]))
         if function in BINARY and len(args) == 2:

@@ -6,6 +6,9 @@ from dataclasses import dataclass, field
 from string import Template
 
 import casadi as ca
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 from modelica_fmu.compiled import Variable
 from modelica_fmu.emit import Emitter, Hoist
@@ -94,6 +97,7 @@ def groups(system: HybridSystem, layout: Layout) -> dict[str, ca.SX]:
         "q->w": column([w for loop in system.loops for w in loop.symbols]),
         "q->r": column([r.symbol for r in system.roundings]),
         "q->initial": system.initial,
+        "q->path": system.path,
     }
 
 
@@ -121,6 +125,7 @@ typedef struct {
     double w[AT_LEAST_1(N_LOOPED)];     /* unknowns of algebraic loops, found by iteration */
     double r[AT_LEAST_1(N_ROUNDINGS)];  /* frozen results of floor() */
     double h[AT_LEAST_1(N_HOISTED)];    /* whatever depends on parameters alone */
+    double path;                        /* of homotopy(): 0 simplified, 1 actual */
 } ModelData;
 
 typedef struct {
@@ -159,6 +164,7 @@ extern const int model_loop_size[], model_loop_line[];
 extern const char *const model_loop_names[];
 extern const char model_initial_kind[]; /* of each unknown: x, p, d */
 extern const int model_initial_index[];
+extern const char model_open[]; /* of each unknown, then of the loops': '1' has no start value */
 #endif
 """)
 
@@ -186,6 +192,8 @@ def header(system: HybridSystem, layout: Layout, e: Expressions, hoisted: int) -
         "N_ROUNDINGS": len(system.roundings),
         "N_CONSTRAINTS": len(e.constraints),
         "CHAINED": int(e.chained),
+        "HOMOTOPY": int(system.simplified),
+        "CIRCULAR": int(_circular(system, e)),
         "N_SEEDS": sum(map(len, (layout.states, layout.inputs, layout.parameters)))
         + sum(loops)
         + 1,
@@ -194,6 +202,19 @@ def header(system: HybridSystem, layout: Layout, e: Expressions, hoisted: int) -
     sizes |= {define: position[name] for name, define in SOLVER.items()}
     defines = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
     return HEADER.substitute(defines=defines)
+
+
+def _circular(system: HybridSystem, e: Expressions) -> bool:
+    """Whether a relation may depend on itself, through others or an algebraic loop."""
+    n = len(system.relations)
+    if system.loops or not n:
+        return n > 0
+    symbols = column([r.symbol for r in system.relations])
+    rows, columns = ca.jacobian_sparsity(column(e.indicators), symbols).get_triplet()
+    if any(i == j for i, j in zip(rows, columns, strict=True)):
+        return True
+    graph = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
+    return int(connected_components(graph, connection="strong")[0]) < n
 
 
 def source(
@@ -391,7 +412,14 @@ const int model_loop_line[] = {_list([loop.line or 0 for loop in system.loops])}
 const char *const model_loop_names[] = {_list_of_names(system)};
 const char model_initial_kind[] = "{"".join(kind for kind, _ in initial)}";
 const int model_initial_index[] = {_list([place for _, place in initial])};
+const char model_open[] = "{"".join(str(int(value)) for value in _open(system, e))}";
 """
+
+
+def _open(system: HybridSystem, e: Expressions) -> list[bool]:
+    """Which unknowns at the start have no start value in the model."""
+    sought = [s.variable.start is None and s.variable.binding is None for s in e.initial_unknowns]
+    return sought + [value for loop in system.loops for value in loop.open]
 
 
 KIND_OF = {"state": "x", "parameter": "p", "calculated": "p", "discrete": "d"}

@@ -97,6 +97,8 @@ class HybridSystem:
         default_factory=dict
     )  # memory -> symbol of its value before the event
     initial: ca.SX = field(default_factory=lambda: ca.SX.sym("initial"))
+    path: ca.SX = field(default_factory=lambda: ca.SX.sym("homotopy()"))  # 0 to 1
+    simplified: bool = False  # some homotopy() has a simplified side of its own
 
 
 class HybridScope:
@@ -190,6 +192,8 @@ class HybridScope:
                 return ca.SX(1)
             if symbol.name().startswith("der("):
                 return self._second_rate(symbol)
+            if symbol.__hash__() == self.system.path.__hash__():
+                return ca.SX(0)
             raise self.source.refuse("not supported: der() of what jumps at events", node)
         if scalar.kind in ("parameter", "calculated", "constant"):
             return ca.SX(0)
@@ -250,6 +254,20 @@ class HybridScope:
     def _terminal(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
         return ca.SX(0)
 
+    def _homotopy(
+        self, args: tuple[Any, ...], translate: Translator, node: Any
+    ) -> Value | None:
+        """Actual and simplified, between which the start moves along `path`; actual from then on."""
+        if len(args) < 2:
+            return None
+        actual, simple = translate(args[0]), translate.without_events()(args[1])
+        path, self.system.simplified = self.system.path, True
+
+        def one(a: ca.SX, s: ca.SX) -> ca.SX:
+            return ca.if_else(path >= 1, a, path * a + (1 - path) * s)
+
+        return translate.each(one, node, actual, simple)
+
     def _sample(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
         if len(args) != 2:
             raise self.source.refuse("not supported: sample() of a clock", node)
@@ -287,7 +305,7 @@ class HybridScope:
         return symbol
 
 
-HYBRID = ("der", "pre", "edge", "change", "initial", "terminal", "sample", "delay")
+HYBRID = ("der", "pre", "edge", "change", "initial", "terminal", "sample", "delay", "homotopy")
 
 
 class HybridNames(HybridScope):

@@ -120,6 +120,8 @@ def _at_start(system: HybridSystem, matrix: ca.SX) -> Any:
         if not old:
             break
         new = [s.value if s is not None and s.value is not None else ca.SX(0) for s in scalars]
+        path = system.path.__hash__()
+        new = [ca.SX(1) if v.__hash__() == path else n for v, n in zip(old, new, strict=True)]
         matrix = ca.substitute([matrix], old, new)[0]
     if ca.symvar(matrix):
         return np.full(matrix.shape, np.nan)

@@ -170,13 +170,23 @@ def _iterate(
 
     chosen = [scalars[i] for i in torn]
     starts = [s.value if s is not None else None for s in chosen]
+    residuals = put(left)
+    matrix = ca.sparsify(ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*new)))
+    if ca.sprank(ca.DM(matrix.sparsity(), 1)) < len(new):
+        raise source.refuse(
+            f"the equations for {', '.join(names[i] for i in torn)} are singular: what is sought "
+            "cancels out of them",
+            trees[0],
+            hint="correct the equations, or name the states by stateSelect",
+        )
     system.loops.append(
         Loop(
             [names[i] for i in torn],
             new,
-            put(left),
+            residuals,
             [ca.SX(0) if s is None or not parametric(system, s) else s for s in starts],
             source.line(trees[0]),
+            [s is None or s.variable.start is None for s in chosen],
         )
     )
     values = dict(zip(torn, new, strict=True)) | dict(

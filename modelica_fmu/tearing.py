@@ -19,6 +19,7 @@ class Loop:
     residuals: list[ca.SX]
     starts: list[ca.SX]
     line: int | None
+    open: list[bool]  # which have no start value in the model
 
 
 def tear(

@@ -24,6 +24,9 @@
 #define MAX_EVENTS 200        /* within one communication step; after them each mode holds for this part of it */
 #endif
 #define MIN_STEP 10           /* brackets of an event */
+#define PATH_STEP 0.25        /* of homotopy(), the first one; the shortest is a 256th of it */
+#define DOUBTED 50            /* unknowns at the start up to which another solution is looked for */
+#define ANOTHER 1e-6          /* difference of two solutions, relative to max(|value|, 1) */
 
 typedef struct {
     ModelData q;
@@ -49,6 +52,7 @@ struct Instance {
     Core c;
     double y[AT_LEAST_1(N_ALGEBRAICS)];
     int outputs_valid, locals_valid;
+    int warned; /* that the start is one of several */
     unsigned long taken; /* internal steps */
     CoreLog log;
     void *environment;
@@ -664,6 +668,8 @@ void core_reset(Instance *s) {
     memset(s->y, 0, sizeof s->y);
     memcpy(s->c.q.p, model_parameter_starts, N_PARAMETERS * sizeof(double));
     memcpy(s->c.q.u, model_input_starts, N_INPUTS * sizeof(double));
+    s->c.q.path = 1;
+    s->warned = 0;
     for (int i = 0; i < N_DELAYS; i++) s->history[i].n = s->history[i].at = 0;
     s->c.step = HUGE_VAL;
     s->taken = 0;
@@ -743,6 +749,102 @@ CoreStatus core_get(Instance *s, unsigned reference, double *value) {
     return CORE_OK;
 }
 
+/* Modes, and what the initial equations determine with them; 0: the equations have no solution near the start values. */
+static int start_modes(Instance *s) {
+    const int once = N_RELATIONS + N_ROUNDINGS == 0;
+    for (int round = 0; round < MAX_ITERATIONS; round++) {
+#if N_INITIAL > 0
+        if ((round > 0 || once) && !solve_initial(s)) return 0;
+#endif
+        invalidate(s);
+        rates(s);
+        if (!refresh(s) && (round > 0 || N_INITIAL == 0 || once)) break;
+    }
+    return 1;
+}
+
+/* The start along the path of homotopy(), from the simplified equations to the actual ones. 0: there is none, or it does not lead
+ * there; all is then as before. */
+static int follow_homotopy(Instance *s) {
+#if HOMOTOPY
+    Core *c = &s->c;
+    const Core before = *c;
+    Core reached = *c;
+    double step = PATH_STEP;
+    for (c->q.path = 0;; c->q.path = fmin(1, reached.q.path + step)) {
+        const int found = start_modes(s) && !c->loop_failed;
+        if (found && c->q.path >= 1) return 1;
+        if (found) {
+            reached = *c;
+            continue;
+        }
+        step *= 0.5;
+        if (c->q.path == 0 || step < PATH_STEP / 256) break;
+        *c = reached;
+    }
+    *c = before;
+    invalidate(s);
+#else
+    (void)s;
+#endif
+    return 0;
+}
+
+#define DOUBTFUL ((N_LARGEST > 0 || CIRCULAR) && N_LARGEST <= DOUBTED && !HOMOTOPY)
+#define LAST_TRIAL 4
+#if DOUBTFUL
+/* Other guesses, where the model gives none; the last one is that of modes, all the other way round. 0: it has nothing to change. */
+static int guess_otherwise(Core *c, int trial) {
+    static const double far[LAST_TRIAL] = {1, -1, 30, -30};
+    int any = 0;
+    if (trial == LAST_TRIAL) {
+        for (int i = 0; i < N_RELATIONS; i++) c->q.m[i] = c->q.m[i] == 0;
+        return CIRCULAR;
+    }
+    for (int i = 0; i < N_INITIAL + N_LOOPED; i++) {
+        double *value = i < N_INITIAL ? initial_unknown(c, i) : &c->q.w[i - N_INITIAL];
+        if (model_open[i] == '1') *value += far[trial] * fmax(1, fabs(*value)), any = 1;
+    }
+    return any;
+}
+
+/* The first variable with another value than in `values`, which are taken where `compare` is 0; else model_n_variables. */
+static size_t another(Instance *s, double *values, int compare, double *now) {
+    for (size_t i = 0; i < model_n_variables; i++) {
+        core_get(s, (unsigned)i, now);
+        if (compare && fabs(*now - values[i]) > ANOTHER * fmax(1, fmax(fabs(*now), fabs(values[i])))) return i;
+        if (!compare) values[i] = *now;
+    }
+    return model_n_variables;
+}
+#endif
+
+/* Warns where another guess leads to another start: the model does not say then which of them it means. */
+static void doubt_start(Instance *s) {
+#if DOUBTFUL
+    const Core found = s->c;
+    double now, *taken = s->warned || found.loop_failed ? NULL : malloc(model_n_variables * sizeof *taken);
+    if (!taken) return;
+    another(s, taken, 0, &now);
+    for (int trial = 0; trial <= LAST_TRIAL && !s->warned; trial++) {
+        if (!guess_otherwise(&s->c, trial)) continue;
+        if (start_modes(s) && !s->c.loop_failed && !contradicted(s->c.q.m, s->c.z)) {
+            const size_t i = another(s, taken, 1, &now);
+            s->warned = i < model_n_variables;
+            if (s->warned)
+                say(s, CORE_WARNING, "logStatusWarning", "the start is one of several: %s = %g is taken, %g solves the equations, too; %s",
+                    model_variables[i].name, taken[i], now,
+                    trial < LAST_TRIAL ? "give start values near the one that is meant" : "remember by pre() which mode it is in");
+        }
+        s->c = found;
+    }
+    free(taken);
+    invalidate(s);
+#else
+    (void)s;
+#endif
+}
+
 CoreStatus core_initialise(Instance *s, double start_time) {
     Core *c = &s->c;
     double x[AT_LEAST_1(N_STATES)], on[AT_LEAST_1(N_BRANCHES)];
@@ -764,16 +866,9 @@ CoreStatus core_initialise(Instance *s, double start_time) {
     if (status == CORE_OK) status = record_delays(s);
     if (status != CORE_OK) return status;
     /* relations first, without firing what is true from the start; when initial() does fire */
-    for (int round = 0; round < MAX_ITERATIONS; round++) {
-#if N_INITIAL > 0
-        if (round > 0 || N_RELATIONS + N_ROUNDINGS == 0) status = solve_initial(s);
-        if (status != CORE_OK) return status;
-#endif
-        invalidate(s);
-        rates(s);
-        int changed = refresh(s);
-        if (!changed && (round > 0 || N_INITIAL == 0 || N_RELATIONS + N_ROUNDINGS == 0)) break;
-    }
+    if (!follow_homotopy(s) && !start_modes(s))
+        return say(s, CORE_ERROR, "logStatusError", "the initial equations have no solution near the start values");
+    doubt_start(s);
 #if N_INITIAL > 0
     memcpy(c->q.pre, c->q.d, sizeof c->q.pre);
 #endif

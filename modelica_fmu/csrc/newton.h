@@ -183,6 +183,12 @@ static inline void loop_seeds(Instance *s, double *seeds) {
 #endif
 }
 
+/* Where an unknown of the initial equations stands. */
+static inline double *initial_unknown(Core *c, int i) {
+    double *place = model_initial_kind[i] == 'x' ? c->q.x : model_initial_kind[i] == 'p' ? c->q.p : c->q.d;
+    return place + model_initial_index[i];
+}
+
 #if N_INITIAL > 0
 static inline void initial_equations(Instance *s, int which, double *residual, double *jacobian) {
     (void)which;
@@ -195,7 +201,7 @@ static inline void initial_equations(Instance *s, int which, double *residual, d
     model_initial(&s->c.q, residual, jacobian ? jacobian : s->unused);
 }
 
-static CoreStatus solve_initial(Instance *s) {
+static int solve_initial(Instance *s) {
     double *unknown[N_LARGEST], guess[N_INITIAL];
     Core *c = &s->c;
     if (!c->guessed) {
@@ -204,13 +210,11 @@ static CoreStatus solve_initial(Instance *s) {
     } else
         for (int i = 0; i < N_INITIAL; i++) guess[i] = NAN;
     for (int i = 0; i < N_INITIAL; i++) {
-        double *place = model_initial_kind[i] == 'x' ? c->q.x : model_initial_kind[i] == 'p' ? c->q.p : c->q.d;
-        unknown[i] = place + model_initial_index[i];
+        unknown[i] = initial_unknown(c, i);
         if (!isnan(guess[i])) *unknown[i] = guess[i];
     }
     for (int i = 0; i < N_LOOPED; i++) unknown[N_INITIAL + i] = &c->q.w[i];
-    if (newton(s, initial_equations, 0, unknown, N_INITIAL + N_LOOPED)) return CORE_OK;
-    return say(s, CORE_ERROR, "logStatusError", "the initial equations have no solution near the start values");
+    return newton(s, initial_equations, 0, unknown, N_INITIAL + N_LOOPED);
 }
 #endif
 
