@@ -57,6 +57,7 @@ WRAPPED = {  # library: the files that may import it
     # solver_check: fmpy's CVode as an independent master; paths: its loops, timed;
     # importers: beside the others
     "fmpy": {
+        "benchmarks/cross_check.py",
         "pyfmi_runner/fmu.py",
         "benchmarks/solver_check.py",
         "pneugantry/speed/paths.py",

@@ -798,7 +798,7 @@ static int guess_otherwise(Core *c, int trial) {
     static const double far[LAST_TRIAL] = {1, -1, 30, -30};
     int any = 0;
     if (trial == LAST_TRIAL) {
-        for (int i = 0; i < N_RELATIONS; i++) c->q.m[i] = c->q.m[i] == 0;
+        for (int i = 0; i < N_RELATIONS && CIRCULAR; i++) c->q.m[i] = c->q.m[i] == 0;
         return CIRCULAR;
     }
     for (int i = 0; i < N_INITIAL + N_LOOPED; i++) {
@@ -827,7 +827,7 @@ static void doubt_start(Instance *s) {
     if (!taken) return;
     another(s, taken, 0, &now);
     for (int trial = 0; trial <= LAST_TRIAL && !s->warned; trial++) {
-        if (!guess_otherwise(&s->c, trial)) continue;
+        if (!guess_otherwise(&s->c, trial)) continue; /* nothing to guess */
         if (start_modes(s) && !s->c.loop_failed && !contradicted(s->c.q.m, s->c.z)) {
             const size_t i = another(s, taken, 1, &now);
             s->warned = i < model_n_variables;

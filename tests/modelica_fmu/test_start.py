@@ -153,3 +153,29 @@ end M;
 """).start()
     assert m.get("y") < 0
     assert warnings(m) == []
+
+
+def test_what_is_true_from_the_start_does_not_fire(tiny) -> None:
+    """change(u) holds during the initialisation, with an initial system beside it; the when-clause
+    waits for the next change.
+    """
+    m = tiny("""model M
+  output Integer n(start = 0); discrete Real s; Boolean u;
+initial equation
+  pre(u) = false;
+  pre(n) = 0;
+  s = 0;
+equation
+  u = time >= s and time < s + 0.8;
+  when sample(1, 1) then
+    s = time;
+  end when;
+  when change(u) then
+    n = pre(n) + 2;
+  end when;
+end M;
+""").start()
+    m.step(0.1)
+    assert m.get("n") == 0.0
+    m.run(1.1, "n", step=0.1)
+    assert m.get("n") == 4.0  # off at 0.8 s, on at 1 s
