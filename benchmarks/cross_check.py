@@ -7,12 +7,12 @@ OUT/fmus/2.0/TYPE/PLATFORM/PneuGantry/VERSION/MODEL holds
 
     MODEL.fmu  MODEL_ref.csv  MODEL_ref.opt  MODEL_in.csv (a model with inputs)  README.md
 
-by the rules of FMI Cross-Check 4.1: its section 9.1 and appendix B. The reference solution is ours,
-with the internal solver's steps a hundredth of what the FMU comes with. Then fmpy takes each folder:
-its check of a vendor's files, a run of the FMU at its defaults with the options and inputs of these
-files (cs: the FMU's solver, me: CVode), and the cross-check's comparison of both. Printed beside: the
-largest distance as a share of the signal's range. Without a model: the gantry, the measured axis and
-a drive with an elastic joint. Exit code 1 where anything is found.
+by the rules of FMI Cross-Check 4.1 (section 9.1, appendix B). The reference solution is ours, with
+the internal solver's steps a hundredth of what the FMU comes with. Then fmpy takes each folder: its
+check of a vendor's files, a run of the FMU at its defaults with the options and inputs of these
+files (cs: the FMU's solver, me: CVode), and the cross-check's comparison of both. Printed beside:
+the largest distance as a share of the signal's range. Without a model: the gantry, the measured
+axis and a drive with an elastic joint. Exit code 1 where anything is found.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ TOOL = "PneuGantry"
 TYPES: tuple[Literal["cs", "me"], ...] = ("cs", "me")
 ROWS = 500  # of the reference; a file may have 1 MB
 COLUMNS = 10  # variables of the reference, "recommended at most"
-HOLDS = 12  # values that each input takes on during a run
-TIGHTER = 100  # times
-TOLERANCE = 1e-4  # that a solver is asked for, RelTol
+KNOTS = 13  # of each input, which is a line between them
+TIGHTER = 100  # times, of the steps
+TOLERANCE = 1e-6  # of our solver, and what another one is asked for: RelTol
 BESIDE = 2  # steps by which a jump may be told earlier or later
 
 Columns = NDArray[np.void]  # a structured array whose first column is "time"
@@ -54,38 +54,40 @@ Columns = NDArray[np.void]  # a structured array whose first column is "time"
 
 @dataclass(frozen=True)
 class Case:
-    """A model with what is done to it. stop, step: s, the run and its communication steps."""
+    """A model with what is done to it. stop, step: s, the run and its communication steps; reach:
+    largest input, in its unit.
+    """
 
     source: ClassSource
     name: str  # of files and folder
     stop: float = 5.0
     step: float = 1e-3
+    reach: float = 1.0
 
 
 CASES = (
     Case(ClassSource(DEFAULT_CLASS, default_model()), "Gantry"),
-    Case(ClassSource("EMPS.Axis", ROOT / "models" / "EMPS.mo"), "Axis"),
+    Case(ClassSource("EMPS.Axis", ROOT / "models" / "EMPS.mo"), "Axis", reach=0.1),
     Case(ClassSource("Drive.Plant", ROOT / "examples" / "drive" / "Drive.mo"), "Drive"),
 )
 
 
 def inputs_of(file: FmuFile, case: Case) -> Columns | None:
-    """Drawn values of all Real inputs, each held; a jump has two rows. None: no inputs."""
-    inputs = [v for v in file.description.variables.values() if v.causality == "input"]
+    """All Real inputs, lines between drawn values from 0 on. None: no inputs.
+
+    Others keep their start value: importers set all inputs of such a file in continuous time too,
+    where a discrete one may not be set.
+    """
+    known = file.description.variables.values()
+    inputs = [v for v in known if v.causality == "input" and v.type == "Real"]
     if not inputs:
         return None
     drawn = np.random.default_rng(1)
-    steps = round(case.stop / case.step)
-    jumps = case.step * np.unique(np.linspace(0, steps, HOLDS + 1).round())
-    time = np.repeat(jumps, 2)[1:-1]
-    columns = {"time": time}
+    columns = {"time": np.linspace(0, case.stop, KNOTS)}
     for variable in inputs:
-        low = -1.0 if variable.min is None else max(variable.min, -1.0)
-        high = 1.0 if variable.max is None else min(variable.max, 1.0)
-        if variable.type != "Real":
-            columns[variable.name] = np.full(len(time), float(variable.start or 0))
-            continue
-        columns[variable.name] = np.repeat(drawn.uniform(low, high, len(jumps) - 1), 2)
+        low = -case.reach if variable.min is None else max(variable.min, -case.reach)
+        high = case.reach if variable.max is None else min(variable.max, case.reach)
+        columns[variable.name] = np.append(0.0, drawn.uniform(low, high, KNOTS - 1))
     return table(columns)
 
 
@@ -99,7 +101,7 @@ def table(columns: dict[str, Any]) -> Columns:
 def reference(file: FmuFile, case: Case, inputs: Columns | None) -> Columns:
     """Our own solution with a tight internal solver."""
     names = (file.description.outputs or file.description.states)[:COLUMNS]
-    settings = {"solver.max_step": case.step / TIGHTER, "solver.tolerance": TOLERANCE / TIGHTER}
+    settings = {"solver.max_step": case.step / TIGHTER, "solver.tolerance": TOLERANCE}
     steps = round(case.stop / case.step)
     every = max(1, steps // ROWS)
     rows = []
@@ -107,10 +109,8 @@ def reference(file: FmuFile, case: Case, inputs: Columns | None) -> Columns:
         for k in range(steps + 1):
             if k % every == 0 or k == steps:
                 rows.append([k * case.step, *fmu.get(names)])
-            if inputs is not None and k < steps:
-                at = int(np.searchsorted(inputs["time"], k * case.step + 1e-9, "right")) - 1
-                for name in inputs.dtype.names[1:]:
-                    fmu.set(name, inputs[name][at])
+            for name in (inputs.dtype.names or ())[1:] if inputs is not None else ():
+                fmu.set(name, float(np.interp(k * case.step, inputs["time"], inputs[name])))
             if k < steps:
                 fmu.step(case.step, time=k * case.step)
     return table(dict(zip(["time", *names], np.transpose(rows), strict=True)))
@@ -147,7 +147,8 @@ def readme_of(case: Case, kind: str, platform: str) -> str:
         f"{version('pneugantry')} for {platform}, without license checks. The sources are inside: "
         f"other platforms can build them.\n\n{solver}\n\nReference: the same FMU with "
         f"`solver.max_step` = {case.step / TIGHTER:g} s and `solver.tolerance` = "
-        f"{TOLERANCE / TIGHTER:g}. Inputs are held between their jumps, which have two rows.\n"
+        f"{TOLERANCE:g}. Inputs are lines between their values; one that is "
+        "not in the file keeps its start value.\n"
     )
 
 
@@ -184,7 +185,7 @@ def read_csv(path: Path) -> Columns | None:
     return np.genfromtxt(path, delimiter=",", names=True, deletechars="")  # type: ignore[no-any-return]
 
 
-def simulated(folder: Path, wanted: Columns) -> Columns:
+def simulated(folder: Path, wanted: Columns, step: float) -> Columns:
     """The FMU of a folder at its defaults, as an importer runs it."""
     kind, name = folder.parents[3].name, folder.name
     said = [line.split(",") for line in (folder / f"{name}_ref.opt").read_text().splitlines()]
@@ -193,8 +194,7 @@ def simulated(folder: Path, wanted: Columns) -> Columns:
         str(folder / f"{name}.fmu"),
         start_time=given["StartTime"],
         stop_time=given["StopTime"],
-        step_size=given["StepSize"] or None,
-        output_interval=given["OutputIntervalLength"],
+        output_interval=step,  # fmpy steps by it, too
         relative_tolerance=given["RelTol"],
         fmi_type="CoSimulation" if kind == "cs" else "ModelExchange",
         input=read_csv(folder / f"{name}_in.csv"),
@@ -203,29 +203,29 @@ def simulated(folder: Path, wanted: Columns) -> Columns:
 
 
 def distance(found: Columns, wanted: Columns, step: float) -> float:
-    """Largest distance of a signal from what the reference takes on within BESIDE steps, as a share
+    """Largest distance of the reference from what a signal takes on within BESIDE steps, as a share
     of its range.
     """
-    worst, beside = 0.0, BESIDE * step
+    worst, time = 0.0, wanted["time"]
     for name in (wanted.dtype.names or ())[1:]:
         size = float(np.ptp(wanted[name])) or max(1e-9, float(np.abs(wanted[name]).max()))
-        near = [np.interp(found["time"] + d, wanted["time"], wanted[name]) for d in (-beside, 0, beside)]
+        shifts = step * np.arange(-BESIDE, BESIDE + 1)
+        near = [np.interp(time + shift, found["time"], found[name]) for shift in shifts]
         low, high = np.min(near, axis=0), np.max(near, axis=0)
-        off = np.maximum(np.maximum(low - found[name], found[name] - high), 0)
+        off = np.maximum(np.maximum(low - wanted[name], wanted[name] - high), 0)
         worst = max(worst, float(off.max()) / size)
     return worst
 
 
-def checked(folder: Path) -> tuple[list[str], float]:
+def checked(folder: Path, step: float) -> tuple[list[str], float]:
     """(what the cross-check's own programs find, distance from the reference)."""
     problems = [str(p) for p in validate_test_fmu(str(folder))]
     wanted = read_csv(folder / f"{folder.name}_ref.csv")
     if wanted is None:
         return [*problems, "no reference"], np.nan
-    found = simulated(folder, wanted)
+    found = simulated(folder, wanted, step)
     said = validate_result(found, wanted, float(wanted["time"][0]), float(wanted["time"][-1]))
-    interval = float(np.max(np.diff(wanted["time"])))
-    return problems + ([said] if said else []), distance(found, wanted, interval)
+    return problems + ([said] if said else []), distance(found, wanted, step)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -237,7 +237,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--stop", type=float, default=5.0, metavar="S")
     parser.add_argument("--step", type=float, default=1e-3, metavar="S")
     options = parser.parse_args(arguments)
-    cases = CASES
+    cases: Sequence[Case] = CASES
     if options.class_name is not None:
         source = ClassSource(options.class_name, options.model, {}, tuple(options.library))
         short = options.class_name.rpartition(".")[2]
@@ -247,7 +247,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         for case in cases:
             for folder in written(case, options.out):
-                problems, off = checked(folder)
+                problems, off = checked(folder, case.step)
                 failed += bool(problems)
                 kind = folder.parents[3].name
                 print(f"{case.name:12} {kind:4} {off:9.1e}  {'; '.join(problems) or 'nothing'}")

@@ -7,9 +7,9 @@ Association's reference results of that version (MAP-LIB_ReferenceResults: anoth
 the signals to compare). A model is right where every such signal stays within TOLERANCE of its
 range; what has no reference result is only compiled. Where that tool's run is inexact itself, its
 equations solved anew decide (library_solutions.py). At the start a discrete variable may have the
-value before the events of that instant or after them. Each model runs in a process of its own, which
-is stopped after LIMIT seconds of CPU time. A "~" stands beside what the FMU says of its start: that
-it is one of several.
+value before the events of that instant or after them. Each model runs in a process of its own,
+which is stopped after LIMIT seconds of CPU time. A "~" stands beside what the FMU says of its
+start: that it is one of several.
 """
 
 from __future__ import annotations
@@ -159,11 +159,11 @@ def run(compiled: CompiledModel, wanted: Signals, folder: Path) -> Outcome:
     said: list[str] = []
     try:
         ran = outputs(path, stop, start, kept, said)
-        soon = outputs(path, start + SOON * (stop - start), start, jumping, []) if jumping else None
+        soon = outputs(path, start + SOON * (stop - start), start, jumping, []) if jumping else {}
     except Exception as error:
         return Outcome(compiled.name, "failed", "", None, " ".join(str(error).split())[:200])
     found = {v: np.asarray(ran[v], float) for v in kept}
-    for name in jumping if soon is not None else ():  # or after the events of the start
+    for name in jumping:  # or after the events of the start
         if wanted.values[name][0] == float(soon[name][-1]):
             found[name][0] = float(soon[name][-1])
     made = judged(compiled.name, np.asarray(ran["time"]), found, wanted)

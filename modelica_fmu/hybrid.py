@@ -254,10 +254,8 @@ class HybridScope:
     def _terminal(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value:
         return ca.SX(0)
 
-    def _homotopy(
-        self, args: tuple[Any, ...], translate: Translator, node: Any
-    ) -> Value | None:
-        """Actual and simplified, between which the start moves along `path`; actual from then on."""
+    def _homotopy(self, args: tuple[Any, ...], translate: Translator, node: Any) -> Value | None:
+        """Actual and simplified, between which the start moves along `path`; then actual."""
         if len(args) < 2:
             return None
         actual, simple = translate(args[0]), translate.without_events()(args[1])
