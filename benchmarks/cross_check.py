@@ -18,6 +18,7 @@ axis and a drive with an elastic joint. Exit code 1 where anything is found.
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import sys
 import zipfile
@@ -109,8 +110,9 @@ def reference(file: FmuFile, case: Case, inputs: Columns | None) -> Columns:
         for k in range(steps + 1):
             if k % every == 0 or k == steps:
                 rows.append([k * case.step, *fmu.get(names)])
-            for name in (inputs.dtype.names or ())[1:] if inputs is not None else ():
-                fmu.set(name, float(np.interp(k * case.step, inputs["time"], inputs[name])))
+            if inputs is not None:
+                for name in (inputs.dtype.names or ())[1:]:
+                    fmu.set(name, float(np.interp(k * case.step, inputs["time"], inputs[name])))
             if k < steps:
                 fmu.step(case.step, time=k * case.step)
     return table(dict(zip(["time", *names], np.transpose(rows), strict=True)))
@@ -236,25 +238,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--library", action="append", default=[], type=Path, metavar="DIR")
     parser.add_argument("--stop", type=float, default=5.0, metavar="S")
     parser.add_argument("--step", type=float, default=1e-3, metavar="S")
+    parser.add_argument("--json", type=Path, metavar="FILE")
     options = parser.parse_args(arguments)
     cases: Sequence[Case] = CASES
     if options.class_name is not None:
         source = ClassSource(options.class_name, options.model, {}, tuple(options.library))
         short = options.class_name.rpartition(".")[2]
         cases = (Case(source, short, options.stop, options.step),)
-    failed = 0
+    rows: list[dict[str, Any]] = []
     print(f"{'model':12} {'type':4} {'distance':>9}  found")
     try:
         for case in cases:
             for folder in written(case, options.out):
                 problems, off = checked(folder, case.step)
-                failed += bool(problems)
                 kind = folder.parents[3].name
                 print(f"{case.name:12} {kind:4} {off:9.1e}  {'; '.join(problems) or 'nothing'}")
+                row = {"model": case.name, "type": kind, "distance": off, "found": problems}
+                rows.append(row)
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
-    return 1 if failed else 0
+    if options.json is not None:
+        options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    return 1 if any(row["found"] for row in rows) else 0
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Circuits of the standard library whose stored reference results are inexact, solved anew from
-their equations: a Schmitt trigger switches some 12 µs late, and a run that misses that by a
-microsecond or ten is far off after twenty periods. Nothing of the library's source.
+their equations: a Schmitt trigger switches a little late (the amplifier's lag, LAG), and a run that
+misses that is far off after twenty periods. Nothing of the library's source.
 """
 
 from __future__ import annotations

@@ -90,6 +90,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "differential": recorded.differential,
     "math_functions": recorded.math_functions,
     "compiler_times": recorded.compiler_times,
+    "cross_check": recorded.cross_check,
     "decisions": decisions,
 }
 

@@ -18,6 +18,7 @@ __all__ = [
     "clean_install",
     "code_size",
     "compiler_times",
+    "cross_check",
     "differential",
     "math_functions",
     "motor",
@@ -292,6 +293,16 @@ def math_functions() -> str:
         f"{said} {len(found)} functions: {told}; largest error of the right ones {worst:.1e}. "
         f"Right: {right}.\n\n{_table(('function', '', 'said'), others)}"
     )
+
+
+def cross_check() -> str:
+    """FMUs and files as FMI's cross-check wants them."""
+    said, found = _read("cross_check")
+    rows = [
+        (r["model"], r["type"], f"{r['distance']:.0e}", "; ".join(r["found"]) or "nothing")
+        for r in found
+    ]
+    return f"{said}\n\n{_table(('model', 'type', 'distance', 'found by the check'), rows)}"
 
 
 def compiler_times() -> str:
