@@ -18,7 +18,6 @@ import pytest
 from jsonschema import Draft202012Validator
 from matplotlib.image import imread
 from numpy.typing import NDArray
-from pneugantry.report.visibility import visibility
 
 from pneugantry.engine.catalogue import Form
 from pneugantry.engine.confirm import Replay
@@ -37,6 +36,7 @@ from pneugantry.report.headline import (
 )
 from pneugantry.report.page import Extras, write_page
 from pneugantry.report.pictures import SAMPLES, Curves, Shown, gap_svg, packed, ticks
+from pneugantry.report.visibility import visibility
 from pneugantry.report.words import next_steps
 
 Array = NDArray[np.float64]
