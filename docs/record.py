@@ -59,6 +59,7 @@ def record(name: str) -> None:
         found = Path(folder) / "found.json"
         subprocess.run([*run, "--json", str(found)], cwd=ROOT, check=True)
         text = found.read_text(encoding="utf-8").replace(str(ROOT.parent), "..")
+        text = text.replace(str(Path.home()), "~")
     result = json.loads(text)
     said = subprocess.run(
         ["git", "log", "-1", "--format=%cs"], cwd=ROOT, capture_output=True, text=True, check=True

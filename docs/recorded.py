@@ -170,13 +170,13 @@ def bad_input() -> str:
                 f"`{case['command']}`",
                 case["code"],
                 case["said"].removeprefix("pneugantry: ") if case["code"] else "",
-                case["wrong"] or "as promised",
+                case["wrong"] or "right",
             )
         )
         for case in found["cases"]
     ]
     wrong = sum(bool(case["wrong"]) for case in found["cases"])
-    counted = f"{len(rows)} cases, {wrong} not as promised."
+    counted = f"{len(rows)} cases, {wrong} not right."
     return f"{said} {counted}\n\n{_table(('what', 'command', 'exit code', 'said', ''), rows)}"
 
 
@@ -186,7 +186,8 @@ def code_size() -> str:
     longest = sorted(found, key=lambda f: -f.lines)[:5]
     many = sorted((f for f in found if f.arguments > 6), key=lambda f: -f.arguments)
     rows = [("longest functions", f"{f.lines} lines", f"`{f.file}` `{f.name}`") for f in longest]
-    rows += [("most arguments", str(f.arguments), f"`{f.file}` `{f.name}`") for f in many]
+    most = many or [max(found, key=lambda f: f.arguments)]
+    rows += [("most arguments", str(f.arguments), f"`{f.file}` `{f.name}`") for f in most]
     columns, place = longest_line()
     rows.append(("longest line", f"{columns} columns", f"`{place}`"))
     words = f"`python -m benchmarks.code_size`: {len(found)} functions"

@@ -21,10 +21,11 @@ from pneugantry.engine.confirm import (
 )
 from pneugantry.engine.decide import UNKNOWN
 from pneugantry.engine.location import Place
-from pneugantry.engine.plant import Plant
+from pneugantry.engine.plant import Data, Plant
 from pneugantry.engine.result import Cause, Diagnosis, Size
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
+from pneugantry.engine.views import View
 from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of, check_names
 from pneugantry.plants.gantry.closed_loop import left_out, rerun
 from pneugantry.plants.gantry.converter import coarse_channels, rounded
@@ -99,18 +100,39 @@ def task_of(
         raise InputError("no log measures anything", file=campaign.path, hint=hint)
     plant = replace(plant_of(measured, rules.thinning), parameters=dict(parameters or {}))
     plant = _coarser(plant, quanta or {})
-    data = data_of(campaign, rules)
-    fitted = {r.name for r in data.fitted}
     cache = cache_folder() / "parts"
+    views = views_of(plant, campaign, cache, rules)
+    data, dull = _judged(data_of(campaign, rules), views, campaign)
+    fitted = {r.name for r in data.fitted}
+    notes = (*campaign.notes, *dull, *(() if data.held_out else (ONE_LOG,)))
     return Task(
         plant,
-        views_of(plant, campaign, cache, rules),
+        views,
         data,
         catalogue,
         cache,
-        notes=(*campaign.notes, *(() if data.held_out else (ONE_LOG,)), *_coarse_notes(quanta)),
+        notes=(*notes, *_coarse_notes(quanta)),
         limits=tuple(not_excited(r for n, r in campaign.logs.items() if n in fitted)),
     )
+
+
+def _judged(data: Data, views: Sequence[View], campaign: Campaign) -> tuple[Data, list[str]]:
+    """Without records of which no view judges a signal, and a note of each. Raises InputError where
+    none is left.
+    """
+    every = (*data.fitted, *(() if data.held_out is None else (data.held_out,)))
+    shown = {r.name for r in every if any(v.shows(r) for v in views)}
+    dull = [r.name for r in every if r.name not in shown]
+    left = [r for r in every if r.name in shown]
+    if not left:
+        raise InputError(
+            "nothing in its logs can be judged: no signal moves, or one needed with it is missing",
+            file=campaign.path,
+            hint="record a log in which the carriages or forces move, with all channels",
+        )
+    said = "left out: nothing in it can be judged (no signal moves, or one needed is missing)"
+    fitted, held = (left[:-1], left[-1]) if len(left) > 1 else (left, None)
+    return Data(tuple(fitted), held), [f"{name} {said}" for name in dull]
 
 
 def _checked(campaign: Campaign) -> Campaign:

@@ -12,11 +12,13 @@ import pytest
 
 from modelica_fmu.errors import InputError
 from pneugantry.engine.result import to_json
-from pneugantry.plants.gantry.diagnosis import diagnose
+from pneugantry.engine.rules import Rules
+from pneugantry.plants.gantry.diagnosis import diagnose, task_of
 from pneugantry.plants.gantry.usable import sound_logs
 from pneugantry.truth.campaign import Campaign, write
 from pneugantry.truth.case import draw_case
-from pyfmi_runner.campaign import read_campaign
+from pyfmi_runner.campaign import DRIVEN, read_campaign
+from pyfmi_runner.log import MEASURED
 
 Fault = Callable[[pd.DataFrame], pd.DataFrame]
 
@@ -94,6 +96,22 @@ def test_a_campaign_whose_every_log_has_a_fault_is_refused(drawn: Campaign, tmp_
     )
     with pytest.raises(InputError, match="no log can be diagnosed"):
         sound_logs(campaign)
+
+
+def test_a_log_that_no_view_judges_is_left_out(drawn: Campaign, tmp_path: Path) -> None:
+    """The held-out log measures x alone: another one is held out in its place."""
+    few = {n: drawn[n] for n in ("valve_steps_0", "valve_steps_500", "contour_straight")}
+    gone = [c for c in MEASURED if c != "x"]
+    few["contour_straight"] = few["contour_straight"].drop(columns=gone)
+    write(tmp_path, few)
+    task = task_of(read_campaign(tmp_path, strict=False, needs=DRIVEN), {}, Rules())
+    assert [r.name for r in task.data.fitted] == ["valve_steps_0"]
+    assert task.data.held_out is not None
+    assert task.data.held_out.name == "valve_steps_500"
+    assert any(n.startswith("contour_straight left out: nothing in it can") for n in task.notes)
+    write(tmp_path / "still", {"valve_steps_0": few["valve_steps_0"].drop(columns=gone)})
+    with pytest.raises(InputError, match="nothing in its logs can be judged"):
+        task_of(read_campaign(tmp_path / "still", strict=False, needs=DRIVEN), {}, Rules())
 
 
 @pytest.mark.slow
