@@ -120,7 +120,7 @@ class Diagnosis:
         term = learn(self.found, self.rules, say or (lambda stage: None))
         json = {
             **self.json,
-            "learned": to_json(term, self.rules),
+            "learned": to_json(term),
             "stages": {**self.json["stages"], "missing term": term.seconds},
             "seconds": self.json["seconds"] + term.seconds,
         }

@@ -13,17 +13,24 @@ import numpy as np
 
 from pneugantry.engine.plant import Array
 
-__all__ = ["BENDS", "SIZES", "Basis", "Knots", "Wave", "knots_over"]
+__all__ = ["SIZES", "Basis", "FineKnots", "Knots", "Wave", "finer", "knots_over"]
 
 COUNT = 11
+FINE = 41  # knots of a curve with narrow features
 EDGE = 0.005  # share of the rows beyond each end of the covered range
 JUMP = 2e-3  # share of the range over which a jump takes place
 SIZES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # prior sizes of a curve, in units that show
 BENDS = (0.03, 0.3, 3.0)  # prior sizes of its bending, in units of its size
+LENGTHS = (0.03, 0.1)  # over which a curve with narrow features changes, shares of the range
 
 
 class Basis(Protocol):
     """Shapes whose sum is a curve."""
+
+    @property
+    def bends(self) -> tuple[float, ...]:
+        """Further parameters of the prior that are tried."""
+        ...
 
     def shapes(self, values: Array) -> Array:
         """(rows, coefficients) over values of the variable."""
@@ -40,6 +47,10 @@ class Knots:
 
     at: Array  # (COUNT,), evenly over the covered range
     jumps: bool
+
+    @property
+    def bends(self) -> tuple[float, ...]:
+        return BENDS
 
     @property
     def width(self) -> float:
@@ -82,11 +93,34 @@ class Knots:
         return np.asarray(np.linalg.inv(covariance))
 
 
+@dataclass(frozen=True, eq=False)
+class FineKnots(Knots):
+    """The same with a prior of narrow features: a straight line and what is alike over a length."""
+
+    @property
+    def bends(self) -> tuple[float, ...]:
+        return LENGTHS
+
+    def prior(self, size: float, bend: float) -> Array:
+        x = np.linspace(0.0, 1.0, len(self.at))
+        apart = np.sqrt(3) * np.abs(np.subtract.outer(x, x)) / bend
+        straight, _ = self._covariances
+        covariance = size**2 * (straight + (1 + apart) * np.exp(-apart) + 1e-6 * np.eye(len(x)))
+        if self.jumps:
+            covariance = np.pad(covariance, (0, 1))
+            covariance[-1, -1] = size**2
+        return np.asarray(np.linalg.inv(covariance))
+
+
 @dataclass(frozen=True)
 class Wave:
     """A sine and a cosine."""
 
     period: float  # in units of the variable
+
+    @property
+    def bends(self) -> tuple[float, ...]:
+        return (1.0,)
 
     def shapes(self, values: Array) -> Array:
         phase = 2 * np.pi * values / self.period
@@ -96,10 +130,15 @@ class Wave:
         return np.eye(2) / size**2
 
 
-def knots_over(values: Array, count: int = COUNT) -> Knots | None:
+def knots_over(values: Array) -> Knots | None:
     """Knots over the range that some values cover; None: they do not vary."""
     low, high = (float(q) for q in np.quantile(values, (EDGE, 1 - EDGE)))
     if not np.isfinite([low, high]).all() or high - low <= 1e-9 * max(abs(low), abs(high), 1e-12):
         return None
     jumps = min(-low, high) > 0.05 * (high - low)
-    return Knots(np.linspace(low, high, count), jumps)
+    return Knots(np.linspace(low, high, COUNT), jumps)
+
+
+def finer(knots: Knots) -> FineKnots:
+    """More of them over the same range."""
+    return FineKnots(np.linspace(knots.at[0], knots.at[-1], FINE), knots.jumps)

@@ -27,7 +27,9 @@ def write_catalogue(folder: Path, learned: Learned) -> tuple[Path, Path]:
         hint = "add what you know of the rig to the catalogue by hand"
         raise InputError("no missing term was accepted", field="--catalogue-out", hint=hint)
     term, task = learned.best.term, learned.before.task
-    named = replace(term.effect, name=effect_name(term), summary=f"learnt: {term.formula()}")
+    forms = tuple(replace(f, settings={}) for f in term.effect.forms)  # the model has its tables
+    summary = f"learnt: {term.formula()}"
+    named = replace(term.effect, name=effect_name(term), summary=summary, forms=forms)
     own = [e for e in task.catalogue.values() if not _of_a_sensor(e)]
     model = with_term(task.plant, term, task.cache).model
     paths = folder / "effects.toml", folder / model.name
@@ -44,7 +46,7 @@ def write_catalogue(folder: Path, learned: Learned) -> tuple[Path, Path]:
 
 def effect_name(term: Term) -> str:
     """As `learnt_signed_square_of_v`."""
-    return re.sub(r"\W+", "_", f"learnt {term.law.name} of {term.regressor.label}")
+    return re.sub(r"\W+", "_", f"learnt {term.name}")
 
 
 def effects_toml(effects: list[Effect]) -> str:

@@ -12,7 +12,17 @@ from pneugantry.engine.plant import Array
 from pneugantry.learn.curve import Knots, Wave
 from pneugantry.learn.screen import Candidate
 
-__all__ = ["FORMS", "Distilled", "FormLaw", "FreeCurve", "distilled", "free_curve", "wave_of"]
+__all__ = [
+    "FORMS",
+    "Distilled",
+    "FormLaw",
+    "FreeCurve",
+    "distances",
+    "distilled",
+    "doubted",
+    "free_curve",
+    "wave_of",
+]
 
 Law = Callable[[Array, Sequence[float]], Array]
 
@@ -25,7 +35,7 @@ class FormLaw:
     text: str  # Modelica, in z and p1, p2, ...
     law: Law  # of z and (p1, p2, ...)
     shapes: tuple[str, ...] = ()  # of p2, ...: "width" (> 0), "place", or "size" as p1
-    tables: str = ""  # further declarations
+    tables: tuple[tuple[str, Array], ...] = ()  # further parameters by name, not fitted
 
 
 def _sine(z: Array, p: Sequence[float]) -> Array:
@@ -72,9 +82,10 @@ FORMS = (
 )
 SHAPES = 7  # of a free curve
 STARTS = {
-    "width": (0.05, 0.15, 0.4, 1.0),
-    "place": (0.1, 0.3, 0.5, 0.7, 0.9),
+    "width": (0.01, 0.03, 0.1, 0.25, 0.5, 1.0),
+    "place": tuple(np.linspace(0.05, 0.95, 19)),
 }  # shares of the range
+REFINED = 2  # starts of a form that are followed
 PRICE = 2.2  # -2 log evidence of a parameter at a knot's share of the rows, about log 9
 
 
@@ -85,35 +96,45 @@ class Distilled:
     law: FormLaw
     values: tuple[float, ...]  # p1, p2, ...
     cost: float  # squared distance from the curve in its standard deviations, and PRICE each
+    beside: tuple[float, ...] = ()  # shares of what was fitted beside
 
 
 def distilled(knots: Knots, curve: Array, covariance: Array) -> list[Distilled]:
-    """Forms by their distance from a curve, the closest first. A constant is left to the rest of
-    the model: it is fitted beside.
+    """Forms by their distance from a curve, the closest first."""
+    found = distances(knots, curve, covariance)
+    costs = doubted(found, len(curve))
+    made = [replace(d, cost=c) for d, c in zip(found, costs, strict=True)]
+    return sorted(made, key=lambda d: d.cost)
+
+
+def distances(
+    knots: Knots, curve: Array, covariance: Array, beside: Array | None = None
+) -> list[Distilled]:
+    """Forms with their distances from a curve. A constant is left to the rest of the model: it is
+    fitted beside, and so are further curves (coefficients, n).
     """
     level, vectors = np.linalg.eigh(covariance)
     root = vectors / np.sqrt(np.maximum(level, 1e-9 * level.max()))
+    others = np.ones((len(curve), 1))
+    others[len(knots.at) :] = 0.0  # a constant does not jump
+    if beside is not None:
+        others = np.column_stack([others, beside])
     found = []
     for form in FORMS:
-        best: Distilled | None = None
-        for start in _starts(form, knots.at):
-            one = _fitted(form, start, knots, curve, root)
-            if best is None or one.cost < best.cost:
-                best = one
-        assert best is not None
-        found.append(best)
-    return _doubted(found, len(curve))
+        fit = _Fit(form, knots, root, root.T @ curve, others)
+        starts = sorted(_starts(form, knots.at), key=fit.cost)[:REFINED]
+        found.append(min((fit.refined(s) for s in starts), key=lambda d: d.cost))
+    return found
 
 
-def _doubted(found: Sequence[Distilled], rows: int) -> list[Distilled]:
+def doubted(found: Sequence[Distilled], rows: int) -> list[float]:
     """Costs as they are where no form is exact, for the curve itself is not: it is that of a
     linearised plant. The form that leaves least a parameter then leaves one standard deviation.
     """
-    doubt = min((d.cost - PRICE * len(d.values)) / max(rows - len(d.values), 1) for d in found)
-    doubt = max(doubt, 1.0)
-    costs = [(d.cost - PRICE * len(d.values)) / doubt + PRICE * len(d.values) for d in found]
-    made = [replace(d, cost=c) for d, c in zip(found, costs, strict=True)]
-    return sorted(made, key=lambda d: d.cost)
+    counts = [len(d.values) + len(d.beside) for d in found]
+    left = [d.cost - PRICE * n for d, n in zip(found, counts, strict=True)]
+    doubt = max(1.0, min(c / max(rows - n, 1) for c, n in zip(left, counts, strict=True)))
+    return [c / doubt + PRICE * n for c, n in zip(left, counts, strict=True)]
 
 
 def _starts(form: FormLaw, z: Array) -> list[tuple[float, ...]]:
@@ -125,40 +146,57 @@ def _starts(form: FormLaw, z: Array) -> list[tuple[float, ...]]:
     return found
 
 
-def _fitted(
-    form: FormLaw, start: tuple[float, ...], knots: Knots, curve: Array, root: Array
-) -> Distilled:
-    """The best values from a start on; sizes and a constant follow from the shapes, which move by
-    shares of the range.
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A form beside a curve, whitened by `root`; sizes and a constant follow from the shapes, which
+    move by shares of the range.
     """
-    z, span = knots.at, float(knots.at[-1] - knots.at[0])
-    edges = np.array([-2 * knots.width, 2 * knots.width])
-    moved = [k for k in form.shapes if k != "size"]
-    sizes = [0, *(k for k, kind in enumerate(form.shapes, 1) if kind == "size")]
 
-    def shapes_of(x: Array) -> list[float]:
+    form: FormLaw
+    knots: Knots
+    root: Array
+    curve: Array  # whitened
+    others: Array  # (coefficients, 1 + n): a constant, and what is fitted beside
+
+    @property
+    def span(self) -> float:
+        return float(self.knots.at[-1] - self.knots.at[0])
+
+    def cost(self, start: tuple[float, ...]) -> float:
+        left = self._sized(np.array(start) / self.span)[1]
+        return float(left @ left)
+
+    def refined(self, start: tuple[float, ...]) -> Distilled:
+        """The best values from a start on."""
+        x = np.array(start) / self.span
+        if len(x):
+            x = least_squares(lambda v: self._sized(v)[1], x, max_nfev=40).x
+        found, left = self._sized(x)
+        shares = tuple(float(v) for v in found[len(found) - self.others.shape[1] :])
+        sizes = (float(v) for v in found[: len(found) - len(shares)])
+        values = (*sizes, *self._shapes(x))
+        price = PRICE * (len(values) + len(shares) - 1)
+        return Distilled(self.form, values, float(left @ left) + price, shares[1:])
+
+    def _shapes(self, x: Array) -> list[float]:
+        moved = [k for k in self.form.shapes if k != "size"]
         pairs = zip(x, moved, strict=True)
-        return [span * (max(abs(v), 1e-3) if kind == "width" else v) for v, kind in pairs]
+        return [self.span * (max(abs(v), 1e-3) if kind == "width" else v) for v, kind in pairs]
 
-    def sized(x: Array) -> tuple[Array, Array]:
-        rest = shapes_of(x)
+    def _sized(self, x: Array) -> tuple[Array, Array]:
+        """Sizes and shares of the others, and what they leave of the curve."""
+        form, knots, rest = self.form, self.knots, self._shapes(x)
+        edges = np.array([-2 * knots.width, 2 * knots.width])
+        sizes = [0, *(k for k, kind in enumerate(form.shapes, 1) if kind == "size")]
         columns = []
         for k in sizes:
             p = [0.0] * (len(form.shapes) + 1 - len(rest)) + rest
             p[k] = 1.0
             low, high = form.law(edges, p)
-            columns.append(root.T @ knots.seen(form.law(z, p), (float(low), float(high))))
-        constant = knots.seen(np.ones(len(z)), (1.0, 1.0))
-        both = np.column_stack([*columns, root.T @ constant])
-        found, *_ = np.linalg.lstsq(both, root.T @ curve, rcond=None)
-        return np.asarray(found), np.asarray(root.T @ curve - both @ found)
-
-    x = np.array(start) / span
-    if len(x):
-        x = least_squares(lambda v: sized(v)[1], x, max_nfev=60).x
-    found, left = sized(x)
-    values = (*(float(v) for v in found[:-1]), *shapes_of(x))
-    return Distilled(form, values, float(left @ left) + PRICE * len(values))
+            columns.append(knots.seen(form.law(knots.at, p), (float(low), float(high))))
+        both = self.root.T @ np.column_stack([*columns, self.others])
+        found, *_ = np.linalg.lstsq(both, self.curve, rcond=None)
+        return np.asarray(found), np.asarray(self.curve - both @ found)
 
 
 def wave_of(candidate: Candidate, wave: Wave) -> Distilled:
@@ -172,8 +210,8 @@ def wave_of(candidate: Candidate, wave: Wave) -> Distilled:
 
 @dataclass(frozen=True, eq=False)
 class FreeCurve:
-    """The curve of a candidate, as a sum of the shapes that its prior finds likeliest; the prior
-    spread of each is 1.
+    """The curve of a candidate, as a sum of shapes: itself, and what the logs tell best beside it;
+    the prior spread of each is 1.
     """
 
     knots: Knots
@@ -189,27 +227,57 @@ class FreeCurve:
 
 def free_curve(candidate: Candidate, knots: Knots, count: int = SHAPES) -> FreeCurve:
     """See `FreeCurve`; it starts from the candidate's coefficients."""
-    at = knots.at
-    whole = np.linalg.inv(knots.prior(candidate.size, candidate.bend))
-    level, vectors = np.linalg.eigh(whole)
-    order = np.argsort(-level)[:count]
-    shapes = vectors[:, order] * np.sqrt(level[order])
+    shapes, rest = _telling(candidate, knots, count)
     values = np.linalg.lstsq(shapes, candidate.answer.coefficients, rcond=None)[0]
-    tables = "".join(
-        f"    parameter Real table_{k}[{len(at)}] = {{{', '.join(f'{v:.9g}' for v in shape)}}};\n"
-        for k, shape in enumerate(shapes.T[:, : len(at)], 1)
+    made = FormLaw(
+        "curve",
+        _text(knots, count),
+        _law(knots, shapes),
+        ("size",) * (count - 1),
+        _tables(knots, shapes),
     )
-    step = float(at[1] - at[0])
-    share = f"min(max((z - ({at[0]:.9g}))/{step:.9g}, 0), {len(at) - 1})"
-    sums = " + ".join(f"p{k}*table_{k}[i]" for k in range(1, count + 1))
-    text = f"sum(({sums})*max(1 - abs({share} - (i - 1)), 0) for i in 1:{len(at)})"
-    if knots.jumps:
-        jump = " + ".join(f"({shape[-1]:.9g})*p{k}" for k, shape in enumerate(shapes.T, 1))
-        text += f" + ({jump})*tanh(z/{knots.width:.9g})"
+    return FreeCurve(knots, shapes, rest, Distilled(made, tuple(map(float, values)), PRICE * count))
 
+
+def _telling(candidate: Candidate, knots: Knots, count: int) -> tuple[Array, Array]:
+    """Shapes (coefficients, count), and the covariance of what they leave out. In units of the
+    prior: first the curve itself, then the directions of which the logs tell most.
+    """
+    answer, precision = candidate.answer, knots.prior(candidate.size, candidate.bend)
+    root = np.linalg.cholesky(np.linalg.inv(precision))
+    own = np.linalg.solve(root, answer.coefficients)
+    first = own / (np.linalg.norm(own) + 1e-300)
+    apart = np.eye(len(own)) - np.outer(first, first)
+    told = root.T @ (np.linalg.inv(answer.covariance) - precision) @ root
+    _, vectors = np.linalg.eigh(apart @ told @ apart)
+    basis = np.column_stack([first, vectors[:, ::-1][:, : count - 1]])
+    left = np.eye(len(own)) - basis @ basis.T
+    spread = np.linalg.solve(root, np.linalg.solve(root, answer.covariance).T)
+    return root @ basis, root @ left @ spread @ left.T @ root.T
+
+
+def _law(knots: Knots, shapes: Array) -> Law:
     def law(z: Array, p: Sequence[float]) -> Array:
         return np.asarray(knots.shapes(np.atleast_1d(z)) @ (shapes @ np.asarray(p)))
 
-    made = FormLaw("curve", text, law, ("size",) * (count - 1), tables)
-    start = Distilled(made, tuple(float(v) for v in values), PRICE * count)
-    return FreeCurve(knots, shapes, whole - shapes @ shapes.T, start)
+    return law
+
+
+def _tables(knots: Knots, shapes: Array) -> tuple[tuple[str, Array], ...]:
+    """Parameters of a curve: the first knot, the step, shapes at the knots and their jumps."""
+    at = knots.at
+    made = [("z0", at[0]), ("dz", at[1] - at[0]), ("z_t", knots.width)]
+    made += [(f"table_{k}", shape[: len(at)]) for k, shape in enumerate(shapes.T, 1)]
+    if knots.jumps:
+        made += [(f"jump_{k}", shape[-1]) for k, shape in enumerate(shapes.T, 1)]
+    return tuple((name, np.atleast_1d(np.asarray(v, dtype=float))) for name, v in made)
+
+
+def _text(knots: Knots, count: int) -> str:
+    size = len(knots.at)
+    share = f"min(max((z - z0)/dz, 0), {size - 1})"
+    sums = " + ".join(f"p{k}*table_{k}[i]" for k in range(1, count + 1))
+    text = f"sum(({sums})*max(1 - abs({share} - (i - 1)), 0) for i in 1:{size})"
+    if knots.jumps:
+        text += f" + ({' + '.join(f'jump_{k}*p{k}' for k in range(1, count + 1))})*tanh(z/z_t)"
+    return text

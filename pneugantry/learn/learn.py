@@ -8,21 +8,27 @@ diagnosed as before. A term is accepted where the record that no fit saw is repl
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from modelica_fmu.errors import InputError
+from pneugantry.engine import noise
+from pneugantry.engine.confirm import replays, values_on
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.foreign import ForeignPlant
+from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Array, Plant
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
 from pneugantry.engine.views import SubsystemView, View
+from pneugantry.learn.composite import composites
 from pneugantry.learn.curve import Knots, Wave
-from pneugantry.learn.forms import Distilled, distilled, free_curve, wave_of
-from pneugantry.learn.points import Opened, opened, recut
+from pneugantry.learn.experiments import Experiment, Rival, telling
+from pneugantry.learn.forms import Distilled, FreeCurve, distilled, free_curve, wave_of
+from pneugantry.learn.points import Opened, Point, opened, recut
+from pneugantry.learn.regressors import TIME, Regressor
 from pneugantry.learn.screen import Candidate, Screen, screened
 from pneugantry.learn.term import NAME, Term, with_term
 
@@ -31,12 +37,15 @@ __all__ = ["Learned", "Tried", "learn", "wanted"]
 Say = Callable[[str], None]
 WORTH = 0.5  # share of the best candidate's gain from which on another one is fitted
 FINALISTS = 3  # pairs of equation and variable that are fitted
-PATIENCE = 30.0  # s of one core for screens, after which only the answer's own fits get one
-BESIDE = 3  # single effects of the catalogue beside which a term is looked for
+SINGLES = 24  # effects of the catalogue that are tried as part of a curve
+RIVALS = 4  # pairs that the record that no fit saw judges
+BESIDE = 4  # known effects with a form beside them that are fitted
+LOST = 1e6  # -2 log density of a replay that fails
 OUT = 0.3  # share of the worst view's excess from which on a view's equations are tried
 CLOSE = 8.0  # -2 log evidence by which a form may lie behind the closest one to be fitted
 LINE = 0.02  # relative error of a period that a spectrum tells
 FORMS = 3  # forms of a pair that are fitted
+NONE = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +55,8 @@ class Tried:
     term: Term  # with the values of the fit
     fit: Fit
     cost: float  # -2 log evidence
+    free: FreeCurve | None = None  # what the term is, where it has no form
+    candidate: Candidate | None = None  # and where that comes from
 
     @property
     def covariance(self) -> Array:
@@ -63,12 +74,19 @@ class Learned:
 
     before: Found
     after: Found | None  # with the term; None: nothing worth fitting was found
-    best: Tried | None
+    answers: tuple[Tried, ...]  # terms of other variables or equations that the logs do not tell
+    # apart; the one that is taken first
     tried: tuple[Tried, ...]  # the likeliest first
     screen: Screen
     accepted: bool
     why: str  # one sentence
     seconds: float  # wall time
+    next_experiment: Experiment | None = None  # that tells the first two answers apart
+
+    @property
+    def best(self) -> Tried | None:
+        """The term that is taken."""
+        return self.answers[0] if self.answers else None
 
     @property
     def shrink(self) -> float | None:
@@ -108,85 +126,146 @@ class _Learning:
         return [v.name for v in self.apart.readers(term.point)]
 
     def run(self) -> Learned:
-        """Screens beside nothing and beside the effects found; once more beside those that the
-        diagnosis with the term has found.
+        """Screens beside nothing and beside the effects found; then effects of the catalogue are
+        tried as part of the curve.
         """
         found = self.found
-        bases = {
-            fit.keys: fit
-            for fit in (found.search.null, found.decision.best, *_hopeful(found, self.rules))
-        }
-        screens, tried = self._tried(list(bases.values()))
-        if not tried:
-            return Learned(found, None, None, (), _main(screens), False, NOTHING, 0.0)
-        after = self._diagnosed(tried[0])
-        beside = tuple(k for k in after.decision.best.keys if k != NAME)
-        if beside not in bases and NAME in after.decision.best.keys:
-            more, others = self._tried([self._beside(after.decision.best)])
-            screens += more
-            tried = sorted((*tried, *others), key=lambda t: t.cost)
-            if tried[0] in others:
-                after = self._diagnosed(tried[0])
-        accepted, why = _judged(found, after)
-        return Learned(found, after, tried[0], tuple(tried), _main(screens), accepted, why, 0.0)
-
-    def _tried(self, bases: Sequence[Fit]) -> tuple[list[Screen], list[Tried]]:
-        """What is worth fitting beside some fits, fitted; the likeliest first."""
+        bases = {fit.keys: fit for fit in (found.search.null, found.decision.best)}
         self.say("missing term: screening")
-        fitted, blamed = self.found.task.data.fitted, _blamed(self.found)
-        screens: list[Screen] = []
-        began = time.process_time()
-        for fit in bases:
-            if time.process_time() - began < PATIENCE or fit.keys in _answers(self.found):
-                screens.append(screened(self.apart, fit, fitted, self.rules, blamed))
+        screens = [self._screened(fit) for fit in bases.values()]
         self.say("missing term: fits")
         tried: list[Tried] = []
         for screen in screens:
-            most = FINALISTS if screen.fit.keys in _answers(self.found) else 1
-            for candidate in _worth_fitting(screen, self.rules)[:most]:
-                tried += self._forms(screen.fit, candidate, self.apart.block(candidate.point))
-        return screens, sorted(tried, key=lambda t: t.cost)
+            for candidate in _worth_fitting(screen, self.rules)[:FINALISTS]:
+                tried += self._forms(screen.fit, candidate)
+        if not tried:
+            return Learned(found, None, (), (), _main(screens), False, NOTHING, 0.0)
+        tried += self._composites(tried)
+        tried.sort(key=lambda t: t.cost)
+        answers = self._answers(tried)
+        after = self._diagnosed(answers[0])
+        accepted, why = _judged(found, after)
+        kept = _main(screens), accepted, why
+        experiment = self._experiment(answers) if accepted else None
+        return Learned(found, after, answers, tuple(tried), *kept, 0.0, experiment)
 
-    def _forms(self, base: Fit, candidate: Candidate, block: str) -> list[Tried]:
+    def _screened(self, fit: Fit) -> Screen:
+        fitted, blamed = self.found.task.data.fitted, _blamed(self.found)
+        return screened(self.apart, fit, fitted, self.rules, blamed)
+
+    def _composites(self, tried: Sequence[Tried]) -> list[Tried]:
+        """The likeliest free curve as an effect of the catalogue with a form beside it."""
+        curves = [t for t in tried if t.free is not None]
+        if not curves:
+            return []
+        best = min(curves, key=lambda t: t.cost)
+        assert best.free is not None
+        assert best.candidate is not None
+        effects = self._singles(best.term)
+        curve = best.free.curve(best.term.values, best.covariance)
+        found: list[Tried] = []
+        likely = composites(best.candidate, curve, effects)
+        for c in [c for c in likely if c.form.cost < likely[0].form.cost + CLOSE][:BESIDE]:
+            term = self._term(best.candidate, c.form)
+            found.append(self._joint(c.effect, term, c.starts))
+        return found
+
+    def _singles(self, term: Term) -> list[Fit]:
+        """Single effects that are read where a term is: as the search has fitted them, and those
+        that it did not, for alone they explained too little.
+        """
+        task, null, reached = self.found.task, self.found.search.null, set(self.reached(term))
+        found = {f.keys: f for f in self.found.search.tried if len(f.keys) == 1}
+        fitter = Fitter(task.plant, task.views, task.data.fitted, self.rules)
+        try:
+            for key, effect in task.catalogue.items():
+                hypothesis = Hypothesis().plus(effect, effect.forms[0])
+                seen = reached & {c[0] for c in fitter.touched(hypothesis)}
+                if seen and (key,) not in found and len(found) < SINGLES:
+                    found[key,] = fitter.explore(hypothesis, null)
+        finally:
+            fitter.close()
+        return sorted(found.values(), key=lambda f: f.evidence)
+
+    def _answers(self, tried: Sequence[Tried]) -> tuple[Tried, ...]:
+        """The likeliest term, and the best one of each other pair of equation and variable that
+        neither the fitted records nor the one that no fit saw tell from it. Of these a function
+        of time comes last: it is none of the plant, and any state that all records pass at the
+        same time looks like one.
+        """
+        pairs: dict[tuple[Point, Regressor], Tried] = {}
+        for t in tried:
+            pairs.setdefault((t.term.point, t.term.regressor), t)
+        rest = list(pairs.values())[:RIVALS]
+        told = {t: self._foretold(t) if len(rest) > 1 else NONE for t in rest}
+        likeliest = min(rest, key=lambda t: t.cost + float(told[t].sum()))
+        close = [t for t in rest if t is likeliest or not self._tells(likeliest, t, told)]
+        total = {t: t.cost + float(told[t].sum()) for t in close}
+        return tuple(sorted(close, key=lambda t: (t.term.regressor.name == TIME, total[t])))
+
+    def _tells(self, a: Tried, b: Tried, told: Mapping[Tried, Array]) -> bool:
+        """Whether the records prefer a term to another by more than their noise."""
+        falls = [x - y for x, y in zip(_stretches(b), _stretches(a), strict=True)]
+        fall = noise.doubted(np.concatenate([*falls, told[b] - told[a]]), self.rules.doubt)
+        rest = b.cost - a.cost - sum(float(f.sum()) for f in falls)  # Occam's share
+        return fall + rest > self.rules.entry
+
+    def _foretold(self, tried: Tried) -> Array:
+        """-2 log density of the record that no fit saw, replayed with a term, by stretch."""
+        task, record = self.found.task, self.found.task.data.held_out
+        if record is None:
+            return NONE
+        plant = with_term(task.plant, tried.term, task.cache, blank=True)
+        replay = replays(plant, record, [values_on(tried.fit, record)], task.cache)[0]
+        if replay is None:
+            return np.array([LOST])
+        rows = np.nan_to_num(replay.residuals) / max(1.0, self.found.excess.level)
+        count = max(1, round(len(rows) * replay.period / self.rules.block))
+        terms = noise.loss(rows, self.rules.tails).sum(axis=1)
+        return np.array([float(part.sum()) for part in np.array_split(terms, count)])
+
+    def _experiment(self, answers: Sequence[Tried]) -> Experiment | None:
+        if len(answers) < 2:
+            return None
+        task = self.found.task
+        rivals = [
+            Rival(t.term.name, with_term(task.plant, t.term, task.cache, blank=True), t.fit)
+            for t in answers[:2]
+        ]
+        records = [*task.data.fitted, *([task.data.held_out] if task.data.held_out else [])]
+        return telling(rivals[0], rivals[1], records, task.cache)
+
+    def _term(self, candidate: Candidate, d: Distilled) -> Term:
+        block, spreads = self.apart.block(candidate.point), _spreads(d, candidate)
+        return Term(candidate.point, candidate.regressor, d.law, d.values, spreads, block)
+
+    def _forms(self, base: Fit, candidate: Candidate) -> list[Tried]:
         """A candidate as a wave; or as a free curve, and in the forms closest to what that is once
         it has been fitted.
         """
-
-        def joint(d: Distilled) -> Tried:
-            spreads = _spreads(d, candidate)
-            where = candidate.point, candidate.regressor
-            return self._joint(base, Term(*where, d.law, d.values, spreads, block))
-
         if isinstance(candidate.basis, Wave):
-            return [joint(wave_of(candidate, candidate.basis))]
+            wave = wave_of(candidate, candidate.basis)
+            return [self._joint(base, self._term(candidate, wave))]
         assert isinstance(candidate.basis, Knots)
         free = free_curve(candidate, candidate.basis)
-        fitted = joint(free.start)
-        covariance = fitted.covariance
-        forms = distilled(free.knots, *free.curve(fitted.term.values, covariance))
+        fitted = self._joint(base, self._term(candidate, free.start))
+        fitted = replace(fitted, free=free, candidate=candidate)
+        forms = distilled(free.knots, *free.curve(fitted.term.values, fitted.covariance))
         near = [d for d in forms if d.cost < forms[0].cost + CLOSE][:FORMS]
-        return [fitted, *(joint(d) for d in near)]
+        return [fitted, *(self._joint(base, self._term(candidate, d)) for d in near)]
 
-    def _beside(self, fit: Fit) -> Fit:
-        """The effects of a fit without its missing term, fitted to the plant as it was."""
-        task, null = self.found.task, self.found.search.null
-        fitter = Fitter(task.plant, task.views, task.data.fitted, self.rules)
-        try:
-            return fitter.again(fitter.explore(fit.hypothesis.without(NAME), null))
-        finally:
-            fitter.close()
-
-    def _joint(self, base: Fit, term: Term) -> Tried:
-        """A term beside the effects of a fit."""
+    def _joint(self, base: Fit, term: Term, starts: Mapping[str, float] | None = None) -> Tried:
+        """A term beside the effects of a fit; starts: of their parameters, where not as fitted."""
         task = self.found.task
-        plant = with_term(task.plant, term, task.cache)
+        plant = with_term(task.plant, term, task.cache, blank=True)
         fitter = Fitter(
             plant, _recut(task, plant, self.reached(term)), task.data.fitted, self.rules
         )
         effect = term.effect
         try:
             hypothesis = base.hypothesis.plus(effect, effect.forms[0])
-            fit = fitter.again(fitter.explore(hypothesis, base, term.starts))
+            fit = fitter.explore(hypothesis, base, {**(starts or {}), **term.starts})
+            fit = fitter.again(fit)
         finally:
             fitter.close()
         values = fit.values(None)
@@ -197,11 +276,15 @@ class _Learning:
         """The plant with the term among the catalogue's effects, diagnosed as before."""
         self.say("missing term: diagnosis with it")
         task, effect = self.found.task, best.term.effect
-        plant = with_term(task.plant, best.term, task.cache)
+        plant = with_term(task.plant, best.term, task.cache, blank=not best.term.law.tables)
         catalogue = {**task.catalogue, effect.key: effect}
         views = _recut(task, plant, self.reached(best.term))
         own = replace(task, plant=plant, views=views, catalogue=catalogue)
         return run(own, self.rules, self.say)
+
+
+def _stretches(tried: Tried) -> list[Array]:
+    return [tried.fit.stretches[c] for c in sorted(tried.fit.stretches)]
 
 
 def _main(screens: Sequence[Screen]) -> Screen:
@@ -223,23 +306,14 @@ NOTHING = "no variable of any component foretells what is left of a log that its
 
 
 def _worth_fitting(screen: Screen, rules: Rules) -> list[Candidate]:
-    if not screen.candidates:
+    """The best curve and the best wave of each pair of equation and variable."""
+    best: dict[tuple[Point, Regressor, bool], Candidate] = {}
+    for c in screen.candidates:
+        best.setdefault((c.point, c.regressor, isinstance(c.basis, Wave)), c)
+    if not best:
         return []
     least = max(rules.entry, WORTH * screen.candidates[0].gain)
-    return [c for c in screen.candidates if c.gain > least]
-
-
-def _answers(found: Found) -> set[tuple[str, ...]]:
-    return {found.search.null.keys, found.decision.best.keys}
-
-
-def _hopeful(found: Found, rules: Rules) -> list[Fit]:
-    """Single effects of the catalogue that explain some of the residuals: one may be at work beside
-    the missing term, though what the term leaves hides it.
-    """
-    least = found.search.null.evidence - rules.entry
-    singles = [f for f in found.search.tried if len(f.keys) == 1 and f.evidence < least]
-    return sorted(singles, key=lambda f: f.evidence)[:BESIDE]
+    return [c for c in best.values() if c.gain > least]
 
 
 def _spreads(d: Distilled, candidate: Candidate) -> tuple[float, ...]:

@@ -60,17 +60,24 @@ class Base:
         found = self.weighing.innovations(cell, column) * self.roots[cell]
         return np.asarray(np.nan_to_num(found))
 
-    def stats(self, responses: Mapping[Cell, Array], width: int) -> dict[str, Stats]:
-        """By fold, with responses (width, rows, signals) after the fit's coordinates; a cell that
-        has none does not answer to the term.
+    def whitened_all(self, cell: Cell, columns: Array) -> Array:
+        """Columns (rows, signals, n) as the residuals are: (rows of all signals, n)."""
+        if not columns.shape[2]:
+            return np.zeros((len(self.white[cell]), 0))
+        told = [self.whitened(cell, columns[:, :, k]) for k in range(columns.shape[2])]
+        return np.stack(told, axis=1)
+
+    def stats(self, replies: Mapping[Cell, Array], width: int) -> dict[str, Stats]:
+        """By fold, with whitened replies (rows, width) after the fit's coordinates; a cell that has
+        none does not answer to the term.
         """
         n = len(self.fit.point.coordinates)
         found: dict[str, Stats] = {}
         for cell, white in self.white.items():
             own = np.zeros((len(white), n + width))
             own[:, :n] = self.columns[cell]
-            for k, response in enumerate(responses.get(cell, ())):
-                own[:, n + k] = self.whitened(cell, response)
+            if cell in replies:
+                own[:, n:] = replies[cell]
             for fold, rows in self.folds[cell]:
                 j, r = own[rows], white[rows]
                 made = Stats(j.T @ j, j.T @ r, float(r @ r), len(r))

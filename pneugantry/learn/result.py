@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from pneugantry.engine.plant import Array
-from pneugantry.engine.rules import Rules
+from pneugantry.engine.result import to_json as diagnosis_json
 from pneugantry.learn.learn import Learned, Tried
+from pneugantry.learn.term import NAME
 
-__all__ = ["band", "covered", "rivals", "sentence", "to_json"]
+__all__ = ["band", "covered", "sentence", "to_json"]
 
 NORMAL = 1.96  # standard deviations of a 95 % interval
 POINTS = 41  # of a curve
@@ -49,22 +51,6 @@ def band(tried: Tried, z: Array) -> tuple[Array, Array]:
     return mean, np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", j, covariance, j), 0.0))
 
 
-def rivals(learned: Learned, rules: Rules) -> list[Tried]:
-    """The best term of every other pair of equation and variable that the logs hardly tell from
-    the likeliest one.
-    """
-    found: list[Tried] = []
-    if learned.best is None:
-        return found
-    seen = {(learned.best.term.point, learned.best.term.regressor)}
-    for tried in learned.tried:
-        pair = (tried.term.point, tried.term.regressor)
-        if pair not in seen and tried.cost < learned.best.cost + rules.entry:
-            seen.add(pair)
-            found.append(tried)
-    return found
-
-
 def sentence(learned: Learned) -> str:
     """What was learnt, in one line."""
     if learned.best is None:
@@ -77,7 +63,7 @@ def sentence(learned: Learned) -> str:
     )
 
 
-def to_json(learned: Learned, rules: Rules) -> dict[str, Any]:
+def to_json(learned: Learned) -> dict[str, Any]:
     """`learned` of gap/1."""
     screen = [
         {"equation": c.point.text, "component": c.point.component, "regressor": c.regressor.label}
@@ -90,15 +76,20 @@ def to_json(learned: Learned, rules: Rules) -> dict[str, Any]:
         "sentence": sentence(learned),
         "screen": screen,
         "term": None,
+        "causes": [],
         "answer_set": [],
         "gap": None,
+        "next_experiment": None,
     }
     if learned.best is None or learned.after is None:
         return found
     gap = learned.after.gap
-    close = [learned.best, *rivals(learned, rules)]
     found["term"] = _term(learned, learned.best)
-    found["answer_set"] = [_short(t) for t in close]
+    causes = diagnosis_json(learned.after.diagnosis)["causes"]
+    found["causes"] = [c for c in causes if c["effect"] != NAME]
+    found["answer_set"] = [_short(t) for t in learned.answers]
+    if learned.next_experiment is not None:
+        found["next_experiment"] = asdict(learned.next_experiment)
     if gap is not None and learned.before.gap is not None:
         found["gap"] = {
             "nominal": float(gap.nominal),
@@ -168,10 +159,11 @@ def _free(learned: Learned, tried: Tried, ends: tuple[float, float]) -> dict[str
 def _sizes(tried: Tried) -> dict[str, Mapping[str, Any]]:
     """Parameters of the term with their 95 % intervals."""
     found: dict[str, Mapping[str, Any]] = {}
-    fit = tried.fit
-    for c, theta in zip(fit.point.coordinates, fit.point.theta, strict=True):
-        if c.name in tried.term.parameters:
-            width = NORMAL * fit.sigma(c.name)
-            ends = sorted((float(c.value(theta - width)), float(c.value(theta + width))))
-            found[c.name] = {"value": float(c.value(theta)), "ci95": ends}
+    point = tried.fit.point
+    known = {c.name: (c, t) for c, t in zip(point.coordinates, point.theta, strict=True)}
+    for name in tried.term.parameters:
+        c, theta = known[name]
+        width = NORMAL * tried.fit.sigma(name)
+        ends = sorted((float(c.value(theta - width)), float(c.value(theta + width))))
+        found[name] = {"value": float(c.value(theta)), "ci95": ends}
     return found

@@ -1,11 +1,14 @@
 """Which equation lacks a term, and of what variable: every pair of both is tried, as a smooth curve
 beside all that was fitted. What a pair foretells of logs that its curve has not seen counts.
+
+How the residuals reply to an addend is simulated once for each equation (see `reply`); variables,
+curves and waves are then linear algebra.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,10 +17,11 @@ from pneugantry.engine.fitter import Fit
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
-from pneugantry.learn.curve import BENDS, SIZES, Basis, Wave, knots_over
-from pneugantry.learn.linear import Answer, Stats, base_of, solved
-from pneugantry.learn.points import Opened, Point
+from pneugantry.learn.curve import SIZES, Basis, Wave, finer, knots_over
+from pneugantry.learn.linear import Answer, Base, Stats, base_of, solved
+from pneugantry.learn.points import Opened, OpenedView, Point
 from pneugantry.learn.regressors import TIME, Regressor, regressors_of
+from pneugantry.learn.reply import Pulses, Reply, blocks_of, means, reply_of
 from pneugantry.learn.waves import periods_of
 
 __all__ = ["Candidate", "Screen", "screened"]
@@ -25,9 +29,16 @@ __all__ = ["Candidate", "Screen", "screened"]
 WAVE = 9.0  # rad/s, of the term that probes an equation
 FIRST = 1e-3  # its size at first
 PROBES = 3
-LINES = np.arange(3.0, 130.0, 0.5)  # periods in the covered range
-PATIENCE = 20.0  # s, for the lines of one variable
+NEAR = 5.0  # factor by which its answer may miss one noise level
+PULSE = 10.0  # size of a first pulse, in units of the wave's
+PULSES = 24  # simulations of a record for an equation's reply, at most
+PATIENCE = 0.4  # s of one core, for the same
+FEWEST = 3.0  # periods in the covered range, of a wave along a variable
+LINES = 400  # such periods, at most
+RESOLVED = 4.0  # blocks in a period, at least
+FINE = 0.05  # step of the number of periods about the best one
 ALIKE = 0.999  # cosine of the answers to one term from which on two equations are one
+PAIRS = 256  # waves that are tried at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +52,9 @@ class Candidate:
     gain: float  # of -2 log density of logs left out
     unit: float  # of the addend: the size that changes residuals by one noise level
     size: float  # of the curve's prior, in the addend's unit
-    bend: float  # of its bending, see `Knots.prior`
+    bend: float  # its further parameter, see `Basis.bends`
+    base: Base  # what it was tried beside
+    columns: Mapping[Cell, Array]  # of its coefficients, whitened
     alike: tuple[Point, ...] = ()  # equations whose addend does the same
 
 
@@ -76,7 +89,7 @@ class _Group:
     cells: tuple[Cell, ...]
     answer: Array  # to a slow wave, of length 1
     unit: float
-    seconds: float  # of one answer
+    seconds: float  # of one simulation
 
 
 @dataclass(eq=False)
@@ -91,59 +104,27 @@ class _Screening:
         self.base = base_of(self.fit, self.rules)
         self.values = {r.name: self.fit.values(r.name) for r in self.records}
         self.quiet = {r.name: self.opened.quiet(r) for r in self.records}
+        self.views = {v.name: v for v in self.opened.views}
+        self.of_name = {r.name: r for r in self.records}
         self.plain = self._cost(self.base.stats({}, 0), np.zeros((0, 0)))
 
     def run(self, views: Collection[str] | None) -> Screen:
         groups = self._groups(views)
         wanted = {g.points[0]: self.opened.variables(g.points[0]) for g in groups}
         series = regressors_of(self.opened, wanted, self.records, self.values)
-        found, tried = [], 0
+        found: list[Candidate] = []
         for group in groups:
+            replies = {c: self._reply(group, c) for c in group.cells}
+            known = {c: r for c, r in replies.items() if r is not None}
+            if not known:
+                continue
             for regressor, values in series.items():
-                if not regressor.within(group.points[0]):
-                    continue
-                for basis in self._bases(group, regressor, values):
-                    found.append(self._candidate(group, regressor, basis, values))
-                    tried += 1
-        return Screen(self.fit, tuple(sorted(found, key=lambda c: -c.gain)), series, tried)
+                if regressor.within(group.points[0]):
+                    found += self._of_pair(group, known, regressor, values)
+        ordered = tuple(sorted(found, key=lambda c: -c.gain))
+        return Screen(self.fit, ordered, series, len(found))
 
-    def _bases(
-        self, group: _Group, regressor: Regressor, values: Mapping[str, Array]
-    ) -> list[Basis]:
-        """A curve; and waves of time whose period stands out of the residuals' spectrum."""
-        knots = knots_over(np.concatenate(list(values.values())))
-        if knots is None:
-            return []
-        if regressor.name == TIME:
-            periods = periods_of(self.fit, group.cells, self.opened.period_of)
-        else:
-            periods = self._lines(group, regressor, values)
-        return [knots, *(Wave(p) for p in periods)]
-
-    def _lines(
-        self, group: _Group, regressor: Regressor, values: Mapping[str, Array]
-    ) -> list[float]:
-        """The period of a state along which residuals repeat most, many of which lie in the range;
-        none where trying them would take too long.
-        """
-        roots, states = self.opened.shape.roots, self.opened.shape.states
-        if roots.get(regressor.label) not in states or 2 * len(LINES) * group.seconds > PATIENCE:
-            return []
-        low, high = np.quantile(np.concatenate(list(values.values())), (0.005, 0.995))
-        waves = [Wave(float(high - low) / k) for k in LINES]
-        shapes = {r: np.column_stack([w.shapes(v) for w in waves]) for r, v in values.items()}
-        answers = self.responses(group.points[0], shapes, group.unit)
-        power = np.zeros(len(LINES))
-        for k in range(len(LINES)):
-            pair = [
-                np.stack([self.base.whitened(c, a[i]) for i in (2 * k, 2 * k + 1)], axis=1)
-                for c, a in answers.items()
-            ]
-            j = np.concatenate(pair)
-            r = np.concatenate([self.base.white[c] for c in answers])
-            pull = j.T @ r
-            power[k] = pull @ np.linalg.solve(j.T @ j + 1e-12 * np.eye(2), pull)
-        return [waves[int(np.argmax(power))].period]
+    # -- equations
 
     def _groups(self, views: Collection[str] | None) -> list[_Group]:
         """Equations that residuals answer to, those that answer alike together."""
@@ -152,73 +133,180 @@ class _Screening:
             reached = {v.name for v in self.opened.readers(point)}
             if views is not None and not reached & set(views):
                 continue  # no need to simulate
-            began = time.process_time()
-            answers, unit = self._probe(point)
-            seconds = (time.process_time() - began) / PROBES
-            if unit == 0.0:
+            group = self._probed(point)
+            if group is None or (views is not None and not {c[0] for c in group.cells} & {*views}):
                 continue
-            cells = tuple(c for c in sorted(answers) if np.any(answers[c]))
-            if views is not None and not {c[0] for c in cells} & set(views):
-                continue
-            whole = np.concatenate([self.base.whitened(c, answers[c]) for c in cells])
-            whole = whole / np.linalg.norm(whole)
-            for group in groups:
-                if cells == group.cells and abs(float(whole @ group.answer)) > ALIKE:
-                    group.points.append(point)
+            for other in groups:
+                same = group.cells == other.cells and len(group.answer) == len(other.answer)
+                if same and abs(float(group.answer @ other.answer)) > ALIKE:
+                    other.points.append(point)
                     break
             else:
-                groups.append(_Group([point], cells, whole, unit, seconds))
+                groups.append(group)
         return groups
 
-    def _probe(self, point: Point) -> tuple[dict[Cell, Array], float]:
-        """Answers to a slow wave, and the size that changes residuals by one noise level; 0 where
-        nothing answers.
+    def _probed(self, point: Point) -> _Group | None:
+        """An equation's answer to a slow wave in the first record that answers, the one with the
+        largest residuals first.
         """
-        waves = {r.name: np.sin(WAVE * np.arange(r.rows) * r.period) for r in self.records}
-        columns = {n: w[:, None] for n, w in waves.items()}
-        size, found = FIRST, dict[Cell, Array]()
-        for _ in range(PROBES):
-            found = {c: r[0] for c, r in self.responses(point, columns, size).items()}
-            told = [self.base.whitened(c, r) for c, r in found.items()]
-            rms = max((float(np.sqrt(np.mean(t**2))) for t in told), default=0.0)
-            if not 0.0 < rms < np.inf:
-                return found, 0.0
-            size = 1 / rms
-        return found, size
+        sizes = {
+            r.name: sum(float(w @ w) for c, w in self.base.white.items() if c[1] == r.name)
+            for r in self.records
+        }
+        for record in sorted(self.records, key=lambda r: -sizes[r.name]):
+            began = time.process_time()
+            cells, answer, unit, runs = self._probe(point, record)
+            seconds = (time.process_time() - began) / max(runs, 1)
+            if unit > 0:
+                names = {c[0] for c in cells}
+                every = tuple(c for c in sorted(self.base.white) if c[0] in names)
+                return _Group([point], every, answer, unit, seconds)
+        return None
 
-    def responses(
-        self, point: Point, shapes: Mapping[str, Array], size: float
-    ) -> dict[Cell, Array]:
-        """Changes of the residuals (shapes, rows, signals) per addend of each shape (rows, shapes)
-        by record; size: of the addend that is simulated.
+    def _probe(self, point: Point, record: Record) -> tuple[list[Cell], Array, float, int]:
+        """Cells that answer, their answers one behind the other (of length 1), the size that
+        changes them by one noise level (0: nothing answers), and how many runs that took.
         """
-        found = {}
-        for view in self.opened.readers(point):
-            for record in self.records:
+        wave = np.sin(WAVE * np.arange(record.rows) * record.period)
+        views = [v for v in self.opened.readers(point) if (v.name, record.name) in self.base.white]
+        size, runs = FIRST, 0
+        for _ in range(PROBES):
+            told: dict[Cell, Array] = {}
+            for view in views:
                 cell = (view.name, record.name)
-                if cell not in self.base.white:
-                    continue
-                quiet, own = self.quiet[record.name], self.values[record.name]
-                if cell not in self._zero:
-                    self._zero[cell] = view.answers(quiet, own, [{}])[0]
-                fed = [{point.variable: size * s} for s in shapes[record.name].T]
-                found[cell] = (view.answers(quiet, own, fed) - self._zero[cell]) / size
-        return found
+                change = self._answers(view, record, point)([size * wave])[0]
+                told[cell] = self.base.whitened(cell, change)
+                runs += 1
+            rms = max((float(np.sqrt(np.mean(t**2))) for t in told.values()), default=0.0)
+            if not 0.0 < rms < np.inf:
+                return [], np.zeros(0), 0.0, runs
+            if 1 / NEAR < rms < NEAR:
+                break
+            size /= rms
+        cells = sorted(c for c in told if np.any(told[c]))
+        whole = np.concatenate([told[c] for c in cells])
+        return cells, whole / np.linalg.norm(whole), size / rms, runs
+
+    def _answers(
+        self, view: OpenedView, record: Record, point: Point
+    ) -> Callable[[Sequence[Array]], Array]:
+        """Changes of a view's residual (n, rows, signals) with series of an addend."""
+        quiet, own, cell = (
+            self.quiet[record.name],
+            self.values[record.name],
+            (view.name, record.name),
+        )
+        if cell not in self._zero:
+            self._zero[cell] = view.answers(quiet, own, [{}])[0]
+
+        def answer(series: Sequence[Array]) -> Array:
+            fed = [{point.variable: s} for s in series]
+            return np.asarray(view.answers(quiet, own, fed) - self._zero[cell])
+
+        return answer
+
+    def _reply(self, group: _Group, cell: Cell) -> Reply | None:
+        view, record = self.views[cell[0]], self.of_name[cell[1]]
+        block = blocks_of(view, record)
+        height = record.rows // view.decimation
+        sigma = np.array([w.sigma for w in self.base.weighing.noise[cell]])
+        most = int(np.clip(PATIENCE / max(group.seconds, 1e-6), 3, PULSES))
+        pulses = Pulses(cell, record.rows, height, block, block // view.decimation, sigma, most)
+        answer = self._answers(view, record, group.points[0])
+        return reply_of(pulses, answer, PULSE * group.unit)
+
+    # -- variables
+
+    def _of_pair(
+        self,
+        group: _Group,
+        replies: Mapping[Cell, Reply],
+        regressor: Regressor,
+        values: Mapping[str, Array],
+    ) -> list[Candidate]:
+        """Curves of a variable in an equation: smooth, with narrow features, and waves."""
+        knots = knots_over(np.concatenate(list(values.values())))
+        if knots is None:
+            return []
+        bases: list[Basis] = [knots, finer(knots)]
+        if regressor.name == TIME:
+            periods = periods_of(self.fit, group.cells, self.opened.period_of)
+        else:
+            periods = self._lines(replies, values)
+        bases += [Wave(p) for p in periods]
+        return [self._candidate(group, replies, regressor, b, values) for b in bases]
+
+    def _columns(
+        self, replies: Mapping[Cell, Reply], shapes: Mapping[str, Array]
+    ) -> dict[Cell, Array]:
+        """Whitened replies to shapes (rows, n) of each record."""
+        return {
+            c: self.base.whitened_all(c, reply.to(shapes[c[1]])) for c, reply in replies.items()
+        }
+
+    def _lines(self, replies: Mapping[Cell, Reply], values: Mapping[str, Array]) -> list[float]:
+        """The period of a variable along which residuals repeat most, many of which lie in its
+        range; it is one that blocks of rows resolve.
+        """
+        low, high = np.quantile(np.concatenate(list(values.values())), (0.005, 0.995))
+        block = next(iter(replies.values())).block
+        moved = [np.abs(np.diff(means(v, block)[:, 0])) for v in values.values()]
+        step = float(np.median(np.concatenate(moved)))
+        span = float(high - low)
+        most = min(LINES, span / max(RESOLVED * step, 1e-12))
+        if most <= FEWEST:
+            return []
+        rough = np.arange(FEWEST, most, 0.5)
+        best = float(rough[np.argmax(self._powers(replies, values, span / rough))])
+        near = np.arange(best - 0.5, best + 0.5 + FINE, FINE)
+        return [span / float(near[np.argmax(self._powers(replies, values, span / near))])]
+
+    def _powers(
+        self, replies: Mapping[Cell, Reply], values: Mapping[str, Array], periods: Array
+    ) -> Array:
+        """Falls of the squares of residuals with a wave of each period."""
+        found: list[float] = []
+        for start in range(0, len(periods), PAIRS):
+            waves = [Wave(float(p)) for p in periods[start : start + PAIRS]]
+            shapes = {r: np.column_stack([w.shapes(v) for w in waves]) for r, v in values.items()}
+            columns = self._columns(replies, shapes)
+            j = np.concatenate([columns[c] for c in columns])
+            r = np.concatenate([self.base.white[c] for c in columns])
+            for k in range(len(waves)):
+                pair = j[:, 2 * k : 2 * k + 2]
+                pull = pair.T @ r
+                found.append(float(pull @ np.linalg.solve(pair.T @ pair + 1e-12 * np.eye(2), pull)))
+        return np.array(found)
 
     def _candidate(
-        self, group: _Group, regressor: Regressor, basis: Basis, values: Mapping[str, Array]
+        self,
+        group: _Group,
+        replies: Mapping[Cell, Reply],
+        regressor: Regressor,
+        basis: Basis,
+        values: Mapping[str, Array],
     ) -> Candidate:
         point, unit = group.points[0], group.unit
         shapes = {r: basis.shapes(v) for r, v in values.items()}
         width = next(iter(shapes.values())).shape[1]
-        columns = self.responses(point, shapes, unit)
+        columns = self._columns(replies, shapes)
         stats = self.base.stats(columns, width)
-        tried = [(unit * size, bend) for size in SIZES for bend in BENDS]
+        tried = [(unit * size, bend) for size in SIZES for bend in basis.bends]
         answers = [solved(self.base, stats.values(), basis.prior(*t)) for t in tried]
         best = int(np.argmin([a.cost for a in answers]))
         gain = self.plain - self._cost(stats, basis.prior(*tried[best]))
-        rest = tuple(group.points[1:])
-        return Candidate(point, regressor, basis, answers[best], gain, unit, *tried[best], rest)
+        return Candidate(
+            point,
+            regressor,
+            basis,
+            answers[best],
+            gain,
+            unit,
+            *tried[best],
+            base=self.base,
+            columns=columns,
+            alike=tuple(group.points[1:]),
+        )
 
     def _cost(self, stats: Mapping[str, Stats], prior: Array) -> float:
         """-2 log density of each fold as foretold by the others, summed."""

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from pneugantry.engine.catalogue import Effect, Form, Parameter
-from pneugantry.engine.plant import Plant
+from pneugantry.engine.plant import Array, Plant
 from pneugantry.learn.forms import FormLaw
 from pneugantry.learn.points import Point, written
 from pneugantry.learn.regressors import TIME, Regressor
@@ -17,6 +19,7 @@ from pneugantry.learn.sources import Addition
 __all__ = ["NAME", "Term", "with_term"]
 
 NAME = "missing_term"
+LIMITS = "(min = -1e30, max = 1e30)"
 WIDE = 1e6  # bounds of a size, in starting values
 NARROW = 20.0  # bounds of a shape, as a factor
 
@@ -42,6 +45,11 @@ class Term:
         """Of the whole plant."""
         return tuple(f"{self.point.variable}.p{k + 1}" for k in range(len(self.values)))
 
+    @property
+    def name(self) -> str:
+        """As "signed square of v"."""
+        return f"{self.law.name} of {self.regressor.label}"
+
     def formula(self, digits: int = 4) -> str:
         """As a reader writes it, with the values in place."""
         if self.law.tables:
@@ -53,17 +61,24 @@ class Term:
         named = "t" if self.variable == TIME else self.variable
         return text.replace("3.141592653589793", "pi").replace("z", named)
 
-    def addition(self, neutral: bool) -> Addition:
-        """What goes into the class. neutral: with a size of 0."""
+    def addition(self, neutral: bool, blank: bool = False) -> Addition:
+        """What goes into the class. neutral: with a size of 0. blank: without any value of this
+        term, so that all terms of one form are one text; `effect` then has all of them.
+        """
         name, kind = self.point.name, f"Residual_{self.point.equation.number}"
+        neutral = neutral or blank
         values = [0.0 if neutral and self._is_size(k) else v for k, v in enumerate(self.values)]
+        if blank:
+            values = [0.0 if self._is_size(k) else 1.0 for k in range(len(values))]
         parameters = "".join(
-            f"    parameter Real p{k}(min = -1e30, max = 1e30) = {float(v)!r};\n"
-            for k, v in enumerate(values, 1)
+            f"    parameter Real p{k}{LIMITS} = {float(v)!r};\n" for k, v in enumerate(values, 1)
         )
+        for n, t in self.law.tables:
+            told = np.ones(len(t)) if blank else t
+            parameters += f"    parameter Real {n}{_size(told)} = {_literal(told)};\n"
         block = textwrap.indent(
             f'block {kind} "Missing term, learnt from logs: {self.law.name} of {self.variable}"\n'
-            f"{parameters}{self.law.tables}"
+            f"{parameters}"
             "    input Real z;\n    output Real y;\n"
             f"  equation\n    y = noEvent({self.law.text});\nend {kind};",
             "  ",
@@ -71,6 +86,15 @@ class Term:
         return Addition(
             f"{block}\n  {kind} {name};", f"{name}.y", f"    {name}.z = {self.variable};"
         )
+
+    @property
+    def tables(self) -> dict[str, float]:
+        """Parameters of the whole plant that are not fitted."""
+        return {
+            f"{self.point.variable}.{n}" + (f"[{k}]" if len(t) > 1 else ""): float(v)
+            for n, t in self.law.tables
+            for k, v in enumerate(t, 1)
+        }
 
     def _is_size(self, k: int) -> bool:
         return k == 0 or self.law.shapes[k - 1] == "size"
@@ -92,8 +116,8 @@ class Term:
                 made.append(
                     Parameter(name, value, spread, value - NARROW * spread, value + NARROW * spread)
                 )
-        summary = f"learnt: {self.law.name} of {self.regressor.label}"
-        form = Form(self.law.name, tuple(made))
+        summary = f"learnt: {self.name}"
+        form = Form(self.law.name, tuple(made), self.tables)
         return Effect(NAME, "", self.block, summary, (form,))
 
     @property
@@ -105,7 +129,16 @@ class Term:
         return replace(self, values=tuple(values))
 
 
-def with_term(plant: Plant, term: Term, folder: Path, neutral: bool = True) -> Plant:
-    """The plant with the term in its equation. neutral: of a size of 0, so that nothing changes."""
-    model = written(plant, {term.point.equation: term.addition(neutral)}, folder)
+def _size(value: Array) -> str:
+    return f"[{len(value)}]" if len(value) > 1 else ""
+
+
+def _literal(value: Array) -> str:
+    told = ", ".join(repr(float(v)) for v in value)
+    return f"{{{told}}}" if len(value) > 1 else told
+
+
+def with_term(plant: Plant, term: Term, folder: Path, blank: bool = False) -> Plant:
+    """The plant with the term in its equation, of a size of 0. blank: see `Term.addition`."""
+    model = written(plant, {term.point.equation: term.addition(True, blank)}, folder)
     return replace(plant, model=model)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from pneugantry.engine.plant import Plant
 from pneugantry.engine.views import part_of
 from pneugantry.learn.curve import Knots, knots_over
 from pneugantry.learn.forms import FORMS, FormLaw, distilled, free_curve
-from pneugantry.learn.linear import Answer
+from pneugantry.learn.linear import Answer, Base
 from pneugantry.learn.points import Point, written
 from pneugantry.learn.regressors import Regressor
 from pneugantry.learn.screen import Candidate
@@ -42,7 +43,8 @@ def curve_of(form: FormLaw, values: tuple[float, ...]) -> np.ndarray:
 
 def candidate(curve: np.ndarray, sigma: float) -> Candidate:
     answer = Answer(np.zeros(0), curve, sigma**2 * np.eye(len(curve)), 0.0)
-    return Candidate(HERE, Regressor("", "u"), KNOTS, answer, 100.0, 1.0, 1.0, 1.0)
+    base = cast(Base, None)  # of no plant
+    return Candidate(HERE, Regressor("", "u"), KNOTS, answer, 100.0, 1.0, 1.0, 1.0, base, {})
 
 
 def values_of(form: FormLaw) -> tuple[float, ...]:

@@ -1,0 +1,143 @@
+"""How residuals reply to whatever is added to an equation: a matrix, from a few simulated pulses.
+
+A pulse's reply fades within the view's memory, so one simulation holds several pulses; between two
+pulses the reply is that of both, by distance. Any series of an addend is then a product of
+matrices: regressors, curves and waves cost no more simulations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.simulation import Cell
+from pneugantry.learn.points import OpenedView
+
+__all__ = ["Pulses", "Reply", "blocks_of", "means", "reply_of"]
+
+Answer = Callable[[Sequence[Array]], Array]  # series of an addend -> replies (n, rows, signals)
+MOST = 600  # blocks of a record
+PLACES = (0.12, 0.4, 0.7)  # of a record, where single pulses tell how long replies last
+FADED = 0.02  # share of a reply's largest value below which it is over
+PEAK = 2.0  # noise levels to which a pulse is brought
+
+
+@dataclass(frozen=True, eq=False)
+class Reply:
+    """Changes of a cell's residual per addend of each block of rows."""
+
+    matrix: Array  # (rows of the residual, signals, blocks)
+    block: int  # rows of the record
+
+    def to(self, shapes: Array) -> Array:
+        """Replies (rows, signals, n) to series (rows of the record, n)."""
+        return np.tensordot(self.matrix, means(shapes, self.block), 1)
+
+
+def blocks_of(view: OpenedView, record: Record) -> int:
+    """Rows of a block: whole rows of the residual."""
+    rows = record.rows // view.decimation
+    return view.decimation * max(1, -(-rows // MOST))
+
+
+def means(shapes: Array, block: int) -> Array:
+    """Means over blocks of rows; rows beyond the last whole block are left out."""
+    count = len(shapes) // block
+    return np.asarray(shapes[: count * block].reshape(count, block, -1).mean(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Pulses:
+    """How a cell is probed."""
+
+    cell: Cell
+    rows: int  # of the record
+    height: int  # rows of the residual
+    block: int
+    step: int  # rows of the residual in a block
+    sigma: Array  # (signals,) noise levels
+    most: int  # simulations
+
+    @property
+    def blocks(self) -> int:
+        return self.rows // self.block
+
+    def series(self, at: Sequence[int], size: float) -> Array:
+        found = np.zeros(self.rows)
+        for k in at:
+            found[k * self.block : (k + 1) * self.block] = size
+        return found
+
+
+def reply_of(pulses: Pulses, answer: Answer, size: float) -> Reply | None:
+    """The reply of a cell; None where nothing answers or simulations fail. size: of a first pulse,
+    in the addend's unit.
+    """
+    places = sorted({int(s * (pulses.blocks - 1)) for s in PLACES})
+    singles: dict[int, Array] = {}
+    size = _sized(pulses, answer, places, size)
+    if size == 0.0:
+        return None
+    for k in places:
+        singles[k] = _after(pulses, answer([pulses.series([k], size)])[0] / size, k)
+    if not all(np.isfinite(s).all() for s in singles.values()):
+        return None
+    memory = max(_memory(pulses, s) for s in singles.values())
+    apart = min(memory, pulses.blocks)
+    kernels = {k: s[: apart * pulses.step] for k, s in singles.items()}
+    stride = -(-apart // pulses.most)
+    for first in range(0, apart, stride):
+        at = list(range(first, pulses.blocks, apart))
+        made = answer([pulses.series(at, size)])[0] / size
+        if not np.isfinite(made).all():
+            return None
+        for k in at:
+            kernels[k] = _after(pulses, made, k)[: apart * pulses.step]
+    return Reply(_between(pulses, kernels), pulses.block)
+
+
+def _sized(pulses: Pulses, answer: Answer, places: Sequence[int], size: float) -> float:
+    """Size of a pulse that changes the residual by `PEAK` noise levels; 0: nothing answers."""
+    for _ in range(3):
+        told = answer([pulses.series([places[len(places) // 2]], size)])[0] / pulses.sigma
+        peak = float(np.abs(told).max()) if np.isfinite(told).all() else 0.0
+        if peak == 0.0:
+            return 0.0
+        if 0.3 * PEAK < peak < 3 * PEAK:
+            break
+        size *= PEAK / peak
+    return size
+
+
+def _after(pulses: Pulses, made: Array, k: int) -> Array:
+    return made[k * pulses.step :]
+
+
+def _memory(pulses: Pulses, kernel: Array) -> int:
+    """Blocks until a reply is over."""
+    over = np.abs(kernel) > FADED * np.abs(kernel).max(axis=0)
+    last = np.flatnonzero(over.any(axis=1))
+    return 1 if not len(last) else 1 + int(last[-1]) // pulses.step
+
+
+def _between(pulses: Pulses, kernels: Mapping[int, Array]) -> Array:
+    """The matrix: of each block, by distance from the pulses on both sides."""
+    at = np.array(sorted(kernels))
+    rows, signals = pulses.height, next(iter(kernels.values())).shape[1]
+    matrix = np.zeros((rows, signals, pulses.blocks))
+    for b in range(pulses.blocks):
+        upper = int(np.searchsorted(at, b))
+        low, high = at[max(upper - 1, 0)], at[min(upper, len(at) - 1)]
+        share = 0.0 if high == low else float(np.clip((b - low) / (high - low), 0.0, 1.0))
+        start, one, two = b * pulses.step, kernels[low], kernels[high]
+        length = min(rows - start, max(len(one), len(two)))
+        both = min(len(one), len(two), length)
+        own = np.zeros((length, signals))
+        own[:both] = (1 - share) * one[:both] + share * two[:both]
+        longer = one if len(one) > len(two) else two
+        own[both:] = longer[both:length]
+        matrix[start : start + length, :, b] = own
+    return matrix
