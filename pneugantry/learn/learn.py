@@ -15,11 +15,11 @@ import numpy as np
 
 from modelica_fmu.errors import InputError
 from pneugantry.engine import noise
-from pneugantry.engine.confirm import replays, values_on
+from pneugantry.engine.confirm import Replay, replays, values_on
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.hypothesis import Hypothesis
-from pneugantry.engine.plant import Array, Plant
+from pneugantry.engine.plant import Array, Nuisance, Plant
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
 from pneugantry.engine.views import SubsystemView, View
@@ -30,7 +30,7 @@ from pneugantry.learn.forms import Distilled, FreeCurve, distilled, free_curve, 
 from pneugantry.learn.points import Opened, Point, opened, recut
 from pneugantry.learn.regressors import TIME, Regressor
 from pneugantry.learn.screen import Candidate, Screen, screened
-from pneugantry.learn.term import NAME, Term, with_term
+from pneugantry.learn.term import Term, with_term
 
 __all__ = ["Learned", "Tried", "learn", "wanted"]
 
@@ -39,7 +39,10 @@ WORTH = 0.5  # share of the best candidate's gain from which on another one is f
 FINALISTS = 3  # pairs of equation and variable that are fitted
 SINGLES = 24  # effects of the catalogue that are tried as part of a curve
 RIVALS = 4  # pairs that the record that no fit saw judges
-BESIDE = 4  # known effects with a form beside them that are fitted
+COMPOSITES = 5  # known effects with a form beside them that are fitted
+BESIDE = 2  # known effects beside which a term is looked for once more
+LEFT = 0.5  # share of the gap's square that a term may leave
+OPEN = 3.0  # standard deviations of a term's values in a diagnosis of the plant that has it
 LOST = 1e6  # -2 log density of a replay that fails
 OUT = 0.3  # share of the worst view's excess from which on a view's equations are tried
 CLOSE = 8.0  # -2 log evidence by which a form may lie behind the closest one to be fitted
@@ -67,6 +70,15 @@ class Tried:
         units = np.array([coordinates[i].unit for i in index])
         return np.asarray(self.fit.covariance[np.ix_(index, index)] * np.outer(units, units))
 
+    @property
+    def nuisances(self) -> list[Nuisance]:
+        """The term's own values as far as the fit leaves them open; a width as its share."""
+        point, found = self.fit.point, []
+        for c in (c for c in point.coordinates if c.name in self.term.parameters):
+            sigma = OPEN * self.fit.sigma(c.name) * c.unit
+            found.append(Nuisance(c.parameter, sigma, relative=c.logarithmic))
+        return found
+
 
 @dataclass(frozen=True, eq=False)
 class Learned:
@@ -93,7 +105,10 @@ class Learned:
         """Of the gap of the record that no fit saw, from the nominal plant to that with the term
         and all that is known.
         """
-        return None if self.after is None or self.after.gap is None else self.after.gap.shrink
+        if self.after is None or self.after.gap is None or self.before.gap is None:
+            return None
+        new, nominal = self.after.gap, self.before.gap.nominal
+        return 1 - (new.augmented**2 - new.floor**2) / (nominal**2 - new.floor**2)
 
 
 def wanted(found: Found) -> bool:
@@ -140,11 +155,17 @@ class _Learning:
                 tried += self._forms(screen.fit, candidate)
         if not tried:
             return Learned(found, None, (), (), _main(screens), False, NOTHING, 0.0)
-        tried += self._composites(tried)
+        made, likely = self._composites(tried)
+        tried += made
+        for fit in likely:
+            if fit.keys not in bases:
+                screens.append(self._screened(fit))
+                for candidate in _worth_fitting(screens[-1], self.rules)[:1]:
+                    tried += self._forms(fit, candidate)
         tried.sort(key=lambda t: t.cost)
         answers = self._answers(tried)
         after = self._diagnosed(answers[0])
-        accepted, why = _judged(found, after)
+        accepted, why = self._judged(answers[0], after)
         kept = _main(screens), accepted, why
         experiment = self._experiment(answers) if accepted else None
         return Learned(found, after, answers, tuple(tried), *kept, 0.0, experiment)
@@ -153,22 +174,26 @@ class _Learning:
         fitted, blamed = self.found.task.data.fitted, _blamed(self.found)
         return screened(self.apart, fit, fitted, self.rules, blamed)
 
-    def _composites(self, tried: Sequence[Tried]) -> list[Tried]:
-        """The likeliest free curve as an effect of the catalogue with a form beside it."""
+    def _composites(self, tried: Sequence[Tried]) -> tuple[list[Tried], list[Fit]]:
+        """The likeliest free curve as an effect of the catalogue with a form beside it; and the
+        effects beside which it is worth while to look again.
+        """
         curves = [t for t in tried if t.free is not None]
         if not curves:
-            return []
+            return [], []
         best = min(curves, key=lambda t: t.cost)
         assert best.free is not None
         assert best.candidate is not None
         effects = self._singles(best.term)
         curve = best.free.curve(best.term.values, best.covariance)
-        found: list[Tried] = []
         likely = composites(best.candidate, curve, effects)
-        for c in [c for c in likely if c.form.cost < likely[0].form.cost + CLOSE][:BESIDE]:
+        found: list[Tried] = []
+        for c in likely[:COMPOSITES]:
             term = self._term(best.candidate, c.form)
             found.append(self._joint(c.effect, term, c.starts))
-        return found
+        firsts = {c.effect.keys: c.effect for c in likely[:COMPOSITES]}
+        firsts |= {f.keys: f for f in effects[:1]}
+        return found, list(firsts.values())[:BESIDE]
 
     def _singles(self, term: Term) -> list[Fit]:
         """Single effects that are read where a term is: as the search has fitted them, and those
@@ -219,6 +244,10 @@ class _Learning:
         replay = replays(plant, record, [values_on(tried.fit, record)], task.cache)[0]
         if replay is None:
             return np.array([LOST])
+        return self._loss(replay)
+
+    def _loss(self, replay: Replay) -> Array:
+        """-2 log density of a replay, by stretch."""
         rows = np.nan_to_num(replay.residuals) / max(1.0, self.found.excess.level)
         count = max(1, round(len(rows) * replay.period / self.rules.block))
         terms = noise.loss(rows, self.rules.tails).sum(axis=1)
@@ -273,14 +302,43 @@ class _Learning:
         return Tried(term.at([values[n] for n in term.parameters]), fit, fit.evidence + price)
 
     def _diagnosed(self, best: Tried) -> Found:
-        """The plant with the term among the catalogue's effects, diagnosed as before."""
+        """The plant with the term in it, its values open as far as their fit leaves them, diagnosed
+        as before: what the catalogue has beside it.
+        """
         self.say("missing term: diagnosis with it")
-        task, effect = self.found.task, best.term.effect
-        plant = with_term(task.plant, best.term, task.cache, blank=not best.term.law.tables)
-        catalogue = {**task.catalogue, effect.key: effect}
-        views = _recut(task, plant, self.reached(best.term))
-        own = replace(task, plant=plant, views=views, catalogue=catalogue)
-        return run(own, self.rules, self.say)
+        task, term = self.found.task, best.term
+        plant = with_term(task.plant, term, task.cache, blank=not term.law.tables)
+        plant = replace(
+            plant,
+            parameters={**plant.parameters, **term.tables, **term.starts},
+            nuisances=(*plant.nuisances, *best.nuisances),
+        )
+        views = _recut(task, plant, self.reached(term))
+        return run(replace(task, plant=plant, views=views), self.rules, self.say)
+
+    def _judged(self, best: Tried, after: Found) -> tuple[bool, str]:
+        """Whether the term stands, and why."""
+        before = self.found
+        plain = min(
+            f.evidence + 2 * self.rules.entry * len(f.keys)
+            for f in (before.search.null, before.decision.best)
+        )
+        if best.cost > plain - self.rules.entry:
+            return False, "the term brings the fitted logs nothing: located, not explained"
+        old, new = before.gap, after.gap
+        if old is None or new is None or before.augmented is None or after.augmented is None:
+            return False, "no log could be replayed: located, not explained"
+        fall = f"the gap of {new.record} falls from {old.augmented:.3g} to {new.augmented:.3g}"
+        falls = self._loss(before.augmented) - self._loss(after.augmented)
+        if noise.doubted(falls, self.rules.doubt) < self.rules.entry:
+            return False, (
+                f"{new.record} is replayed no better with the term ({old.augmented:.3g} before, "
+                f"{new.augmented:.3g} with it): located, not explained"
+            )
+        floor = min(new.floor, new.augmented) ** 2
+        if new.augmented**2 - floor > LEFT * (old.augmented**2 - floor):
+            return False, f"{fall}, and more is left than explained: located, not explained"
+        return True, fall
 
 
 def _stretches(tried: Tried) -> list[Array]:
@@ -339,21 +397,3 @@ def _recut(task: Task, plant: Plant, reached: Collection[str]) -> list[View]:
         else:
             found.append(replace(view, plant=plant, _kept={}))
     return found
-
-
-def _judged(before: Found, after: Found) -> tuple[bool, str]:
-    """Whether the term stands, and why."""
-    if NAME not in after.decision.chosen:
-        return (
-            False,
-            "beside the catalogue's effects the term brings nothing: located, not explained",
-        )
-    old, new = before.gap, after.gap
-    if old is None or new is None:
-        return False, "no log could be replayed: located, not explained"
-    if new.augmented >= old.augmented:
-        return False, (
-            f"{new.record} is replayed no better with the term ({old.augmented:.3g} before, "
-            f"{new.augmented:.3g} with it): located, not explained"
-        )
-    return True, f"the gap of {new.record} falls from {old.augmented:.3g} to {new.augmented:.3g}"

@@ -12,7 +12,6 @@ import numpy as np
 from pneugantry.engine.plant import Array
 from pneugantry.engine.result import to_json as diagnosis_json
 from pneugantry.learn.learn import Learned, Tried
-from pneugantry.learn.term import NAME
 
 __all__ = ["band", "covered", "sentence", "to_json"]
 
@@ -85,18 +84,17 @@ def to_json(learned: Learned) -> dict[str, Any]:
         return found
     gap = learned.after.gap
     found["term"] = _term(learned, learned.best)
-    causes = diagnosis_json(learned.after.diagnosis)["causes"]
-    found["causes"] = [c for c in causes if c["effect"] != NAME]
+    found["causes"] = diagnosis_json(learned.after.diagnosis)["causes"]
     found["answer_set"] = [_short(t) for t in learned.answers]
     if learned.next_experiment is not None:
         found["next_experiment"] = asdict(learned.next_experiment)
     if gap is not None and learned.before.gap is not None:
         found["gap"] = {
-            "nominal": float(gap.nominal),
+            "nominal": float(learned.before.gap.nominal),
             "without": float(learned.before.gap.augmented),
             "with": float(gap.augmented),
             "floor": float(gap.floor),
-            "shrink": float(gap.shrink),
+            "shrink": learned.shrink,
             "log": gap.record,
         }
     return found
