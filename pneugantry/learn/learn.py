@@ -307,10 +307,10 @@ class _Learning:
         """
         self.say("missing term: diagnosis with it")
         task, term = self.found.task, best.term
-        plant = with_term(task.plant, term, task.cache, blank=not term.law.tables)
+        plant = with_term(task.plant, term, task.cache)
         plant = replace(
             plant,
-            parameters={**plant.parameters, **term.tables, **term.starts},
+            parameters={**plant.parameters, **term.starts},
             nuisances=(*plant.nuisances, *best.nuisances),
         )
         views = _recut(task, plant, self.reached(term))

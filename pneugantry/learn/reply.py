@@ -22,6 +22,7 @@ Answer = Callable[[Sequence[Array]], Array]  # series of an addend -> replies (n
 MOST = 600  # blocks of a record
 PLACES = (0.12, 0.4, 0.7)  # of a record, where single pulses tell how long replies last
 FADED = 0.02  # share of a reply's largest value below which it is over
+ENDED = 0.95  # share of what is left of the record that a reply lasts, if it is cut off
 PEAK = 2.0  # noise levels to which a pulse is brought
 
 
@@ -117,10 +118,10 @@ def _after(pulses: Pulses, made: Array, k: int) -> Array:
 
 
 def _memory(pulses: Pulses, kernel: Array) -> int:
-    """Blocks until a reply is over."""
+    """Blocks until a reply is over; where the record ends before, all of them."""
     over = np.abs(kernel) > FADED * np.abs(kernel).max(axis=0)
-    last = np.flatnonzero(over.any(axis=1))
-    return 1 if not len(last) else 1 + int(last[-1]) // pulses.step
+    last = int(np.flatnonzero(over.any(axis=1))[-1]) if over.any() else 0
+    return pulses.blocks if last > ENDED * len(kernel) else 1 + last // pulses.step
 
 
 def _between(pulses: Pulses, kernels: Mapping[int, Array]) -> Array:

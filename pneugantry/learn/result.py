@@ -56,10 +56,13 @@ def sentence(learned: Learned) -> str:
         return f"missing term: none found; {learned.why}"
     term = learned.best.term
     stands = "learnt" if learned.accepted else "not accepted"
-    return (
-        f"missing term ({stands}): {term.formula()} in {term.block}, added to "
+    others = [t.term.formula() for t in learned.answers[1:]]
+    told = f" (these logs do not tell it from {', '.join(others)})" if others else ""
+    said = (
+        f"missing term ({stands}): {term.formula()}{told} in {term.block}, added to "
         f"{term.point.text[:70]}; {learned.why}"
     )
+    return said + (f"; next: {e.what}" if (e := learned.next_experiment) else "")
 
 
 def to_json(learned: Learned) -> dict[str, Any]:

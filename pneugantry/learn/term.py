@@ -11,7 +11,7 @@ import numpy as np
 
 from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Array, Plant
-from pneugantry.learn.forms import FormLaw
+from pneugantry.learn.forms import FORMS, FormLaw
 from pneugantry.learn.points import Point, written
 from pneugantry.learn.regressors import TIME, Regressor
 from pneugantry.learn.sources import Addition
@@ -63,8 +63,11 @@ class Term:
 
     def addition(self, neutral: bool, blank: bool = False) -> Addition:
         """What goes into the class. neutral: with a size of 0. blank: without any value of this
-        term, so that all terms of one form are one text; `effect` then has all of them.
+        term, and with a switch of all forms, so that all terms of a variable are one text; `effect`
+        and `settings` then have the values.
         """
+        if blank and not self.law.tables:
+            return self._switched()
         name, kind = self.point.name, f"Residual_{self.point.equation.number}"
         neutral = neutral or blank
         values = [0.0 if neutral and self._is_size(k) else v for k, v in enumerate(self.values)]
@@ -87,6 +90,20 @@ class Term:
             f"{block}\n  {kind} {name};", f"{name}.y", f"    {name}.z = {self.variable};"
         )
 
+    def _switched(self) -> Addition:
+        """The block with all forms: `form` says which."""
+        name, kind = self.point.name, f"Residual_{self.point.equation.number}"
+        count = max(len(f.shapes) for f in FORMS) + 1
+        chosen = "".join(f"if form < {k}.5 then {f.text} else" for k, f in enumerate(FORMS[:-1]))
+        sizes = "".join(f"    parameter Real p{k}{LIMITS} = 1;\n" for k in range(2, count + 1))
+        return Addition(
+            f"  block {kind}\n    parameter Real form = 0;\n    parameter Real p1{LIMITS} = 0;\n"
+            f"{sizes}    input Real z;\n    output Real y;\n  equation\n"
+            f"    y = noEvent({chosen} {FORMS[-1].text});\n  end {kind};\n  {kind} {name};",
+            f"{name}.y",
+            f"    {name}.z = {self.variable};",
+        )
+
     @property
     def tables(self) -> dict[str, float]:
         """Parameters of the whole plant that are not fitted."""
@@ -95,6 +112,14 @@ class Term:
             for n, t in self.law.tables
             for k, v in enumerate(t, 1)
         }
+
+    @property
+    def settings(self) -> dict[str, float]:
+        """All that a blank text needs and that is not fitted."""
+        names = [f.name for f in FORMS]
+        if self.law.name not in names:
+            return self.tables
+        return {f"{self.point.variable}.form": float(names.index(self.law.name))}
 
     def _is_size(self, k: int) -> bool:
         return k == 0 or self.law.shapes[k - 1] == "size"
@@ -117,7 +142,7 @@ class Term:
                     Parameter(name, value, spread, value - NARROW * spread, value + NARROW * spread)
                 )
         summary = f"learnt: {self.name}"
-        form = Form(self.law.name, tuple(made), self.tables)
+        form = Form(self.law.name, tuple(made), self.settings)
         return Effect(NAME, "", self.block, summary, (form,))
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -125,8 +126,10 @@ def test_quadratic_drag_is_learnt_named_and_written_back(
     assert len(term["points"]["at"]) == len(term["points"]["value"]) > 5
     assert "block Residual_1" in (out / "Cart.mo").read_text(encoding="utf-8")
     measured = pd.read_csv(tmp_path / "other.csv")
-    left = measured["v"] - foreign(out / "AugmentedCart.fmu", measured["u"].to_numpy())
-    assert np.sqrt(np.mean(left**2)) < 1.3 * 0.003  # the sensor's noise
+    fmu, u = out / "AugmentedCart.fmu", measured["u"].to_numpy()
+    speeds = foreign(fmu, u)
+    assert np.sqrt(np.mean((measured["v"] - speeds) ** 2)) < 1.3 * 0.003  # the sensor's noise
+    assert in_casadi(fmu, u, tmp_path / "unzipped") == pytest.approx(speeds, abs=2e-4)
 
     (tmp_path / "next").mkdir()
     path = rig(tmp_path / "next", lambda s, v: -0.8 * v * abs(v))
@@ -153,6 +156,36 @@ def foreign(fmu: Path, u: np.ndarray) -> np.ndarray:
         str(fmu), stop_time=times[-2], output_interval=PERIOD, input=table, output=["v"]
     )
     return np.interp(times[:-1], made["time"], made["v"])
+
+
+def in_casadi(fmu: Path, u: np.ndarray, folder: Path) -> np.ndarray:
+    """The same as CasADi reads the FMU, its rates integrated by the Runge-Kutta method."""
+    casadi = pytest.importorskip("casadi")
+    with zipfile.ZipFile(fmu) as zipped:
+        zipped.extractall(folder)
+    read = casadi.DaeBuilder("cart", str(folder))
+    rates = read.create("rates", ["x", "u"], ["ode"])
+    x, step = np.array([read.start(n)[0] for n in read.x()]), PERIOD / 2
+    speeds = []
+    for force in u:
+        speeds.append(x[read.x().index("v")])
+        for _ in range(2):
+            a = rates(x, force).full().ravel()
+            b = rates(x + step / 2 * a, force).full().ravel()
+            c = rates(x + step / 2 * b, force).full().ravel()
+            x = x + step / 6 * (a + 2 * b + 2 * c + rates(x + step * c, force).full().ravel())
+    return np.array(speeds)
+
+
+def test_a_known_effect_is_told_beside_what_is_missing(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, lambda s, v: -2.0 - 1.5 * v * abs(v))
+    learned = found["learned"]
+    assert learned["accepted"], learned["why"]
+    assert (learned["term"]["regressor"], learned["term"]["form"]) == ("v", "signed square")
+    (cause,) = learned["causes"]
+    assert cause["effect"] == "constant_force"
+    low, high = cause["parameters"]["F_0"]["ci95"]
+    assert low < 2.0 < high < 2.5
 
 
 def test_there_is_no_catalogue_to_write_without_a_term(

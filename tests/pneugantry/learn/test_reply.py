@@ -1,0 +1,84 @@
+"""Replies to an addend: a matrix from few pulses says what a simulation says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from pneugantry.engine.plant import Record
+from pneugantry.learn.curve import Wave, finer, knots_over
+from pneugantry.learn.experiments import variants
+from pneugantry.learn.reply import Pulses, means, reply_of
+
+ROWS, STEP = 600, 0.01  # s
+
+
+@dataclass
+class Lag:
+    """A first-order lag whose time constant changes with time, read every second row."""
+
+    tau: float  # s
+    runs: int = 0
+
+    def __call__(self, series: list[np.ndarray]) -> np.ndarray:
+        self.runs += len(series)
+        found = np.zeros((len(series), ROWS // 2, 1))
+        for n, u in enumerate(series):
+            y = np.zeros(ROWS)
+            for k in range(1, ROWS):
+                y[k] = y[k - 1] + STEP / (self.tau * (1 + k / ROWS)) * (u[k - 1] - y[k - 1])
+            found[n, :, 0] = y.reshape(-1, 2).mean(axis=1)
+        return found
+
+
+def pulses(most: int) -> Pulses:
+    return Pulses(("view", "log"), ROWS, ROWS // 2, 2, 1, np.array([1e-3]), most)
+
+
+@pytest.mark.parametrize(("tau", "most", "runs"), [(0.03, 24, 30), (2.0, 24, 30), (0.2, 6, 14)])
+def test_a_few_pulses_say_what_a_simulation_says(tau: float, most: int, runs: int) -> None:
+    lag = Lag(tau)
+    reply = reply_of(pulses(most), lag, 1.0)
+    assert reply is not None
+    assert lag.runs <= runs
+    t = STEP * np.arange(ROWS)
+    series = np.column_stack([np.sin(9 * t), np.tanh(8 * np.sin(3 * t)), t**2])
+    for k in range(3):
+        exact, told = lag([series[:, k]])[0, :, 0], reply.to(series)[:, 0, k]
+        assert told == pytest.approx(exact, abs=0.03 * np.ptp(exact))
+
+
+def test_what_does_not_answer_has_no_reply() -> None:
+    assert reply_of(pulses(8), lambda series: np.zeros((len(series), 300, 1)), 1.0) is None
+
+
+def test_means_leave_out_what_is_no_whole_block() -> None:
+    assert means(np.arange(7.0), 3)[:, 0].tolist() == [1.0, 4.0]
+
+
+def test_fine_knots_hold_what_is_narrow() -> None:
+    knots = knots_over(np.linspace(-1.0, 1.0, 500))
+    assert knots is not None
+    fine = finer(knots)
+    z = np.linspace(-0.95, 0.95, 200)
+    bump = np.exp(-(((z - 0.3) / 0.07) ** 2))
+    left = []
+    for basis in (knots, fine):
+        shapes = basis.shapes(z)
+        left.append(bump - shapes @ np.linalg.lstsq(shapes, bump, rcond=None)[0])
+    assert np.abs(left[1]).max() < 0.1 < np.abs(left[0]).max()
+    assert Wave(0.5).prior(2.0, Wave(0.5).bends[0]).tolist() == [[0.25, 0.0], [0.0, 0.25]]
+
+
+def test_runs_are_made_of_logged_ones() -> None:
+    t = STEP * np.arange(ROWS)
+    inputs = {"u": np.sin(t), "supply": np.full(ROWS, 7.4)}
+    made = variants(Record("log", STEP, inputs, {"v": t}, {}))
+    assert made["with its inputs reversed"].inputs["u"] == pytest.approx(-np.sin(t))
+    assert made["with its inputs reversed"].inputs["supply"] == pytest.approx(7.4)
+    later = made["after a rest of 2 s"]
+    assert later.rows == ROWS + 200
+    assert later.inputs["u"][200:] == pytest.approx(np.sin(t))
+    assert made["at twice its speed"].rows == ROWS // 2
