@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pyfmi_runner.campaign import Campaign
     from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["Diagnosis", "Gap", "diagnose"]
+__all__ = ["Diagnosis", "Gap", "diagnose", "diagnose_change"]
 
 Say = Callable[[str], None]
 
@@ -115,7 +115,9 @@ class Diagnosis:
         from pneugantry.learn.learn import learn, wanted
         from pneugantry.learn.result import to_json
 
-        if self.campaign is not None or not wanted(self.found):
+        if self.campaign is not None or self.found.task.epoch is not None:
+            return self
+        if not wanted(self.found):
             return self
         term = learn(self.found, self.rules, say or (lambda stage: None))
         json = {
@@ -180,21 +182,89 @@ def diagnose(
     from pneugantry.plants.described import is_plant_description
     from pneugantry.plants.gantry.catalogue import catalogue_of
     from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
-    from pyfmi_runner.campaign import DRIVEN, with_controller
 
     say = say or (lambda stage: None)
     if isinstance(source, str | Path) and is_plant_description(Path(source)):
         return _diagnose_described(Path(source), catalogue, fmu, say)
     effects = catalogue_of(None if catalogue is None else Path(catalogue))
+    campaign = _campaign(source, setup, controller, say)
+    nominal = None if fmu is None else fmu_from(fmu)
+    found = diagnose_gantry(campaign, effects, fmu=nominal, say=say)
+    return Diagnosis(to_json(found.diagnosis), found, campaign, fmu_from(nominal))
+
+
+def diagnose_change(
+    before: CampaignSource,
+    after: CampaignSource,
+    *,
+    controller: PathLike | None = None,
+    catalogue: PathLike | None = None,
+    fmu: FmuSource = None,
+    say: Say | None = None,
+) -> Diagnosis:
+    """What came, what went and what stayed between two campaigns of one rig: `json["changes"]`
+    beside what `diagnose` tells; gap and augmented plant are those after the change.
+
+    before, after: sources of one kind, as of `diagnose`; of two descriptions the first tells
+    catalogue and tolerance. Other arguments and errors as of `diagnose`.
+    """
+    from pneugantry.engine.result import to_json
+    from pneugantry.plants.described import is_plant_description
+    from pneugantry.plants.gantry.catalogue import catalogue_of
+    from pneugantry.plants.gantry.diagnosis import both
+    from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
+
+    say = say or (lambda stage: None)
+    described = [
+        isinstance(s, str | Path) and is_plant_description(Path(s)) for s in (before, after)
+    ]
+    if described[0] != described[1]:
+        hint = "give two campaigns of the gantry, or two descriptions of one plant"
+        raise InputError("is of another kind than the campaign before", field="--after", hint=hint)
+    own = None if catalogue is None else Path(catalogue)
+    if all(described):
+        return _described_change((Path(str(before)), Path(str(after))), own, fmu, say)
+    campaigns = [_campaign(source, None, controller, say) for source in (before, after)]
+    nominal = None if fmu is None else fmu_from(fmu)
+    effects = catalogue_of(own)
+    found = diagnose_gantry(campaigns[0], effects, fmu=nominal, say=say, after=campaigns[1])
+    return Diagnosis(to_json(found.diagnosis), found, both(*campaigns), fmu_from(nominal))
+
+
+def _campaign(
+    source: CampaignSource,
+    setup: Mapping[str, Any] | None,
+    controller: PathLike | None,
+    say: Say,
+) -> Campaign:
+    """Of the gantry, as read; what an answer rests on is said."""
+    from pyfmi_runner.campaign import DRIVEN, with_controller
+
     campaign = campaign_from(source, setup, strict=False, needs=DRIVEN)
     if controller is not None:
         campaign = with_controller(campaign, Path(controller))
     for note in campaign.notes:
         if "pneugantry log init" in note:
             say(f"note: {note}")  # before the answer that rests on it
-    nominal = None if fmu is None else fmu_from(fmu)
-    found = diagnose_gantry(campaign, effects, fmu=nominal, say=say)
-    return Diagnosis(to_json(found.diagnosis), found, campaign, fmu_from(nominal))
+    return campaign
+
+
+def _described_change(
+    paths: tuple[Path, Path], catalogue: Path | None, fmu: FmuSource, say: Say
+) -> Diagnosis:
+    """Two campaigns of a plant of one's own."""
+    from pneugantry.engine.result import to_json
+    from pneugantry.plants.changed import diagnose_change as diagnose_described
+
+    _no_fmu(fmu)
+    found, rules = diagnose_described(*paths, catalogue, say=say)
+    return Diagnosis(to_json(found.diagnosis), found, rules=rules)
+
+
+def _no_fmu(fmu: FmuSource) -> None:
+    if fmu is not None:
+        hint = "name the model or the FMUs in the description"
+        raise InputError("is for the gantry", field="--fmu", hint=hint)
 
 
 def _diagnose_described(
@@ -205,9 +275,7 @@ def _diagnose_described(
     from pneugantry.engine.run import run
     from pneugantry.plants.described import described_task
 
-    if fmu is not None:
-        hint = "name the model or the FMUs in the description"
-        raise InputError("is for the gantry", field="--fmu", hint=hint)
+    _no_fmu(fmu)
     own = None if catalogue is None else Path(catalogue)
     say("model and logs")
     read, task = described_task(description, own)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.options import out_file, out_folder
@@ -12,6 +13,7 @@ from pneugantry.progress import Stages, bar
 from pneugantry.report.headline import (
     cause_name,
     chance,
+    change_words,
     headline,
     interval,
     number,
@@ -21,6 +23,9 @@ from pneugantry.report.headline import (
 )
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
+
+if TYPE_CHECKING:
+    from pneugantry.api.diagnosis import Diagnosis
 
 HELP = """Where the sim-to-real gap of a campaign lies, which effect causes it, and how far it
 shrinks with that effect added.
@@ -32,6 +37,8 @@ what it cannot excite.
   pneugantry diagnose FOLDER --augmented out/
       the plant with the effect added, as Modelica and as FMU
   pneugantry diagnose LOG.parquet               a campaign of one
+  pneugantry diagnose BEFORE --after AFTER
+      two campaigns of one rig (or two descriptions of one plant): what came, went, stayed
   pneugantry diagnose plant.toml
       a plant of your own: FMU, logs and catalogue as that file says
   pneugantry diagnose FOLDER_OF_CAMPAIGNS
@@ -46,6 +53,12 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "campaign",
         metavar="CAMPAIGN_OR_LOG",
         help="folder with campaign.toml, one log, a plant.toml, or a folder of campaigns",
+    )
+    command.add_argument(
+        "--after",
+        metavar="CAMPAIGN_OR_LOG",
+        help="a second campaign of the same rig, after a change: says which effect came, which "
+        "went and which stayed",
     )
     command.add_argument(
         "--catalogue",
@@ -103,11 +116,13 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    from pneugantry.api import diagnosis
     from pneugantry.blind.campaigns import campaign_folders
 
     source = Path(options.campaign)
     if folders := campaign_folders(source):
+        if options.after is not None:
+            hint = "give two campaigns"
+            raise InputError("is for one campaign each", field="--after", hint=hint)
         return _execute_many(folders, options)
     if options.scheduler is not None:
         raise InputError(
@@ -115,16 +130,9 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
             field="--scheduler",
             hint="leave it out: one campaign is diagnosed here",
         )
-    with Stages("diagnose", _kind(source)) as say:
-        found = diagnosis.diagnose(
-            options.campaign,
-            controller=options.controller,
-            catalogue=options.catalogue,
-            fmu=options.fmu,
-            say=say,
-        )
-        if not options.no_learn:
-            found = found.with_missing_term(say)
+    kind = "change" if options.after else _kind(source)
+    with Stages("diagnose", kind) as say:
+        found = _diagnosed(options, say)
     print_diagnosis(found.json)
     if options.augmented is not None:
         model, fmu = found.write_augmented(options.augmented)
@@ -135,6 +143,22 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     if options.html is not None:
         print(f"report: {found.write_html(options.html)}")
     return found.json, 0
+
+
+def _diagnosed(options: argparse.Namespace, say: Callable[[str], None]) -> Diagnosis:
+    """One campaign, or two of one rig."""
+    from pneugantry.api import diagnosis
+
+    rest = {
+        "controller": options.controller,
+        "catalogue": options.catalogue,
+        "fmu": options.fmu,
+        "say": say,
+    }
+    if options.after is not None:
+        return diagnosis.diagnose_change(options.campaign, options.after, **rest)
+    found = diagnosis.diagnose(options.campaign, **rest)
+    return found if options.no_learn else found.with_missing_term(say)
 
 
 def _kind(source: Path) -> str:
@@ -182,6 +206,8 @@ def print_diagnosis(found: dict[str, Any]) -> None:
         print(f"note: {note}")
     print(f"verdict: {verdict_word(found)}")
     print(headline(found))
+    for line in change_words(found):
+        print(line)
     for entry in found["where"]:
         logs = f"  {', '.join(entry['logs'])}" if entry["logs"] else ""
         print(

@@ -81,11 +81,13 @@ class Effect:
     summary: str
     forms: tuple[Form, ...]
     refines: tuple[str, ...] = ()  # names of the effects without which it is nothing
+    epoch: str = ""  # the campaign that alone has it, where there are two
 
     @property
     def key(self) -> str:
-        """name/axis, or the name alone."""
-        return f"{self.name}/{self.axis}" if self.axis else self.name
+        """name/axis, or the name alone; "@" and the campaign where it is of one alone."""
+        name = f"{self.name}/{self.axis}" if self.axis else self.name
+        return f"{name}@{self.epoch}" if self.epoch else name
 
     @property
     def of_a_sensor(self) -> bool:

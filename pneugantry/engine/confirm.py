@@ -278,7 +278,7 @@ def values_on(fit: Fit, record: Record) -> dict[str, float]:
         scatter = float(errors.var(ddof=1)) if len(errors) > 1 else prior
         share = prior / (prior + scatter / len(errors))
         values[parameter] = record.parameters[parameter] + share * float(errors.mean())
-    return values
+    return record.read(values)
 
 
 def draws(fit: Fit, record: Record, count: int = DRAWS) -> list[dict[str, float]]:

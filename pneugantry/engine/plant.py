@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Data", "Nuisance", "Plant", "Record", "Signal", "thinned"]
+__all__ = ["Array", "Data", "Epoch", "Nuisance", "Plant", "Record", "Signal", "thinned"]
 
 Array = NDArray[np.float64]
 
@@ -59,6 +59,49 @@ class Plant:
 
 
 @dataclass(frozen=True, eq=False)
+class Epoch:
+    """One of several campaigns of a rig, between which something changed (see `change`).
+
+    A parameter of this campaign alone is named "EPOCH:PARAMETER". neutral: values of the effects'
+    parameters without any effect; settings: names of those that are switches.
+    """
+
+    name: str
+    neutral: Mapping[str, float]
+    settings: frozenset[str]
+
+    def own(self, parameter: str) -> str:
+        return f"{self.name}:{parameter}"
+
+    @staticmethod
+    def bare(parameter: str) -> str:
+        """A parameter's name in the plant."""
+        return parameter.split(":", 1)[-1]
+
+    def known(self, parameter: str) -> str | None:
+        """Its name in the plant; None for one of another campaign."""
+        epoch, colon, bare = parameter.partition(":")
+        return parameter if not colon else bare if epoch == self.name else None
+
+    def read(self, given: Mapping[str, float], usual: Mapping[str, float]) -> dict[str, float]:
+        """Values of the plant's parameters: what this campaign's own differ by from their neutral
+        value is added to the shared ones, or to the `usual` ones where none is shared.
+        """
+        found = {n: v for n, v in given.items() if ":" not in n}
+        for name, value in given.items():
+            bare = self.known(name)
+            if bare is None or bare == name:
+                continue
+            if bare in self.settings:
+                found[bare] = value
+                continue
+            neutral = self.neutral.get(bare, 0.0)
+            shared = found.get(bare, usual.get(bare, neutral))
+            found[bare] = value if shared == neutral else shared + value - neutral
+        return found
+
+
+@dataclass(frozen=True, eq=False)
 class Record:
     """One measured run: row k holds readings at k * period, and inputs held from then on."""
 
@@ -69,18 +112,31 @@ class Record:
     parameters: Mapping[str, float]  # of this run alone
     judged: NDArray[np.bool_] | None = None  # rows that count; None: all
     skip: float = 0.0  # s at the start that do not count
+    epoch: Epoch | None = None  # the campaign that it is of, where there are two
 
     @property
     def rows(self) -> int:
         return len(next(iter(self.signals.values())))
 
+    def read(self, given: Mapping[str, float]) -> dict[str, float]:
+        """Values of the plant's parameters in this record, from a fit's."""
+        return dict(given) if self.epoch is None else self.epoch.read(given, self.parameters)
+
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """The records that are fitted, and one that no fit sees."""
+    """The records that are fitted, one that no fit sees and whose gap is told, and further ones
+    that no fit sees either.
+    """
 
     fitted: tuple[Record, ...]
     held_out: Record | None
+    also_held: tuple[Record, ...] = ()
+
+    @property
+    def unseen(self) -> tuple[Record, ...]:
+        """All that no fit sees."""
+        return self.also_held if self.held_out is None else (self.held_out, *self.also_held)
 
 
 def thinned(record: Record, every: int) -> Record:
@@ -99,6 +155,7 @@ def thinned(record: Record, every: int) -> Record:
         record.parameters,
         ~(np.convolve(jumps, np.ones(ABOUT), "same") > 0),
         record.skip,
+        record.epoch,
     )
 
 

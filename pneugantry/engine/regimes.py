@@ -71,6 +71,7 @@ def _quantities(plant: Plant, view: View, record: Record) -> list[str]:
         if s.name in record.signals
         and (s.name in view.signals or view.depends_on(f"{PREFIX}{s.name}.bias"))
     ]
+    view = getattr(view, "view", view)  # that of one campaign of several
     if not isinstance(view, SubsystemView):
         return [*(n for n in view.signals if n in record.inputs), *read]
     return [*(n for n in plant.inputs if n in view.sources.values()), *read]

@@ -11,9 +11,22 @@ from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.confirm import Gap
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.location import Place
+from pneugantry.engine.plant import Epoch
 from pneugantry.engine.search import Step
 
-__all__ = ["Answer", "Cause", "Diagnosis", "Size", "answer_set", "causes_of", "to_json"]
+__all__ = [
+    "NORMAL",
+    "Answer",
+    "Cause",
+    "Change",
+    "Changes",
+    "Diagnosis",
+    "Moved",
+    "Size",
+    "answer_set",
+    "causes_of",
+    "to_json",
+]
 
 HELD = 0.95  # probability that an answer set holds
 RARE = 0.005  # probability below which a hypothesis is not listed
@@ -39,10 +52,46 @@ class Cause:
     axis: str
     probability: float
     parameters: Mapping[str, Size]
+    epoch: str = ""  # the campaign that alone has it, where there are two
 
     @property
     def key(self) -> str:
-        return f"{self.effect}/{self.axis}" if self.axis else self.effect
+        """As `Effect.key`."""
+        name = f"{self.effect}/{self.axis}" if self.axis else self.effect
+        return f"{name}@{self.epoch}" if self.epoch else name
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A parameter in two campaigns: before, after, and the change with its 95 % interval."""
+
+    before: float
+    after: float
+    change: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Change:
+    """What became of an effect between two campaigns. probabilities: of "came", "went", "stayed",
+    "changed" (there in both, of another size) and "absent"; they sum to 1.
+    """
+
+    effect: str
+    axis: str
+    what: str  # the likeliest of them, "absent" aside
+    probabilities: Mapping[str, float]
+    parameters: Mapping[str, Moved]  # of the likeliest hypothesis, where it has the effect
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Between two campaigns of one rig; gaps: of each campaign's record that no fit saw."""
+
+    effects: tuple[Change, ...]
+    gaps: tuple[Gap, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +122,7 @@ class Diagnosis:
     stages: Mapping[str, float] = field(default_factory=dict)  # s, by name
     weighed: tuple[tuple[tuple[str, ...], float], ...] = ()  # effects and cost, as decided upon
     stands_out: float = 0.0  # what the answer leaves beyond the noise, see `unknown_score`
+    changes: Changes | None = None  # where there are two campaigns
 
 
 def causes_of(
@@ -93,6 +143,7 @@ def causes_of(
             catalogue[k].axis,
             min(total[k], 1.0),
             _sizes(k, carrier[k].fit),
+            catalogue[k].epoch,
         )
         for k in ranked
         if k in chosen or total[k] >= RARE
@@ -112,7 +163,7 @@ def _sizes(key: str, fit: Fit | None) -> dict[str, Size]:
         c, theta = at[p.name]
         width = NORMAL * fit.sigma(p.name)
         ends = c.value(theta - width), c.value(theta + width)
-        found[p.name] = Size(c.value(theta), min(ends), max(ends), p.unit, form.name)
+        found[Epoch.bare(p.name)] = Size(c.value(theta), min(ends), max(ends), p.unit, form.name)
     return found
 
 
@@ -150,6 +201,7 @@ def to_json(d: Diagnosis) -> dict[str, Any]:
         "stands_out": _number(d.stands_out),
         "stages": dict(d.stages),
         "seconds": d.seconds,
+        **({} if d.changes is None else {"changes": _changes(d.changes)}),
     }
 
 
@@ -167,10 +219,37 @@ def _place(p: Place) -> dict[str, Any]:
     }
 
 
+def _changes(changes: Changes) -> dict[str, Any]:
+    return {
+        "effects": [
+            {
+                "effect": c.effect,
+                "axis": c.axis,
+                "what": c.what,
+                "probabilities": dict(c.probabilities),
+                "parameters": {n: _moved(m) for n, m in c.parameters.items()},
+            }
+            for c in changes.effects
+        ],
+        "gaps": [_gap(g) for g in changes.gaps],
+    }
+
+
+def _moved(m: Moved) -> dict[str, Any]:
+    return {
+        "before": _number(m.before),
+        "after": _number(m.after),
+        "change": _number(m.change),
+        "ci95": [_number(m.low), _number(m.high)],
+        "unit": m.unit,
+    }
+
+
 def _cause(c: Cause) -> dict[str, Any]:
     return {
         "effect": c.effect,
         "axis": c.axis,
+        **({"campaign": c.epoch} if c.epoch else {}),
         "probability": float(c.probability),
         "parameters": {
             name: {

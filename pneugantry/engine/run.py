@@ -27,7 +27,7 @@ from pneugantry.engine.decide import Chances, Decision, Evidence, decide, unknow
 from pneugantry.engine.excess import Excess, excess_of, floors_of
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.location import where
-from pneugantry.engine.plant import Data, Plant
+from pneugantry.engine.plant import Data, Epoch, Plant
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import Diagnosis, answer_set, causes_of
 from pneugantry.engine.rules import Rules
@@ -55,6 +55,7 @@ class Task:
     chances: Chances = field(default_factory=Chances)
     notes: tuple[str, ...] = ()
     limits: tuple[str, ...] = ()  # what the records cannot show
+    epoch: Epoch | None = None  # the campaign whose plant is told, where there are two
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +75,8 @@ class Found:
     @property
     def values(self) -> dict[str, float]:
         """The augmented plant's, of no record in particular."""
-        return self.decision.best.values(None)
+        values = self.decision.best.values(None)
+        return values if self.task.epoch is None else self.task.epoch.read(values, {})
 
 
 def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
@@ -121,14 +123,13 @@ def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     for fit in sorted((*found.tried, found.null, found.best), key=lambda f: f.evidence):
         fits.setdefault(tuple(sorted(fit.keys)), fit)
     null, costs = found.null, _costs(fits, fitter.rules)
-    held = task.data.held_out
-    if held is not None:
+    rivals = [k for k in sorted(costs, key=lambda k: costs[k])[:RIVALS] if k]
+    for held in task.data.unseen:
         foretelling = Foretelling(fitter, task.views, held)
         try:
             base = foretelling.cost(null)
-            for k in sorted(costs, key=lambda k: costs[k])[:RIVALS]:
-                if k:
-                    costs[k] -= foretelling.gain(fits[k], base)
+            for k in rivals:
+                costs[k] -= foretelling.gain(fits[k], base)
         finally:
             foretelling.close()
     return [Evidence(fit, costs[k]) for k, fit in fits.items()]

@@ -10,6 +10,7 @@ from typing import Any
 __all__ = [
     "cause_name",
     "chance",
+    "change_words",
     "confirmed",
     "headline",
     "interval",
@@ -75,8 +76,39 @@ def _padded(texts: tuple[str, str, str]) -> tuple[str, str, str]:
 
 
 def cause_name(cause: dict[str, Any]) -> str:
-    """An effect with its axis, as `valve_delay/z`."""
-    return f"{cause['effect']}/{cause['axis']}" if cause["axis"] else str(cause["effect"])
+    """An effect with its axis, as `valve_delay/z`; of one of two campaigns alone as
+    `valve_delay/z@after`.
+    """
+    name = f"{cause['effect']}/{cause['axis']}" if cause["axis"] else str(cause["effect"])
+    return f"{name}@{cause['campaign']}" if "campaign" in cause else name
+
+
+def change_words(found: dict[str, Any]) -> list[str]:
+    """What became of each effect between two campaigns, a line each: came, went, changed, stayed.
+    Empty where there is one campaign.
+    """
+    if "changes" not in found:
+        return []
+    told = [
+        c
+        for what in ("came", "went", "changed", "stayed")
+        for c in found["changes"]["effects"]
+        if c["what"] == what and c["probabilities"]["absent"] < 0.5
+    ]
+    return [_became(c) for c in told] or ["nothing came, went or changed"]
+
+
+def _became(change: dict[str, Any]) -> str:
+    sizes = []
+    for name, p in change["parameters"].items():
+        unit = "" if p["unit"] in ("", "1") else f" {p['unit']}"
+        size, low, high = interval(p["change"], *p["ci95"])
+        moved = f", by {size} ({low} to {high})" if change["what"] != "stayed" else ""
+        ends = f"from {number(p['before'], 4)} to {number(p['after'], 4)}"
+        at = number(p["after"], 4) if change["what"] == "stayed" else ends
+        sizes.append(f"{name.split('.')[-1]} {at}{unit}{moved}")
+    sure = chance(change["probabilities"][change["what"]])
+    return ", ".join([f"{change['what']}: {cause_name(change)}", f"probability {sure}", *sizes])
 
 
 def shrinkable(gap: dict[str, Any] | None) -> bool:

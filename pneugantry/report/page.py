@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,10 @@ import jinja2
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found
+from pneugantry.engine.run import Found, Task
 from pneugantry.report.headline import (
     chance,
+    change_words,
     confirmed,
     headline,
     number,
@@ -98,6 +99,7 @@ def _context(found: Found, extras: Extras) -> dict[str, Any]:
         "word": verdict_word(facts),
         "doubted": doubted,
         "sentence": headline(facts, summaries(found)),
+        "changes": change_words(facts),
         "steps": next_steps(facts, extras.learned, extras.source),
         "after": after,
         "drawing": extras.drawing,
@@ -108,7 +110,7 @@ def _context(found: Found, extras: Extras) -> dict[str, Any]:
         "closed": extras.closed_loop or facts["closed_loop"],
         "next": extras.next_experiment or facts["next_experiment"],
         **_rest(found, facts, unseen),
-        "seen": visibility(found.task, extras.rules),
+        "seen": visibility(_shared(found.task), extras.rules),
         "learned": extras.learned,
         "curve": term_svg(extras.learned["term"])
         if extras.learned and extras.learned["term"]
@@ -120,6 +122,11 @@ def _context(found: Found, extras: Extras) -> dict[str, Any]:
         "seconds": facts["seconds"],
         "styles": CURVES,
     }
+
+
+def _shared(task: Task) -> Task:
+    """With each effect once: in all records, where there are two campaigns."""
+    return replace(task, catalogue={k: e for k, e in task.catalogue.items() if not e.epoch})
 
 
 def _where(found: Found) -> dict[str, Any]:

@@ -11,17 +11,11 @@ from typing import Any
 
 from modelica_fmu.errors import InputError, RunError
 from pneugantry.engine.catalogue import Effect
-from pneugantry.engine.confirm import (
-    draws,
-    floor_of,
-    gap_of,
-    noise_levels,
-    replays,
-    values_on,
-)
+from pneugantry.engine.change import AFTER, BEFORE, gap_on, joined, with_changes
+from pneugantry.engine.confirm import values_on
 from pneugantry.engine.decide import UNKNOWN
 from pneugantry.engine.location import Place
-from pneugantry.engine.plant import Data, Plant
+from pneugantry.engine.plant import Data, Plant, Record
 from pneugantry.engine.result import Cause, Diagnosis, Size
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
@@ -35,12 +29,12 @@ from pneugantry.plants.gantry.next_experiment import next_experiment, rivals
 from pneugantry.plants.gantry.nominal import parameters_of
 from pneugantry.plants.gantry.usable import sound_logs
 from pyfmi_runner.build import build_fmu, cache_folder
-from pyfmi_runner.campaign import Campaign, LoggedRun
+from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.enough_rows import long_enough
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import COLUMNS, log_warnings
 
-__all__ = ["diagnose", "task_of"]
+__all__ = ["both", "diagnose", "task_of"]
 
 Say = Callable[[str], None]
 ONE_LOG = (
@@ -55,29 +49,33 @@ def diagnose(
     rules: Rules | None = None,
     fmu: FmuFile | None = None,
     say: Say = lambda stage: None,
+    after: Campaign | None = None,
 ) -> Found:
     """Diagnoses a campaign. fmu: the nominal gantry where its parameters are not the model's own.
-    say: told the name of each stage as it begins. Raises InputError where nothing is left to
-    diagnose.
+    say: told the name of each stage as it begins. after: a second campaign of the same gantry,
+    after a change. Raises InputError where nothing is left to diagnose.
     """
     began = time.perf_counter()
     rules = rules or Rules()
     own = FmuFile.read(build_fmu().path)
     catalogue = catalogue_of() if catalogue is None else catalogue
     check_names(catalogue, own)
-    campaign = _checked(campaign)
+    campaigns = [_checked(c) for c in (campaign, after) if c is not None]
     say("model")
-    parameters = parameters_of(fmu, own, next(iter(campaign))) if fmu is not None else {}
-    quanta = coarse_channels(campaign)
-    campaign = rounded(campaign, quanta)
-    task = task_of(campaign, catalogue, rules, parameters, quanta)
+    parameters = parameters_of(fmu, own, next(iter(campaigns[0]))) if fmu is not None else {}
+    grids = [coarse_channels(c) for c in campaigns]
+    campaigns = [rounded(c, q) for c, q in zip(campaigns, grids, strict=True)]
+    tasks = [
+        task_of(c, catalogue, rules, parameters, q) for c, q in zip(campaigns, grids, strict=True)
+    ]
+    task = tasks[0] if after is None else joined(*tasks)
+    campaign = campaigns[0] if after is None else both(*campaigns)
     found = run(task, rules, say)
     say("closed loop")
-    found = _with(found, _coarse(found.diagnosis, quanta))
-    held = _held(campaign, found)
-    found = _at_full_rate(found, held, rules)
-    found = _in_loop(found, held, fmu or own)
-    if found.diagnosis.verdict == "ambiguous":
+    found = _with(found, _coarse(found.diagnosis, {n: s for q in grids for n, s in q.items()}))
+    found = _at_full_rate(found, campaign, rules)
+    found = _in_loop(found, campaign, fmu or own)
+    if found.diagnosis.verdict == "ambiguous" and after is None:
         say("next experiment")
         best = next_experiment(task, campaign, fmu or own, rivals(found.decision))
         found = _with(found, replace(found.diagnosis, next_experiment=best))
@@ -143,42 +141,65 @@ def _checked(campaign: Campaign) -> Campaign:
     return replace(sound, notes=[*campaign.notes, *seen, *gone])
 
 
-def _held(campaign: Campaign, found: Found) -> LoggedRun:
-    """The log whose gap is told."""
+def both(before: Campaign, after: Campaign) -> Campaign:
+    """Two campaigns of one gantry as one, logs by the names that the engine has for them."""
+    logs = {
+        f"{epoch}/{n}": replace(run, log=replace(run.log, name=f"{epoch}/{n}"))
+        for epoch, campaign in ((BEFORE, before), (AFTER, after))
+        for n, run in campaign.logs.items()
+    }
+    return replace(before, logs=logs, notes=[*before.notes, *after.notes])
+
+
+def _held(found: Found) -> Record:
+    """The record whose gap is told."""
     data = found.task.data
-    return campaign.logs[(data.held_out or data.fitted[-1]).name]
+    return data.held_out or data.fitted[-1]
+
+
+def _full_rate(record: Record, campaign: Campaign) -> Record:
+    """A fitted record as it was recorded."""
+    return replace(record_of(record.name, campaign.logs[record.name]), epoch=record.epoch)
 
 
 def _with(found: Found, diagnosis: Diagnosis) -> Found:
     return replace(found, diagnosis=diagnosis)
 
 
-def _at_full_rate(found: Found, held: LoggedRun, rules: Rules) -> Found:
+def _at_full_rate(found: Found, campaign: Campaign, rules: Rules) -> Found:
     """With the gap of the log as it was recorded, so that the sensors' noise alone leaves 1 and
-    `pneugantry replay` says the same; the fits see averages of rows.
+    `pneugantry replay` says the same; the fits see averages of rows. With what changed, where there
+    are two campaigns.
     """
-    if found.gap is None:
-        return found
     plant = plant_of([s.name for s in found.task.plant.signals], thinning=1)
     plant = replace(plant, parameters=found.task.plant.parameters)
-    record, best = record_of(held.log.name, held), found.decision.best
-    own = [{}, values_on(best, record), *draws(best, record)]
-    nominal, augmented, *others = replays(plant, record, own, found.task.cache)
-    if nominal is None or augmented is None:
+    finer = replace(found, task=replace(found.task, plant=plant))
+    if found.gap is not None:
+        made = gap_on(finer, _full_rate(_held(found), campaign), rules)
+        if made is not None:
+            d = replace(found.diagnosis, gap=made.gap)
+            found = replace(
+                found,
+                diagnosis=d,
+                nominal=made.nominal,
+                augmented=made.augmented,
+                gap=made.gap,
+            )
+    if found.task.epoch is None:
         return found
-    floor = floor_of(noise_levels(plant, record, rules))
-    gap = gap_of(nominal, augmented, rules, record.period, floor=floor, others=others)
-    d = replace(found.diagnosis, gap=gap)
-    return replace(found, diagnosis=d, nominal=nominal, augmented=augmented, gap=gap)
+    unseen = [_full_rate(r, campaign) for r in found.task.data.unseen]
+    gaps = [gap_on(finer, record, rules) for record in reversed(unseen)]
+    return with_changes(found, [g.gap for g in gaps if g is not None])
 
 
-def _in_loop(found: Found, held: LoggedRun, fmu: FmuFile) -> Found:
+def _in_loop(found: Found, campaign: Campaign, fmu: FmuFile) -> Found:
     """With the held-out log's experiment run again, its controller in the loop."""
-    began = time.perf_counter()
+    record = _full_rate(_held(found), campaign)
+    held, began = campaign.logs[record.name], time.perf_counter()
     closed: Mapping[str, float] | None = None
     d, notes = found.diagnosis, []
     try:
-        values = values_on(found.decision.best, record_of(held.log.name, held))
+        values = values_on(found.decision.best, record)
         closed = rerun(fmu, held, values)
     except (RunError, ValueError) as error:
         notes.append(f"the closed loop could not be run again: {error}")
