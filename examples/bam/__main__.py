@@ -1,4 +1,5 @@
-"""The servo pendulum's rungs, its logs and its planted errors: `python -m examples.bam --help`."""
+"""The servo pendulum: its rungs, logs, planted errors and missing term; `python -m examples.bam -h`.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from examples.bam import learnt
 from examples.bam.convert import description, read_raw, write_logs, write_planted
 from examples.bam.servo import (
     FITTED_GAINS,
@@ -91,10 +93,12 @@ def printed(table: dict[str, dict]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m examples.bam", description=__doc__)
-    parser.add_argument("what", choices=("rungs", "convert", "planted"))
+    parser.add_argument("what", choices=("rungs", "convert", "planted", "learnt"))
     parser.add_argument("--raw", type=Path, default=RAW, metavar="DIR", help="recorded CSV files")
     parser.add_argument("--out", type=Path, default=Path("out/bam"), metavar="DIR")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="the rungs' table as JSON")
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="the table of rungs or learnt as JSON"
+    )
     options = parser.parse_args(arguments)
     try:
         if options.what == "rungs":
@@ -102,6 +106,11 @@ def main(arguments: list[str] | None = None) -> int:
             print(printed(table))
             if options.json:
                 options.json.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+        elif options.what == "learnt":
+            found = learnt.figures(options.raw, options.out)
+            print(learnt.printed(found))
+            if options.json:
+                options.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
         elif options.what == "convert":
             logs = write_logs(options.raw, options.out)
             text = description(options.out, logs, {})

@@ -13,7 +13,7 @@ import numpy as np
 
 from pneugantry.engine.plant import Array
 
-__all__ = ["SIZES", "Basis", "FineKnots", "Knots", "Wave", "finer", "knots_over"]
+__all__ = ["JUMP", "SIZES", "Basis", "FineKnots", "Knots", "Wave", "finer", "knots_over"]
 
 COUNT = 11
 FINE = 41  # knots of a curve with narrow features

@@ -216,7 +216,7 @@ class _Learning:
         """The likeliest term, and the best one of each other pair of equation and variable that
         neither the fitted records nor the one that no fit saw tell from it. Of these a function
         of time comes last: it is none of the plant, and any state that all records pass at the
-        same time looks like one.
+        same time looks like one; before it what turns round with a speed, which says more.
         """
         pairs: dict[tuple[Point, Regressor], Tried] = {}
         for t in tried:
@@ -226,7 +226,12 @@ class _Learning:
         likeliest = min(rest, key=lambda t: t.cost + float(told[t].sum()))
         close = [t for t in rest if t is likeliest or not self._tells(likeliest, t, told)]
         total = {t: t.cost + float(told[t].sum()) for t in close}
-        return tuple(sorted(close, key=lambda t: (t.term.regressor.name == TIME, total[t])))
+
+        def rank(t: Tried) -> tuple[bool, bool, float]:
+            regressor = t.term.regressor
+            return regressor.name == TIME, bool(regressor.speed), total[t]
+
+        return tuple(sorted(close, key=rank))
 
     def _tells(self, a: Tried, b: Tried, told: Mapping[Tried, Array]) -> bool:
         """Whether the records prefer a term to another by more than their noise."""

@@ -24,7 +24,7 @@ STEP = 1e-4  # of a difference quotient, in standard deviations
 
 def covered(learned: Learned, tried: Tried) -> tuple[float, float]:
     """Range of the regressor in the fitted logs, all but one row in two hundred at each end."""
-    values = np.concatenate(list(learned.screen.series[tried.term.regressor].values()))
+    values = np.concatenate(list(learned.screen.series[tried.term.regressor.plain].values()))
     low, high = np.quantile(values, (0.005, 0.995))
     return float(low), float(high)
 

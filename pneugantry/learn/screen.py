@@ -92,6 +92,20 @@ class _Group:
     seconds: float  # of one simulation
 
 
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """A regressor over the records."""
+
+    values: Mapping[str, Array]
+    signs: Mapping[str, Array] | None  # by which its term is multiplied
+
+    def shapes(self, *bases: Basis) -> dict[str, Array]:
+        """Shapes (rows, n) of each record."""
+        found = {r: np.column_stack([b.shapes(v) for b in bases]) for r, v in self.values.items()}
+        signs = self.signs
+        return found if signs is None else {r: s * signs[r][:, None] for r, s in found.items()}
+
+
 @dataclass(eq=False)
 class _Screening:
     opened: Opened
@@ -120,7 +134,8 @@ class _Screening:
                 continue
             for regressor, values in series.items():
                 if regressor.within(group.points[0]):
-                    found += self._of_pair(group, known, regressor, values)
+                    signs = regressor.signs(series)
+                    found += self._of_pair(group, known, regressor, _Course(values, signs))
         ordered = tuple(sorted(found, key=lambda c: -c.gain))
         return Screen(self.fit, ordered, series, len(found))
 
@@ -222,19 +237,19 @@ class _Screening:
         group: _Group,
         replies: Mapping[Cell, Reply],
         regressor: Regressor,
-        values: Mapping[str, Array],
+        course: _Course,
     ) -> list[Candidate]:
         """Curves of a variable in an equation: smooth, with narrow features, and waves."""
-        knots = knots_over(np.concatenate(list(values.values())))
+        knots = knots_over(np.concatenate(list(course.values.values())))
         if knots is None:
             return []
         bases: list[Basis] = [knots, finer(knots)]
         if regressor.name == TIME:
             periods = periods_of(self.fit, group.cells, self.opened.period_of)
         else:
-            periods = self._lines(replies, values)
+            periods = [] if course.signs else self._lines(replies, course)
         bases += [Wave(p) for p in periods]
-        return [self._candidate(group, replies, regressor, b, values) for b in bases]
+        return [self._candidate(group, replies, regressor, b, course) for b in bases]
 
     def _columns(
         self, replies: Mapping[Cell, Reply], shapes: Mapping[str, Array]
@@ -244,32 +259,30 @@ class _Screening:
             c: self.base.whitened_all(c, reply.to(shapes[c[1]])) for c, reply in replies.items()
         }
 
-    def _lines(self, replies: Mapping[Cell, Reply], values: Mapping[str, Array]) -> list[float]:
+    def _lines(self, replies: Mapping[Cell, Reply], course: _Course) -> list[float]:
         """The period of a variable along which residuals repeat most, many of which lie in its
         range; it is one that blocks of rows resolve.
         """
-        low, high = np.quantile(np.concatenate(list(values.values())), (0.005, 0.995))
+        values = list(course.values.values())
+        low, high = np.quantile(np.concatenate(values), (0.005, 0.995))
         block = next(iter(replies.values())).block
-        moved = [np.abs(np.diff(means(v, block)[:, 0])) for v in values.values()]
+        moved = [np.abs(np.diff(means(v, block)[:, 0])) for v in values]
         step = float(np.median(np.concatenate(moved)))
         span = float(high - low)
         most = min(LINES, span / max(RESOLVED * step, 1e-12))
         if most <= FEWEST:
             return []
         rough = np.arange(FEWEST, most, 0.5)
-        best = float(rough[np.argmax(self._powers(replies, values, span / rough))])
+        best = float(rough[np.argmax(self._powers(replies, course, span / rough))])
         near = np.arange(best - 0.5, best + 0.5 + FINE, FINE)
-        return [span / float(near[np.argmax(self._powers(replies, values, span / near))])]
+        return [span / float(near[np.argmax(self._powers(replies, course, span / near))])]
 
-    def _powers(
-        self, replies: Mapping[Cell, Reply], values: Mapping[str, Array], periods: Array
-    ) -> Array:
+    def _powers(self, replies: Mapping[Cell, Reply], course: _Course, periods: Array) -> Array:
         """Falls of the squares of residuals with a wave of each period."""
         found: list[float] = []
         for start in range(0, len(periods), PAIRS):
             waves = [Wave(float(p)) for p in periods[start : start + PAIRS]]
-            shapes = {r: np.column_stack([w.shapes(v) for w in waves]) for r, v in values.items()}
-            columns = self._columns(replies, shapes)
+            columns = self._columns(replies, course.shapes(*waves))
             j = np.concatenate([columns[c] for c in columns])
             r = np.concatenate([self.base.white[c] for c in columns])
             for k in range(len(waves)):
@@ -284,10 +297,10 @@ class _Screening:
         replies: Mapping[Cell, Reply],
         regressor: Regressor,
         basis: Basis,
-        values: Mapping[str, Array],
+        course: _Course,
     ) -> Candidate:
         point, unit = group.points[0], group.unit
-        shapes = {r: basis.shapes(v) for r, v in values.items()}
+        shapes = course.shapes(basis)
         width = next(iter(shapes.values())).shape[1]
         columns = self._columns(replies, shapes)
         stats = self.base.stats(columns, width)

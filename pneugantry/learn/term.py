@@ -52,14 +52,18 @@ class Term:
 
     def formula(self, digits: int = 4) -> str:
         """As a reader writes it, with the values in place."""
+        turned = f"*sign({self.regressor.speed})" if self.regressor.speed else ""
         if self.law.tables:
-            return f"curve of {self.variable}"
+            return (
+                f"curve of {self.variable}{' times' + turned.replace('*', ' ') if turned else ''}"
+            )
         text = self.law.text
         for k, value in enumerate(self.values, 1):
             shown = f"{value:.{digits}g}"
             text = text.replace(f"p{k}", f"({shown})" if k > 1 and value < 0 else shown)
         named = "t" if self.variable == TIME else self.variable
-        return text.replace("3.141592653589793", "pi").replace("z", named)
+        text = text.replace("3.141592653589793", "pi").replace("z", named)
+        return f"({text}){turned}" if turned else text
 
     def addition(self, neutral: bool, blank: bool = False) -> Addition:
         """What goes into the class. neutral: with a size of 0. blank: without any value of this
@@ -87,8 +91,13 @@ class Term:
             "  ",
         )
         return Addition(
-            f"{block}\n  {kind} {name};", f"{name}.y", f"    {name}.z = {self.variable};"
+            f"{block}\n  {kind} {name};", self._added(), f"    {name}.z = {self.variable};"
         )
+
+    def _added(self) -> str:
+        """What stands in the equation."""
+        speed, width = self.regressor.speed, self.regressor.width
+        return f"{self.point.name}.y" + (f"*tanh({speed}/{width!r})" if speed else "")
 
     def _switched(self) -> Addition:
         """The block with all forms: `form` says which."""
@@ -100,7 +109,7 @@ class Term:
             f"  block {kind}\n    parameter Real form = 0;\n    parameter Real p1{LIMITS} = 0;\n"
             f"{sizes}    input Real z;\n    output Real y;\n  equation\n"
             f"    y = noEvent({chosen} {FORMS[-1].text});\n  end {kind};\n  {kind} {name};",
-            f"{name}.y",
+            self._added(),
             f"    {name}.z = {self.variable};",
         )
 

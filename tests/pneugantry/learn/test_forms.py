@@ -106,3 +106,17 @@ def test_knots_lie_where_the_data_do() -> None:
     assert knots.at[-1] < 1.01
     assert knots.hats(np.array([-3.0, 0.5, 50.0])).sum(axis=1) == pytest.approx(1.0)
     assert knots_over(np.full(10, 3.0)) is None
+
+
+def test_a_term_may_turn_round_with_a_speed() -> None:
+    against = Regressor("box", "T", "w", 0.01)
+    point = Point("box", EquationText(("M",), 1, "y", "u", 0, 0, 0))
+    term = Term(point, against, FORMS[0], (0.3,), (0.1,), "box")
+    assert term.formula() == "(0.3*T)*sign(w)"
+    assert term.addition(neutral=True).term == "missing_1.y*tanh(w/0.01)"
+    assert against.label == "box.T against w"
+    speeds = {Regressor("box", "w"): {"log": np.array([-1.0, 0.0, 2.0])}}
+    signs = against.signs(speeds)
+    assert signs is not None
+    assert signs["log"] == pytest.approx([-1.0, 0.0, 1.0])
+    assert against.plain.signs(speeds) is None
