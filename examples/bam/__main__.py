@@ -1,5 +1,4 @@
-"""The servo pendulum: its rungs, logs, planted errors and missing term; `python -m examples.bam -h`.
-"""
+"""The servo pendulum: rungs, logs, planted errors, missing term; `python -m examples.bam -h`."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The measured axis' rungs and its diagnosis: `python -m examples.emps [--json FILE]
-[--rungs-only]`; some minutes.
+"""The measured axis' rungs, its diagnosis and what its catalogue lacks: `python -m examples.emps
+[--json FILE] [--rungs-only | --learn]`; some minutes.
 
 Published: A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019. The data
 are not part of this repository.
@@ -14,8 +14,11 @@ from typing import Any
 
 from examples.emps import closed_loop, idim
 from pneugantry.engine.confirm import values_on
+from pneugantry.engine.fitter import Fit
 from pneugantry.engine.result import to_json
 from pneugantry.engine.run import Found, Task, run
+from pneugantry.learn.learn import Learned, learn, wanted
+from pneugantry.learn.result import to_json as learned_json
 from pneugantry.plants.described import described_task
 
 PLANT = Path(__file__).parent / "plant.toml"
@@ -47,8 +50,8 @@ PUBLISHED_PARAMETERS = {
 }
 
 
-def figures(diagnosed: bool = True) -> dict[str, Any]:
-    """All numbers, as JSON values."""
+def figures(diagnosed: bool = True, learnt: bool = False) -> dict[str, Any]:
+    """All numbers, as JSON values. learnt: with the term that the catalogue lacks."""
     described, task = described_task(PLANT)
     axes = {
         "train": idim.read_axis(DATA / "DATA_EMPS.mat"),
@@ -68,20 +71,34 @@ def figures(diagnosed: bool = True) -> dict[str, Any]:
         },
     }
     if diagnosed:
-        table["diagnosis"] = diagnosis(task, run(task, described.rules))
+        found = run(task, described.rules)
+        table["diagnosis"] = diagnosis(task, found)
+        if learnt and wanted(found):
+            table["learnt"] = missing(learn(found, described.rules))
     return table
+
+
+def missing(learned: Learned) -> dict[str, Any]:
+    """What was learnt as JSON, with the force errors of the axis that has it."""
+    told: dict[str, Any] = {"learned": learned_json(learned), "seconds": learned.seconds}
+    if learned.after is not None:
+        told["errors"] = _errors(learned.after.task, learned.after.decision.best)
+    return told
+
+
+def _errors(task: Task, fit: Fit) -> dict[str, float]:
+    """Relative force errors by log."""
+    (view,) = task.views
+    held = task.data.held_out
+    records = [*task.data.fitted, *([] if held is None else [held])]
+    return {r.name: closed_loop.relative(view, r, values_on(fit, r)) for r in records}
 
 
 def diagnosis(task: Task, found: Found) -> dict[str, Any]:
     """The answer as JSON, with the force errors after each step of the search."""
-    (view,) = task.views
-    held = task.data.held_out
-    records = [*task.data.fitted, *([] if held is None else [held])]
     told = to_json(found.diagnosis)
     for entry, step in zip(told["steps"], found.search.steps, strict=True):
-        entry["errors"] = {
-            r.name: closed_loop.relative(view, r, values_on(step.fit, r)) for r in records
-        }
+        entry["errors"] = _errors(task, step.fit)
     left = {f"{v}, {s}": found.excess.ratio((v, s)) for v, s in found.excess.whole}
     return {**told, "left": left}
 
@@ -128,6 +145,8 @@ def printed(table: dict[str, Any]) -> str:
         lines.append(f"| {name} | {ours[0]:.3g} / {ours[1]:.3g} | {train:.3g} / {pulses:.3g} |")
     if "diagnosis" in table:
         lines += ["", *_found(table["diagnosis"])]
+    if "learnt" in table:
+        lines += ["", *_learnt(table["learnt"])]
     return "\n".join(lines)
 
 
@@ -169,14 +188,27 @@ def _found(found: dict[str, Any]) -> list[str]:
     return [*lines, f"{found['seconds']:.0f} s"]
 
 
+def _learnt(found: dict[str, Any]) -> list[str]:
+    """What the catalogue lacks."""
+    learned = found["learned"]
+    lines = [learned["sentence"]]
+    lines += [f"beside it: {c['effect']}" for c in learned["causes"]]
+    lines += [f"as good on these logs: {t['formula']}" for t in learned["answer_set"][1:]]
+    if "errors" in found:
+        errors = tuple(100 * found["errors"][log] for log in ("train", "pulses"))
+        lines.append(f"force error with it, train / pulses, %: {_pair(errors)}")
+    return [*lines, f"{found['seconds']:.0f} s"]
+
+
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="python -m examples.emps", description="Rungs and diagnosis of the measured axis."
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
     parser.add_argument("--rungs-only", action="store_true", help="leave the diagnosis out")
+    parser.add_argument("--learn", action="store_true", help="the term that the catalogue lacks")
     options = parser.parse_args(arguments)
-    table = figures(not options.rungs_only)
+    table = figures(not options.rungs_only, options.learn)
     print(printed(table))
     if options.json:
         options.json.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
