@@ -91,6 +91,7 @@ class Subsystem:
         self._library.batch_run.argtypes = [ctypes.POINTER(_Batch)]
         self._library.batch_run.restype = ctypes.c_int
         self._references = {v.name: i for i, v in enumerate(part.variables)}
+        self._inputs = frozenset(part.of("input"))
 
     def run(
         self,
@@ -107,6 +108,13 @@ class Subsystem:
         each row, or a pair (at the rows, over the period behind them). period: s. Raises InputError
         for a name that is no variable of the part and a correction of what is no state.
         """
+        strange = set(inputs) - self._inputs
+        if strange:
+            raise InputError(
+                "is no input of this part",
+                field=min(strange),
+                hint=f"the part has {', '.join(sorted(self._inputs))}",
+            )
         at, over = _columns(inputs)
         values = np.ascontiguousarray(np.atleast_2d(values), dtype=float)
         result = np.empty((len(values), len(at), len(outputs)))
@@ -187,7 +195,7 @@ def _compile(compiled: CompiledModel, folder: Path) -> None:
     sources |= dict(compiled.sources)
     for name, text in sources.items():
         (folder / name).write_text(text, encoding="utf-8")
-    names = [n for n in sources if n.endswith(".c")]
+    names = [n for n in sources if n.endswith(".c") and n != "core.c"]  # batch.c holds it
     compile_library(find_compiler(target), target, folder, names, f"part{target.extension}")
     for name in sources:
         (folder / name).unlink()
