@@ -30,6 +30,7 @@ __all__ = ["SubsystemView", "View", "build_views", "known_variables", "part_of",
 Values = Mapping[str, float]
 LONGEST_STEP = 0.002  # s, of the solver; its tolerance bounds the error, rows read no finer
 SMOOTH = 3  # rows over which an input of a part with states is smoothed
+KEPT = 64  # inputs that a view keeps
 RATE = "der "  # before a signal's name: its rate, taken from its readings
 
 
@@ -73,6 +74,7 @@ class SubsystemView:
     observer: float  # s, time constant of the correction
     _subsystem: Subsystem | None = None
     _kept: dict[tuple[object, ...], object] = field(default_factory=dict)
+    _made: dict[tuple[object, ...], Array] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         self._parameters = frozenset(self.part.of("parameter"))
@@ -166,7 +168,7 @@ class SubsystemView:
         kept = self._kept.get(key)  # another thread may clear the rest meanwhile
         if kept is not None:
             return kept  # type: ignore[return-value]
-        smooth = {s: self._smoothed(s, record, errors) for s in self._read}
+        smooth = {s: self._once("value", s, record, errors) for s in self._read}
         inputs: dict[str, Array | tuple[Array, Array]] = {}
         moving = bool(self.part.of("state"))
         for name, source in self.sources.items():
@@ -176,7 +178,7 @@ class SubsystemView:
             signal = source.removeprefix(RATE)
             values = smooth[signal]
             if source.startswith(RATE):
-                values = slope(true_signal(signal, record, errors), record.period)
+                values = self._once("rate", signal, record, errors)
             over = np.append(0.5 * (values[:-1] + values[1:]), values[-1])
             inputs[name] = (values, over) if moving else values
         correction = None
@@ -184,10 +186,28 @@ class SubsystemView:
             share = 1 - np.exp(-record.period / (self.observer))
             measured = np.column_stack([smooth[s] for s in self.corrected.values()])
             correction = Correction(tuple(self.corrected), measured, (share,) * len(self.corrected))
-        if len(self._kept) > 64:
+        if len(self._kept) > KEPT:
             self._kept.clear()
         self._kept[key] = (inputs, correction)
         return inputs, correction
+
+    def _once(self, what: str, signal: str, record: Record, errors: Values) -> Array:
+        """A measured input's value or rate, made once for all sets of errors that agree in its own
+        and those of the speed that it is smoothed with.
+        """
+        own = (signal, self.pairs.get(signal))
+        mine = {k: v for k, v in errors.items() if signal_of(k) in own}
+        key = (what, signal, record.name, tuple(mine.items()))
+        found = self._made.get(key)
+        if found is None:
+            if what == "rate":
+                found = slope(true_signal(signal, record, mine), record.period)
+            else:
+                found = self._smoothed(signal, record, mine)
+            if len(self._made) > KEPT:
+                self._made.clear()
+            self._made[key] = found
+        return found
 
     def _smoothed(self, signal: str, record: Record, errors: Values) -> Array:
         """A measured input with less noise."""
