@@ -235,21 +235,18 @@ class Fitter:
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
     def _polished(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """Jointly, from the best point about it, else with each view apart once more, until neither
-        is better.
+        """Jointly, and again from the best point about where that ends, until none is better.
 
         An event that a simulation misses (a break-away) shows in no derivative.
         """
         solution = self._jointly(start, known, cells)
         for _ in range(self.rules.turns):
             colour = self.coloured(solution.residuals)
-            cost = self._cost(solution, known, colour)
             turned = probed(self._problem(cells, known), solution, colour)
-            if turned is not None:
-                turned = self._descended(turned, known, cells)
-            if turned is None or cost - self._cost(turned, known, colour) < self.rules.entry:
-                turned = self._jointly(self._by_view(solution, known, cells), known, cells)
-            fall = cost - self._cost(turned, known, colour)
+            if turned is None:
+                break
+            turned = self._descended(turned, known, cells)
+            fall = self._cost(solution, known, colour) - self._cost(turned, known, colour)
             if fall > 0:
                 solution = turned
             if fall < self.rules.entry:

@@ -36,8 +36,8 @@ class Candidate:
     plain: float  # the same under white noise as quoted
 
 
-# what an effect's start, counted, changes in a cell
-Traces = dict[tuple[str, int, Cell], list[Array]]
+# What an effect's start, counted, changes in a cell: 0 the start itself, n its n-th parameter.
+Traces = dict[tuple[str, int, Cell, int], Array]
 
 
 @dataclass(frozen=True)
@@ -168,73 +168,104 @@ def _chosen(fitter: Fitter, screened: Sequence[Candidate], bar: float) -> list[C
     return list(chosen.values())
 
 
+@dataclass(frozen=True)
+class _Trial:
+    """One start of an effect's form."""
+
+    effect: Effect
+    form: Form
+    number: int
+    starts: Mapping[str, float]
+
+    @property
+    def moves(self) -> bool:
+        """Whether the start differs from the base."""
+        return bool(self.starts or self.form.settings)
+
+    def columns(self, known: Traces, cells: Sequence[Cell]) -> dict[Cell, list[Array]]:
+        """What is known of what it changes, as many columns in each cell that it reaches."""
+        parts = range(1 + len(self.form.parameters))
+        own = {
+            (c, n): known[k]
+            for c in cells
+            for n in parts
+            if (k := (self.effect.key, self.number, c, n)) in known
+        }
+        told = sorted({n for _, n in own})
+        reached = {c: column for (c, _), column in own.items()}
+        return {
+            c: [own.get((c, n), np.zeros_like(column)) for n in told]
+            for c, column in reached.items()
+        }
+
+
 def screen(
     fitter: Fitter, base: Fit, effects: Mapping[str, Effect], known: Traces
 ) -> list[Candidate]:
-    """Score test of every start of every effect's main form. `known`: traces simulated before, of
-    cells where the base is much as it was then; new ones are added to it.
+    """Score test of every start of every effect's main form; where there are many, the parameters'
+    columns only of those that tell most without. `known`: traces simulated before, of cells where
+    the base is much as it was then; new ones are added to it.
     """
-    trials = [
-        (effect, form, i, starts)
-        for effect in effects.values()
-        for form in [next(f for f in effect.forms if fitter.readable(f))]
-        for i, starts in enumerate(_starts(fitter, base, form))
-    ]
-    _trace(fitter, base, trials, known)
+    by_effect: list[list[_Trial]] = []
+    for effect in effects.values():
+        form = next(f for f in effect.forms if fitter.readable(f))
+        starts = enumerate(_starts(fitter, base, form))
+        by_effect.append([_Trial(effect, form, i, s) for i, s in starts])
     tests = (
         _Test(fitter, base, base.noise),
         _Test(fitter, base, fitter.flat(base.residuals)),
     )
-    result = []
-    for effect, form, i, starts in trials:
-        columns = {
-            cell: known[effect.key, i, cell]
-            for cell in fitter.simulation.cells
-            if (effect.key, i, cell) in known
-        }
-        gain, plain = (test.gain(columns) for test in tests)
-        result.append(Candidate(effect, form, starts, gain, plain))
-    return result
+    cells = fitter.simulation.cells
+
+    def gains(t: _Trial) -> list[float]:
+        columns = t.columns(known, cells)
+        return [test.gain(columns) for test in tests]
+
+    few = [t for own in by_effect if len(own) <= FEW for t in own]
+    many = [own for own in by_effect if len(own) > FEW]
+    _trace(fitter, base, few, known)
+    _trace(fitter, base, [t for own in many for t in own], known, alone=True)
+    first = {id(t): gains(t) for own in many for t in own}
+    best = [max(own, key=lambda t: first[id(t)][k]) for own in many for k in range(len(tests))]
+    _trace(fitter, base, best, known)
+    return [Candidate(t.effect, t.form, t.starts, *gains(t)) for own in by_effect for t in own]
+
+
+Job = tuple[dict[str, float], float]  # values to simulate, step in theta
 
 
 def _trace(
-    fitter: Fitter,
-    base: Fit,
-    trials: Sequence[tuple[Effect, Form, int, Mapping[str, float]]],
-    known: Traces,
+    fitter: Fitter, base: Fit, trials: Sequence[_Trial], known: Traces, alone: bool = False
 ) -> None:
     """What each trial changes in the cells that read it: the difference that its start makes, if it
-    has one, and its parameters' columns there.
+    has one, and its parameters' columns there; alone: only the difference, if it has one.
     """
     jobs: dict[Cell, list[dict[str, float]]] = {}
-    owners: list[tuple[tuple[str, int, Cell], int, list[tuple[dict[str, float], float]]]] = []
-    for effect, form, i, starts in trials:
-        points = _points(fitter, base, form, starts)
-        names = {p.name for p in form.parameters} | set(form.settings)
+    owners: list[tuple[_Trial, Cell, int, list[Job]]] = []
+    for t in {id(t): t for t in trials}.values():
+        points = _points(fitter, base, t.form, t.starts)[: 1 if alone and t.moves else None]
+        names = {p.name for p in t.form.parameters} | set(t.form.settings)
+        shared = _shared(fitter, base, t.form) if not t.starts else None
         for cell in fitter.simulation.cells:
-            view = fitter.simulation.views[cell[0]]
-            if (effect.key, i, cell) in known or not any(view.depends_on(n) for n in names):
+            view, key = fitter.simulation.views[cell[0]], (t.effect.key, t.number, cell)
+            there = known.get((*key, 0))
+            if not any(view.depends_on(n) for n in names) or (*key, len(points) - 1) in known:
                 continue
-            own = jobs.setdefault(cell, [])
-            shared = _shared(fitter, base, form) if not starts else None
             if shared is not None:
-                known[effect.key, i, cell] = [
-                    ratio * base.columns[cell, name]
-                    if (cell, name) in base.columns
-                    else np.zeros_like(base.residuals[cell])
-                    for name, ratio in shared
-                ]
-                continue
-            owners.append(((effect.key, i, cell), len(own), points))
-            own += [{**base.values(cell[1]), **moved} for moved, _ in points]
-    found = fitter.simulation.run({cell: own for cell, own in jobs.items() if own})
-    for key, at, points in owners:
-        runs = found[key[2]][at : at + len(points)]
-        first = [runs[0] - base.residuals[key[2]]] if points[0][1] else []
-        slopes = [
-            (run - runs[0]) / step for run, (_, step) in zip(runs[1:], points[1:], strict=True)
-        ]
-        known[key] = [*first, *slopes]
+                for n, (name, ratio) in enumerate(shared, 1):
+                    nothing = np.zeros_like(base.residuals[cell])
+                    known[(*key, n)] = ratio * base.columns.get((cell, name), nothing)
+            elif there is None or there.any():  # where a start changes nothing, its slopes do not
+                own = jobs.setdefault(cell, [])
+                owners.append((t, cell, len(own), points))
+                own += [{**base.values(cell[1]), **moved} for moved, _ in points]
+    found = fitter.simulation.run(jobs)
+    for t, cell, at, points in owners:
+        runs = found[cell][at : at + len(points)]
+        if t.moves:
+            known[t.effect.key, t.number, cell, 0] = runs[0] - base.residuals[cell]
+        for n, (_, step) in enumerate(points[1:], 1):
+            known[t.effect.key, t.number, cell, n] = (runs[n] - runs[0]) / step
 
 
 def _points(
@@ -295,6 +326,7 @@ def _starts(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
     return [{}, *found] if found[0] and _shared(fitter, base, form) else found
 
 
+FEW = 2  # starts that are screened with all their columns
 SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
 CHUNK = 50  # rows of a residual that are drawn together where a gain is predicted
 
