@@ -32,13 +32,15 @@ __all__ = [
     "probed",
 ]
 
-TRIES = 5  # damped steps from one point
+TRIES = 4  # damped steps from one point
 FAILED = 1e12  # stands for a simulation that failed
 LEAST = 1e-9  # damping; more would keep combinations that the data leave open from their priors
 LARGE = 5.0  # standard deviations of what stands out
 FARTHEST = 6.0  # prior spreads to which a point about an end may be moved
 PROBES = (-30.0, -10.0, -3.0, 3.0, 10.0, 30.0)  # standard deviations
-FIRST = 1e-3  # damping after a step that failed
+ALIKE = 0.8  # correlation from which on two coordinates are moved as one
+FIRST = 0.3  # damping after a step that failed; less hardly changes a step
+LONGER = 10.0  # by which it grows after each further one
 KEPT = 0.7  # share of a view's predicted fall by which it may be missed and its columns serve again
 TAKEN = 0.1  # share of a step's predicted fall from which on it is taken
 SHARED = 0.2  # share of what a step falls short from which on a view is to blame
@@ -197,12 +199,8 @@ def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | Non
         curved, slope = weighing.normal(point, own, columns)
         rest = normal + problem.prior.square - curved
         read = {name for _, name in columns}
-        moves = [
-            k * covariance[:, i] / sigma[i]
-            for i, c in enumerate(point.coordinates)
-            if c.name in read
-            for k in PROBES
-        ]
+        index = [i for i, c in enumerate(point.coordinates) if c.name in read]
+        moves = [k * covariance[:, i] / sigma[i] for i in _apart(covariance, index) for k in PROBES]
         moves = [m for m in moves if np.all(np.abs(point.theta + m) <= farthest)]
         tried = [inside(point.moved(point.theta + m)) for m in moves]
         found = sim.run({c: [t.values(c[1]) for t in tried] for c in own})
@@ -216,6 +214,16 @@ def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | Non
         return None
     moved = inside(point.moved(point.theta + best[1]))
     return Solution(moved, sim.residuals(moved, problem.cells), start.columns)
+
+
+def _apart(covariance: Array, index: Sequence[int]) -> list[int]:
+    """Coordinates of which no two move each other `ALIKE` much: one stands for the others."""
+    sigma = np.sqrt(np.diag(covariance))
+    kept: list[int] = []
+    for i in index:
+        if all(abs(covariance[i, j]) < ALIKE * sigma[i] * sigma[j] for j in kept):
+            kept.append(i)
+    return kept
 
 
 def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:
@@ -276,6 +284,7 @@ def _step(
     gradient = known.square @ theta - known.pull + sum(g for _, g in parts.values())
     free = np.diag(curved) > 0
     best: _Step | None = None
+    worst: set[str] = set()  # views that spoilt the last try: the next one runs them first
     for _ in range(TRIES):
         step = np.zeros(len(theta))
         damped = normal + np.diag(damping * np.diag(normal))
@@ -285,11 +294,16 @@ def _step(
         predicted = -float(made @ (2 * gradient + normal @ made))
         if predicted < WORTH * converged:
             break
-        tried = {**state.residuals, **sim.residuals(trial, problem.cells)}
-        after = weighing.costs(tried)
-        falls = {v: costs[v] - after[v] for v in costs}
         by_view = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in parts.items()}
-        fall = sum(falls.values()) + known.cost(theta) - known.cost(trial.theta)
+        falls, tried = dict(by_view), dict(state.residuals)
+        for views in (worst, set(costs) - worst):
+            cells = [c for c in problem.cells if c[0] in views]
+            found = sim.residuals(trial, cells) if cells else {}
+            tried |= found
+            falls |= {v: costs[v] - after for v, after in weighing.costs(found).items()}
+            fall = sum(falls.values()) + known.cost(theta) - known.cost(trial.theta)
+            if fall <= (best.fall if best else 0.0):
+                break  # whatever the others do as predicted
         missed = {v: by_view[v] - falls[v] for v in costs}
         stale = frozenset(
             v for v in costs if abs(missed[v]) > max(converged, KEPT * abs(by_view[v]))
@@ -299,9 +313,9 @@ def _step(
         if fall > TAKEN * predicted:
             damping[:] = np.maximum(0.1 * damping, LEAST)
             break
-        worst = [v for v in costs if missed[v] > SHARED * (predicted - fall)]
+        worst = {v for v in costs if missed[v] > SHARED * (predicted - fall)}
         short = np.diag(sum((parts[v][0] for v in worst or costs), np.zeros_like(normal))) > 0
-        damping[short] = np.maximum(30 * damping[short], FIRST)
+        damping[short] = np.maximum(LONGER * damping[short], FIRST)
     return best
 
 
