@@ -74,7 +74,7 @@ class Correction:
 
 class _Batch(ctypes.Structure):
     _fields_ = [
-        *((n, ctypes.c_size_t) for n in ("n_runs", "n_parameters", "n_rows")),
+        *((n, ctypes.c_size_t) for n in ("n_runs", "n_parameters", "n_rows", "n_parts")),
         *((n, ctypes.c_size_t) for n in ("n_inputs", "n_corrected", "n_outputs")),
         ("period", ctypes.c_double),
         *((n, ctypes.c_void_p) for n in ("parameters", "values", "inputs", "at", "over")),
@@ -105,8 +105,9 @@ class Subsystem:
         """Outputs (runs, N, outputs) at the rows of a record; NaN from where a run failed on.
 
         values (runs, names): parameters of each run. inputs: (N,) each, held over the period behind
-        each row, or a pair (at the rows, over the period behind them). period: s. Raises InputError
-        for a name that is no variable of the part and a correction of what is no state.
+        each row, or a pair (at the rows, over the period behind them); what holds over the period
+        may be (N, parts): one value for each of equal parts of it. period: s. Raises InputError for
+        a name that is no input or variable of the part, and a correction of what is no state.
         """
         strange = set(inputs) - self._inputs
         if strange:
@@ -122,7 +123,9 @@ class Subsystem:
         measured = np.ascontiguousarray(held.measured, dtype=float)
         shares = np.array(held.shares)
         lists = [self._references_of(n) for n in (names, tuple(inputs), held.states, outputs)]
-        sizes = (len(values), len(names), len(at), len(inputs), len(held.states), len(outputs))
+        parts = len(over) // len(at)
+        runs = (len(values), len(names), len(at), parts)
+        sizes = (*runs, len(inputs), len(held.states), len(outputs))
         arrays = (lists[0], values, lists[1], at, over, lists[2], measured, shares)
         pointers = [a.ctypes.data for a in (*arrays, lists[3], result)]
         batch = _Batch(*sizes, period, *pointers)
@@ -143,14 +146,16 @@ class Subsystem:
 
 
 def _columns(inputs: Mapping[str, Array | tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Inputs (N, inputs) at the rows and over the periods behind them; the same array where no
-    input differs between both, which spares the C loop half of its settings.
+    """Inputs (N, inputs) at the rows and (N * parts, inputs) over the periods behind them; the same
+    array where no input differs between both, which spares the C loop half of its settings.
     """
     pairs = [v if isinstance(v, tuple) else (v, v) for v in inputs.values()]
     at = np.ascontiguousarray(np.column_stack([p[0] for p in pairs]), dtype=float)
     if all(p[0] is p[1] for p in pairs):
         return at, at
-    return at, np.ascontiguousarray(np.column_stack([p[1] for p in pairs]), dtype=float)
+    parts = max((p[1].shape[1] for p in pairs if p[1].ndim == 2), default=1)
+    over = [p[1].reshape(-1) if p[1].ndim == 2 else np.repeat(p[1], parts) for p in pairs]
+    return at, np.ascontiguousarray(np.column_stack(over), dtype=float)
 
 
 def build_part(compiled: CompiledModel, folder: Path, key: str) -> Part:

@@ -137,7 +137,7 @@ def _simulated(
     own = [{k: v for k, v in {**base, **given}.items() if k in known} for given in values]
     names = sorted({n for given in own for n in given})
     table = np.array([[given.get(n, known[n]) for n in names] for given in own])
-    inputs = {n: np.asarray(record.inputs[n], dtype=float) for n in part.of("input")}
+    inputs = {n: record.driving(n) for n in part.of("input")}
     true = Subsystem(part).run(names, table, inputs, outputs, record.period)
     columns = [outputs.index(s.variable) for s in signals]
     return tuple(s.name for s in signals), true[:, :, columns]

@@ -182,7 +182,7 @@ def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | Non
     sim, rules, point = problem.simulation, problem.rules, start.point
     weighing = Weighing(of_views, rules)
     normal, _ = weighing.normal(point, start.residuals, start.columns)
-    covariance = np.linalg.inv(normal + problem.prior.square)
+    covariance: Array = np.asarray(np.linalg.inv(normal + problem.prior.square))
     sigma = np.sqrt(np.diag(covariance))
     spreads = np.array([c.spread for c in point.coordinates])
     farthest = np.maximum(np.abs(point.theta), FARTHEST * spreads)

@@ -228,9 +228,7 @@ def _run(
             simulated = found.simulated.copy()
             simulated[:, column] += odd.added(argument)
             return replace(found, simulated=simulated)
-        given = np.asarray(record.inputs[odd.into], dtype=np.float64)
-        inputs = {**record.inputs, odd.into: given + odd.added(argument)}
-        driven = replace(record, inputs=inputs)
+        driven = record.moved(odd.into, odd.added(argument))
         found = replays(source.plant, driven, [values], source.cache)[0]
         if found is None:
             return None

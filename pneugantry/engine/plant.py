@@ -7,7 +7,7 @@ A parameter is one of the model, or of a signal's sensor: "sensors.SIGNAL.WHAT" 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +113,7 @@ class Record:
     judged: NDArray[np.bool_] | None = None  # rows that count; None: all
     skip: float = 0.0  # s at the start that do not count
     epoch: Epoch | None = None  # the campaign that it is of, where there are two
+    within: Mapping[str, Array] = field(default_factory=dict)  # inputs (rows, n) in n parts of rows
 
     @property
     def rows(self) -> int:
@@ -121,6 +122,23 @@ class Record:
     def read(self, given: Mapping[str, float]) -> dict[str, float]:
         """Values of the plant's parameters in this record, from a fit's."""
         return dict(given) if self.epoch is None else self.epoch.read(given, self.parameters)
+
+    def driving(self, name: str) -> Array | tuple[Array, Array]:
+        """An input as a simulation takes it: (rows,) held over rows, or at the rows and (rows, n)
+        within them, where it was recorded finer than these rows.
+        """
+        parts = self.within.get(name)
+        if parts is None:
+            return np.asarray(self.inputs[name], dtype=float)
+        return parts[:, 0], parts
+
+    def moved(self, name: str, by: Array) -> Record:
+        """The same with an input changed, by (rows,)."""
+        inputs = {**self.inputs, name: np.asarray(self.inputs[name], dtype=float) + by}
+        within = {**self.within}
+        if name in within:
+            within[name] = within[name] + by[:, None]
+        return replace(self, inputs=inputs, within=within)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +158,9 @@ class Data:
 
 
 def thinned(record: Record, every: int) -> Record:
-    """One row in `every`: readings averaged about the row, inputs over what lies behind it. Rows
-    about an impact are not judged.
+    """One row in `every`: readings averaged about the row, inputs over what lies behind it; what
+    they were within a row is kept, for a play or a delay feels each value. Rows about an impact are
+    not judged.
     """
     if every <= 1:
         return record
@@ -156,6 +175,10 @@ def thinned(record: Record, every: int) -> Record:
         ~(np.convolve(jumps, np.ones(ABOUT), "same") > 0),
         record.skip,
         record.epoch,
+        {
+            n: np.asarray(v, dtype=float)[: rows * every].reshape(rows, every)
+            for n, v in record.inputs.items()
+        },
     )
 
 

@@ -30,7 +30,7 @@ class Nominal:
         known = set(self.part.of("parameter"))
         given = {**self.plant.settings, **self.plant.parameters, **record.parameters}
         given = {k: v for k, v in given.items() if k in known}
-        inputs = {n: np.asarray(record.inputs[n], dtype=float) for n in self.part.of("input")}
+        inputs = {n: record.driving(n) for n in self.part.of("input")}
         found = self._subsystem.run(
             list(given), np.array([list(given.values())]), inputs, self.variables, record.period
         )[0]

@@ -173,7 +173,8 @@ class SubsystemView:
         moving = bool(self.part.of("state"))
         for name, source in self.sources.items():
             if source in self.plant.inputs:
-                inputs[name] = np.asarray(record.inputs[source], dtype=float)
+                own = np.asarray(record.inputs[source], dtype=float)
+                inputs[name] = record.driving(source) if moving else own
                 continue
             signal = source.removeprefix(RATE)
             values = smooth[signal]

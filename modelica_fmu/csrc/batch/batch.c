@@ -1,6 +1,6 @@
 /* Many runs of a model over one record, in one call: parameters differ from run to run, inputs and corrections are shared.
  *
- * Row k holds the values at k * period. Between rows the inputs are held. Outputs are read at the rows; then a state may be drawn
+ * Row k holds the values at k * period. Between rows the inputs are held, each for one of n_parts equal parts of the row. Outputs are read at the rows; then a state may be drawn
  * towards a measured value by a fixed share (an observer): outputs are predictions. Calls are independent: several threads may run at
  * once.
  */
@@ -19,13 +19,13 @@
 #define STEPS_PER_ROW 100
 
 typedef struct {
-    size_t n_runs, n_parameters, n_rows, n_inputs, n_corrected, n_outputs;
+    size_t n_runs, n_parameters, n_rows, n_parts, n_inputs, n_corrected, n_outputs;
     double period;             /* s */
     const unsigned *parameters; /* value references */
     const double *values;      /* [n_runs][n_parameters] */
     const unsigned *inputs;
     const double *at;          /* [n_rows][n_inputs], at the rows */
-    const double *over;        /* [n_rows][n_inputs], over the period behind each row */
+    const double *over;        /* [n_rows][n_parts][n_inputs], over the parts of the period behind each row */
     const unsigned *corrected; /* states */
     const double *measured;    /* [n_rows][n_corrected]; NaN: no correction */
     const double *gains;       /* [n_corrected], share of the difference that is taken away per period */
@@ -88,6 +88,20 @@ static void correct(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     invalidate(s);
 }
 
+/* From row k to the next; at once, where no input changes on the way. */
+static int pass(Instance *s, const Batch *b, const Plan *plan, size_t k) {
+    const double time = (double)k * b->period, part = b->period / (double)b->n_parts;
+    const double *row = b->over + k * b->n_parts * b->n_inputs;
+    int steady = 1;
+    for (size_t j = 1; j < b->n_parts; j++) steady &= memcmp(row, row + j * b->n_inputs, b->n_inputs * sizeof *row) == 0;
+    if (steady) return core_step(s, time, b->period) <= CORE_WARNING;
+    for (size_t j = 0; j < b->n_parts; j++) {
+        if (j > 0) put_inputs(s, b, plan, row + j * b->n_inputs);
+        if (core_step(s, time + (double)j * part, part) > CORE_WARNING) return 0;
+    }
+    return 1;
+}
+
 static int one_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
     double *result = b->result + run * b->n_rows * b->n_outputs;
     size_t k = 0;
@@ -103,9 +117,9 @@ static int one_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
         }
         if (!good || !read_all(s, b, result + k * b->n_outputs)) break;
         if (N_STATES == 0 || k + 1 == b->n_rows) continue;
-        if (!plan->same || !settle) put_inputs(s, b, plan, b->over + k * b->n_inputs);
+        if (!plan->same || !settle) put_inputs(s, b, plan, b->over + k * b->n_parts * b->n_inputs);
         correct(s, b, plan, k);
-        good = core_step(s, time, b->period) <= CORE_WARNING && core_taken(s) < STEPS_AT_FIRST + STEPS_PER_ROW * (k + 1);
+        good = pass(s, b, plan, k) && core_taken(s) < STEPS_AT_FIRST + STEPS_PER_ROW * (k + 1);
     }
     for (size_t i = k * b->n_outputs; i < b->n_rows * b->n_outputs; i++) result[i] = NAN;
     return k == b->n_rows;
@@ -124,7 +138,12 @@ static int planned(const Batch *b, Plan *plan) {
     for (size_t i = 0; i < b->n_outputs; i++) plan->plain &= model_variables[b->outputs[i]].kind == VK_STATE;
     for (size_t i = 0; i < b->n_inputs; i++) plan->place[i] = model_variables[b->inputs[i]].index;
     plan->rows = 0;
-    while (plan->rows < b->n_rows && sound(b, b->at + plan->rows * b->n_inputs) && sound(b, b->over + plan->rows * b->n_inputs)) plan->rows++;
+    for (int good = 1; plan->rows < b->n_rows; plan->rows++) {
+        const size_t first = plan->rows * b->n_parts;
+        good = sound(b, b->at + plan->rows * b->n_inputs);
+        for (size_t j = 0; good && j < b->n_parts; j++) good = sound(b, b->over + (first + j) * b->n_inputs);
+        if (!good) break;
+    }
     return 1;
 }
 

@@ -119,5 +119,7 @@ def _varied(campaign: Campaign, rules: Rules) -> Iterator[Experiment]:
 def _commanded(what: str, run: LoggedRun, setup: LogSetup, factor: float, rules: Rules) -> Record:
     """A record of commands alone: its signals are yet to be simulated."""
     record = thinned(record_of(what, LoggedRun(setup, run.log)), rules.thinning)
-    inputs = {n: v * factor if n in ("u_x", "u_z") else v for n, v in record.inputs.items()}
-    return replace(record, inputs=inputs, signals={}, judged=None)
+    share = {"u_x": factor, "u_z": factor}
+    inputs = {n: v * share.get(n, 1.0) for n, v in record.inputs.items()}
+    within = {n: v * share.get(n, 1.0) for n, v in record.within.items()}
+    return replace(record, inputs=inputs, within=within, signals={}, judged=None)
