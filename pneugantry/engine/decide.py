@@ -74,11 +74,11 @@ class Decision:
 def unknown_score(excess: Excess, chances: Chances, gap: Gap | None = None) -> float:
     """How far the channel that stands out most does so: log of its ratio to the usual one. Or how
     far the replay of a record that no fit saw does, under the luckiest of the values that the fit
-    leaves open, where it hangs on no event that was missed.
+    leaves open, unless these replay it quite differently: then it hangs on an event.
     """
     usual = chances.usual or {}
     found = [math.log(max(excess.ratio(c), 1e-9) / usual.get(c, 1.0)) for c in excess.whole]
-    if gap is not None and gap.parted is None and not gap.bifurcates:
+    if gap is not None and not gap.bifurcates:
         least = min(gap.augmented, gap.spread[0] if gap.spread else gap.augmented)
         left = least / max(gap.floor, 1e-9) / chances.replayed
         found.append(chances.replay * math.log(max(left, 1e-9)))

@@ -49,6 +49,10 @@ def floors_of(fitter: Fitter, fit: Fit) -> Floors:
         others = [
             noisy(fitter.plant, replace(read, name=f"{record}, draw {k}")) for k in range(DRAWS)
         ]
+        if not any(view.shows(other) for other in others):  # no sensor's noise reaches it
+            for signal, sigma in zip(view.signals, view.sigmas, strict=True):
+                found[(name, signal), record] = Whitener(np.zeros(0), sigma)
+            continue
         changes = changes_of(view, read, others, fit.values(record))
         changes = [r for r in changes if len(r) > 4 * LONGEST]
         for c, (signal, sigma) in enumerate(zip(view.signals, view.sigmas, strict=True)):

@@ -8,6 +8,7 @@ from pathlib import Path
 from modelica_fmu.errors import InputError
 from pneugantry.engine.catalogue import Effect, read_catalogue
 from pneugantry.engine.sensors import PREFIX, signal_of
+from pneugantry.plants.gantry.timing import DELAYS
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED
 
@@ -36,7 +37,7 @@ def check_names(catalogue: Mapping[str, Effect], fmu: FmuFile) -> None:
                 if name.startswith(PREFIX):
                     known = name.count(".") >= 2 and signal_of(name) in MEASURED
                 else:
-                    known = name in fmu.variables or name == "timing.delay"
+                    known = name in fmu.variables or name in DELAYS
                 if not known:
                     hint = "see `pneugantry list parameters`; a sensor's are as sensors.f_x.scale"
                     text = "the gantry has no such parameter"

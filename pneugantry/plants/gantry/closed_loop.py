@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from modelica_fmu.errors import InputError
 from pneugantry.engine.sensors import PREFIX, neutral
+from pneugantry.plants.gantry.timing import DELAYS
 from pyfmi_runner.campaign import LoggedRun, LogSetup
 from pyfmi_runner.controller_file import controller_of, is_known_controller
 from pyfmi_runner.fmu import FmuFile
@@ -95,7 +96,7 @@ def augmented_of(fmu: FmuFile, values: Mapping[str, float]) -> Augmented:
         sensors[f"gain_f_a{axis}"] = _of(values, f"f_a{axis}.scale")
         sensors[f"tau_v_{axis}"] = _of(values, f"v_{axis}.lag") + _of(values, f"v_{axis}.delay")
     named = {f"{PREFIX}{k}": float(v) for k, v in sensors.items()}
-    return Augmented(known, named, values.get("timing.delay", 0.0))
+    return Augmented(known, named, sum(values.get(name, 0.0) for name in DELAYS))
 
 
 def left_out(values: Mapping[str, float]) -> list[str]:

@@ -1,5 +1,6 @@
-"""Measured signals -> command: what a campaign's own controller makes of them, late by
-`timing.delay`.
+"""Measured signals -> command: what a campaign's own controller makes of them.
+
+`timing.delay`: s, by which its commands are late; `timing.sensing`: s, by which what it reads is.
 """
 
 from __future__ import annotations
@@ -7,13 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneugantry.engine.plant import Array, Record
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.campaign import LoggedRun
 from pyfmi_runner.log import PERIOD
 
-__all__ = ["ControllerView"]
+__all__ = ["DELAYS", "ControllerView"]
+
+DELAYS = ("timing.delay", "timing.sensing")
 
 
 class ControllerView:
@@ -26,31 +30,42 @@ class ControllerView:
     defaults: Mapping[str, float] = {}
 
     def __init__(self, runs: Mapping[str, LoggedRun]) -> None:
-        self._commands: dict[str, Array] = {}
-        self._recorded: dict[str, Array] = {}
+        self._runs: dict[str, LoggedRun] = {}
+        self._measured: dict[str, Array] = {}
         for name, run in runs.items():
-            self._recorded[name] = np.column_stack([run.log["u_x"], run.log["u_z"]])
-            found = recomputed_commands(run, np.round(run.log.measured(), 12))
-            if found is not None:
-                self._commands[name] = found
+            measured = np.round(run.log.measured(), 12)
+            if recomputed_commands(run, measured) is not None:
+                self._runs[name], self._measured[name] = run, measured
 
     def shows(self, record: Record) -> bool:
-        return record.name in self._commands
+        return record.name in self._runs
 
     def depends_on(self, parameter: str) -> bool:
-        return parameter == "timing.delay"
+        return parameter in DELAYS
 
     def residuals(self, record: Record, values: Sequence[Mapping[str, float]]) -> Array:
         """(len(values), N, 2) V; 0 where no controller runs."""
-        made = self._commands[record.name]
-        at = np.arange(len(made))
-        recorded = self._recorded[record.name]
-        result = np.empty((len(values), *made.shape))
+        run, measured = self._runs[record.name], self._measured[record.name]
+        recorded = np.column_stack([run.log["u_x"], run.log["u_z"]])
+        result = np.empty((len(values), *recorded.shape))
         for i, given in enumerate(values):
-            late = at - given.get("timing.delay", 0.0) / PERIOD
-            first = at[np.isfinite(made).all(axis=1)][0]
-            late = np.maximum(late, first)
-            for c in range(2):
-                result[i, :, c] = recorded[:, c] - np.interp(late, at, np.nan_to_num(made[:, c]))
-        result[:, ~np.isfinite(made).all(axis=1)] = 0.0
+            acting, sensing = (given.get(name, 0.0) / PERIOD for name in DELAYS)
+            made = recomputed_commands(run, _late(measured, sensing))
+            assert made is not None
+            running: NDArray[np.bool_] = np.asarray(np.isfinite(made).all(axis=1))
+            first = int(np.argmax(running))
+            made[first:] = _late(made[first:], acting)
+            result[i] = np.where(running[:, None], recorded - made, 0.0)
         return result
+
+
+def _late(values: Array, rows: float) -> Array:
+    """Values (N, channels) some rows later, the first one until then; between rows a mixture."""
+    if rows == 0.0:
+        return values
+    at = np.maximum(np.arange(len(values)) - rows, 0.0)
+    low = at.astype(int)
+    high = np.minimum(low + 1, len(values) - 1)
+    share = (at - low)[:, None]
+    mixed = (1 - share) * values[low] + share * values[high]
+    return np.asarray(np.where(share > 0, mixed, values[low]))
