@@ -16,7 +16,7 @@ import numpy as np
 
 from pneugantry.engine.confirm import Gap
 from pneugantry.engine.excess import Channel, Excess
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fitter import Fit, deviations
 from pneugantry.engine.plant import Array
 from pneugantry.engine.result import Answer
 
@@ -48,6 +48,8 @@ class Chances:
     unknown_beside: float = 0.6  # as `unknown_at`, beside an effect, whose form may be another
     usual: Mapping[Channel, float] | None = None  # excess ratio of a sound rig's channel
     replay: float = 0.2  # excess that a replay's gap e times the usual one counts as
+    strain: float = 0.1  # excess that each spread counts as by which a deviation exceeds `strained`
+    strained: float = 3.0  # spreads of the rig's tolerance that its largest deviation may have
     replayed: float = 1.6  # usual gap of the right answer's replay, in that of noise alone
 
 
@@ -71,10 +73,13 @@ class Decision:
     best: Fit  # of the likeliest hypothesis
 
 
-def unknown_score(excess: Excess, chances: Chances, gap: Gap | None = None) -> float:
+def unknown_score(
+    excess: Excess, chances: Chances, gap: Gap | None = None, fit: Fit | None = None
+) -> float:
     """How far the channel that stands out most does so: log of its ratio to the usual one. Or how
     far the replay of a record that no fit saw does, under the luckiest of the values that the fit
-    leaves open, unless these replay it quite differently: then it hangs on an event.
+    leaves open, unless these replay it quite differently: then it hangs on an event. Or how far
+    beyond tolerance the fit has bent a parameter.
     """
     usual = chances.usual or {}
     found = [math.log(max(excess.ratio(c), 1e-9) / usual.get(c, 1.0)) for c in excess.whole]
@@ -82,6 +87,9 @@ def unknown_score(excess: Excess, chances: Chances, gap: Gap | None = None) -> f
         least = min(gap.augmented, gap.spread[0] if gap.spread else gap.augmented)
         left = least / max(gap.floor, 1e-9) / chances.replayed
         found.append(chances.replay * math.log(max(left, 1e-9)))
+    if fit is not None:
+        largest = max((abs(x) for x in deviations(fit.point).values()), default=0.0)
+        found.append(chances.strain * (largest - chances.strained))
     return max(found, default=0.0)
 
 

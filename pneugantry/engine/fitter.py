@@ -35,7 +35,7 @@ from pneugantry.engine.sensors import PREFIX, neutral
 from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simulation
 from pneugantry.engine.views import View
 
-__all__ = ["Fit", "Fitter"]
+__all__ = ["Fit", "Fitter", "deviations"]
 
 SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
@@ -384,6 +384,7 @@ class Fitter:
         stretches = {c: self.stretches(c, r, colour[c]) for c, r in solution.residuals.items()}
         own = prior(point.coordinates)
         cost = known.cost(point.theta)
+        cost += (self.rules.tolerated - 1) * sum(x**2 for x in deviations(point).values())
         if base is not None:
             left = {v: p for v, p in base.parabolas.items() if v not in parabolas}
             at = dict(zip((c.name for c in base.point.coordinates), base.point.theta, strict=True))
@@ -424,6 +425,12 @@ class Fitter:
             parts = np.array_split(terms, max(1, len(terms) // length))
             found += [float(p.sum()) for p in parts]
         return np.array(found)
+
+
+def deviations(point: Point) -> dict[str, float]:
+    """Deviations that tolerance is to explain, in spreads of the rig's tolerance."""
+    pairs = zip(point.coordinates, point.theta, strict=True)
+    return {c.name: float(theta) / c.spread for c, theta in pairs if c.scales}
 
 
 def _only(solution: Solution, view: str) -> Solution:

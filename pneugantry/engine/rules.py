@@ -25,6 +25,7 @@ class Rules:
     effect_prior: float = 2.0  # spread of an effect's size, in usual sizes
     tolerance: float = 1.5  # a rig's deviations at first, in units of what its description gives
     tolerance_weight: float = 8.0  # parameters that the description's own spread is worth
+    tolerated: float = 3.5  # -2 log likelihood that -2 log prior of a deviation is worth (0111)
     iterations: int = 14  # Gauss-Newton steps of a fit, at most
     turns: int = 4  # of probing about the end of a fit, at most
     renewals: int = 4  # of colour and columns at the end of a fit, at most
@@ -40,7 +41,8 @@ class Rules:
         500.0  # rise of -2 log likelihood after which a fit stops (measured: decision 0106)
     )
     reformed: int = 2  # effects that are then tried in their other forms
-    entry: float = 10.0  # fall of -2 log evidence that an effect must bring (field: very strong)
+    entry: float = 10.0  # fall of -2 log evidence that is worth a step (field: very strong)
+    effect: float = 22.0  # and that an effect must bring, beside what the catalogue's size costs
     doubt: float = 2.0  # standard errors over stretches by which a gain is lowered (field)
     material: float = 0.2  # change of a residual, in noise levels, below which it is none (design)
     rounds: int = 6  # steps of the search, at most

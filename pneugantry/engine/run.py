@@ -154,7 +154,8 @@ def _answer(
     excess = excess_of(fitter, likeliest, floors_of(fitter, likeliest))
     c = _confirmed(fitter, task, found.null, likeliest)
     worse = bool(likeliest.keys) and c.gap is not None and _worse(c.gap, c.plain)
-    score = unknown_score(excess, task.chances, c.gap if task.data.held_out else None)
+    seen = c.gap if task.data.held_out else None
+    score = unknown_score(excess, task.chances, seen, likeliest)
     decision = decide(evidence, score, task.chances, worse=worse)
     claimed = decision.best if not worse else found.null
     levels = dict.fromkeys((s.name for s in task.plant.signals), excess.level)

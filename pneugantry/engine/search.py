@@ -65,7 +65,7 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     """Effects are added while one brings evidence, and dropped where a later one replaces them."""
     best, steps, tried, thorough = null, [], [null], False
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
-    bar = fitter.rules.entry + 2 * math.log(max(len(offered), 1))
+    bar = fitter.rules.effect + 2 * math.log(max(len(offered), 1))
     screened: list[Candidate] = []
     traces: Traces = {}
     for _ in range(fitter.rules.rounds):
@@ -349,6 +349,9 @@ class _Test:
         self.rules, self.tails, point = fitter.rules, fitter.rules.tails, base.point
         self.theta = point.theta
         self.precision = np.array([1 / c.spread**2 for c in point.coordinates])
+        self.worth = np.array(
+            [fitter.rules.tolerated if c.scales else 1 for c in point.coordinates]
+        )
         normal, gradient = self.weighing.normal(point, base.residuals, base.columns)
         self.inverse = np.linalg.inv(normal + np.diag(self.precision))
         self.gradient = gradient + self.precision * point.theta
@@ -401,7 +404,7 @@ class _Test:
             fall = self.least[cell] - loss(moved, self.tails)
             falls.append(np.add.reduceat(fall, np.arange(0, len(fall), CHUNK)))
         before, after = self.theta + self.plain, self.theta + nuisances
-        prior = float(self.precision @ (before**2 - after**2))
+        prior = float((self.worth * self.precision) @ (before**2 - after**2))
         prior -= float(step @ step) / self.rules.effect_prior**2
         return prior + doubted(np.concatenate(falls), self.rules.doubt)
 
