@@ -74,9 +74,9 @@ class SubsystemView:
     observer: float  # s, time constant of the correction
     _subsystem: Subsystem | None = None
     _kept: dict[tuple[object, ...], object] = field(default_factory=dict)
-    _made: dict[tuple[object, ...], Array] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
+        self._made: dict[tuple[object, ...], Array] = {}  # of single signals
         self._parameters = frozenset(self.part.of("parameter"))
         self._read = {
             s.removeprefix(RATE)

@@ -51,6 +51,26 @@ def test_inputs_at_the_rows_differ_from_those_behind_them(cart: Subsystem) -> No
     np.testing.assert_allclose(pair, same, atol=1e-9)
 
 
+def test_inputs_may_change_within_rows(cart: Subsystem) -> None:
+    """A pulse of half a row is what rows of half the period hold; rows that do not change are
+    stepped at once.
+    """
+    fine = np.zeros(200)
+    fine[31], fine[120:] = 5.0, 1.0
+    expected = cart.run(["K"], np.array([[2.0]]), {"u": fine}, ["f", "v"], PERIOD)[0, ::2]
+    parts = fine.reshape(100, 2)
+    inputs = {"u": (parts[:, 0], parts)}
+    found = cart.run(["K"], np.array([[2.0]]), inputs, ["f", "v"], 2 * PERIOD)[0]
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+    averaged = cart.run(["K"], np.array([[2.0]]), {"u": parts.mean(axis=1)}, ["f"], 2 * PERIOD)[0]
+    assert np.abs(averaged[:, 0] - expected[:, 0]).max() > 1e-4
+
+
+def test_an_input_that_the_part_lacks_is_refused(cart: Subsystem) -> None:
+    with pytest.raises(InputError, match="no input of this part"):
+        cart.run(["K"], np.array([[2.0]]), {"w": np.zeros(9)}, ["f"], PERIOD)
+
+
 def test_a_corrected_state_closes_in_by_its_share_each_row(cart: Subsystem) -> None:
     n, share = 40, 0.2
     correction = Correction(("s",), np.full((n, 1), 1.0), (share,))

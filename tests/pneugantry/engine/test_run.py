@@ -14,7 +14,7 @@ from pneugantry.engine.decide import Chances, Evidence, decide, unknown_score
 from pneugantry.engine.descent import Problem, Solution, Weighing, prior, probed
 from pneugantry.engine.excess import Excess
 from pneugantry.engine.fitter import Fit
-from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Data, Plant
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import to_json
@@ -122,6 +122,18 @@ def test_beside_an_effect_unknown_asks_for_more() -> None:
     between = (chances.unknown_at + chances.unknown_beside) / 2
     assert decide([fit_of(0.0)], between, chances).verdict == "unknown"
     assert decide([fit_of(0.0), fit_of(-500.0, "drag")], between, chances).verdict == "identified"
+
+
+def test_a_parameter_bent_far_beyond_tolerance_counts_for_unknown() -> None:
+    chances = Chances()
+    quiet = Excess(1.0, {}, {("view", "v"): 1.0}, {})
+    mass = Coordinate("m", 1.0, 0.02, spread=1.5, scales=True)
+    bent = {}
+    for theta in (3.0, 12.0):
+        fit = replace(fit_of(0.0).fit, point=Point((mass,), np.array([theta]), {}))
+        bent[theta] = unknown_score(quiet, chances, fit=fit)
+    assert bent[3.0] == 0.0
+    assert bent[12.0] > chances.unknown_at
 
 
 @pytest.mark.parametrize(

@@ -105,6 +105,8 @@ def test_thinning_keeps_a_ramp_and_leaves_rows_about_an_impact_out() -> None:
     found = thinned(Record("r", 1e-3, {"u": ramp}, {"s": ramp, "v": speed}, {}, skip=0.1), 2)
     np.testing.assert_allclose(found.signals["s"][2:-2], ramp[::2][2:-2])
     np.testing.assert_allclose(found.inputs["u"], ramp[::2] + 0.5)
+    np.testing.assert_array_equal(found.driving("u")[1], ramp.reshape(200, 2))
+    np.testing.assert_array_equal(found.moved("u", np.ones(200)).driving("u")[0], ramp[::2] + 1)
     assert found.period == 2e-3
     assert found.skip == 0.1
     assert not found.judged[100]

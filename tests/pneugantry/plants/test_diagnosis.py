@@ -14,11 +14,14 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.result import Diagnosis, to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.catalogue import catalogue_of
+from pneugantry.plants.gantry.describe import record_of
 from pneugantry.plants.gantry.diagnosis import _coarse, diagnose, task_of
 from pneugantry.plants.gantry.excitation import not_excited
 from pneugantry.plants.gantry.nominal import parameters_of
+from pneugantry.plants.gantry.timing import ControllerView
 from pneugantry.truth.campaign import write
 from pneugantry.truth.case import plan_case, run_case
+from pyfmi_runner.blocks import recomputed_commands
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, read_campaign, scenario_setup
 from pyfmi_runner.fmu import FmuFile
@@ -51,6 +54,27 @@ def campaign_of(**logs: LoggedRun) -> Campaign:
 def late(gantry: FmuFile) -> Campaign:
     """One log whose commands act 7 ms late."""
     return campaign_of(one=tracked(gantry, timing=LoopTiming(delay=0.007)))
+
+
+def test_what_a_controller_reads_late_is_not_a_late_command(gantry: FmuFile) -> None:
+    """Commands recomputed from measurements 5 ms old leave the commands' rounding; late commands of
+    the same delay do not, for the phases begin in time.
+    """
+    run = tracked(gantry)
+    old = np.vstack([np.repeat(run.log.measured()[:1], 5, axis=0), run.log.measured()[:-5]])
+    commands = recomputed_commands(run, np.round(old, 12))
+    assert commands is not None
+    running = np.isfinite(commands).all(axis=1)
+    table = run.log.table.copy()
+    for i, channel in enumerate(("u_x", "u_z")):
+        table.loc[running, channel] = commands[running, i]
+    read_late = LoggedRun(run.setup, replace(run.log, table=table))
+    view = ControllerView({"one": read_late})
+    record = record_of("one", read_late)
+    late = [{}, {"timing.delay": 0.005}, {"timing.sensing": 0.005}]
+    unmoved, acting, sensing = np.abs(view.residuals(record, late)).max(axis=(1, 2))
+    assert sensing < 1e-3 * unmoved
+    assert acting > 10 * sensing
 
 
 def without(campaign: Campaign, *channels: str) -> Campaign:
