@@ -2,7 +2,8 @@
 examples.motor.record`.
 
 scipy integrates another law of friction (a smooth one) with other parameters than the data sheet's.
-What is in the rig and not in the model: Coulomb friction of 0.15 N m, and a constant torque.
+What is in the rig and not in the model: Coulomb friction of 0.15 N m, and a constant torque. A year
+later (`worn_*.csv`) the friction is 0.22 N m.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ LENGTH = 6.0  # s
 NOISE = 0.02  # rad/s RMS, of the speed
 J, K_T, B = 0.0204, 0.495, 0.021  # the rig's own: kg m2, N m/A, N m s/rad
 TAU_C, TAU_O = 0.15, 0.06  # N m: what the data sheet does not hold
+WORN = 0.22  # N m, Coulomb friction a year later
 SMOOTH = 0.02  # rad/s, width of the friction's change of sign
 
 
@@ -37,8 +39,10 @@ def _steps(t: float) -> float:
 CURRENTS: dict[str, Callable[[float], float]] = {"sines": _sines, "steps": _steps}  # A
 
 
-def record(current: Callable[[float], float], seed: int) -> pd.DataFrame:
-    """time [s], i [A], w [rad/s] with noise; the current is held over each period."""
+def record(current: Callable[[float], float], seed: int, tau_c: float = TAU_C) -> pd.DataFrame:
+    """time [s], i [A], w [rad/s] with noise; the current is held over each period. tau_c: Coulomb
+    friction [N m].
+    """
     time = np.arange(0.0, LENGTH, PERIOD)
     held = np.array([round(current(t), 3) for t in time])
     state, speeds = np.zeros(2), []
@@ -46,7 +50,7 @@ def record(current: Callable[[float], float], seed: int) -> pd.DataFrame:
         speeds.append(state[1])
 
         def rates(_: float, y: Array, i: float = held[k]) -> list[float]:
-            friction = B * y[1] + TAU_C * np.tanh(y[1] / SMOOTH)
+            friction = B * y[1] + tau_c * np.tanh(y[1] / SMOOTH)
             return [y[1], (K_T * i - friction + TAU_O) / J]
 
         state = solve_ivp(rates, (0.0, PERIOD), state, "LSODA", rtol=1e-9, atol=1e-11).y[:, -1]
@@ -55,10 +59,12 @@ def record(current: Callable[[float], float], seed: int) -> pd.DataFrame:
 
 
 def main(folder: Path = Path(__file__).parent / "data") -> None:
-    """Writes one CSV per current."""
+    """Writes one CSV per current, and one of the worn motor."""
     for seed, (name, current) in enumerate(CURRENTS.items(), start=1):
-        record(current, seed).to_csv(folder / f"{name}.csv", index=False)
-        print(folder / f"{name}.csv")
+        for prefix, first, tau_c in (("", 0, TAU_C), ("worn_", 10, WORN)):
+            path = folder / f"{prefix}{name}.csv"
+            record(current, first + seed, tau_c).to_csv(path, index=False)
+            print(path)
 
 
 if __name__ == "__main__":

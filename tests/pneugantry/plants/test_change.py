@@ -1,5 +1,5 @@
 """Two campaigns of one rig: what came, what went, what stayed, on the tutorial's motor, simulated
-by a Runge-Kutta method that shares nothing with the compiler.
+by a Runge-Kutta method that shares nothing with the compiler (`benchmarks.two_campaigns`).
 """
 
 from __future__ import annotations
@@ -14,43 +14,16 @@ import pandas as pd
 import pytest
 from jsonschema import Draft202012Validator
 
+from benchmarks.two_campaigns import KINDS, TORQUES, motor_log, pair_of, written
 from pneugantry.cli import main
 from pneugantry.engine.result import to_json
 from pneugantry.plants.changed import diagnose_change
 
 MOTOR = Path(__file__).parents[3] / "examples" / "motor"
 SCHEMA = Path(__file__).parents[3] / "docs" / "reference" / "schemas" / "gap.json"
-PERIOD, LENGTH, PARTS, NOISE = 5e-3, 5.0, 5, 0.02
-RIG = {"J": 0.0204, "k_t": 0.495, "b": 0.021, "tau_c": 0.0, "tau_o": 0.0}
+RIG = {"J": 0.0204, "k_t": 0.495, "b": 0.021, "tau_c": 0.0, "tau_o": 0.0, "tau_g": 0.0}
 WORN = RIG | {"tau_c": 0.15}
 LOGS = {"sines": "fit", "steps": "held out"}
-
-
-def current(log: str, time: np.ndarray) -> np.ndarray:
-    if log == "sines":
-        return np.asarray(1.4 * (np.sin(2.0 * time) + 0.5 * np.sin(5.3 * time + 1.0)))
-    return np.array([1.5, -1.2, 0.9, -1.6])[(time / 1.3).astype(int) % 4]
-
-
-def simulated(log: str, rig: Mapping[str, float], seed: int) -> pd.DataFrame:
-    """time, i, w of a motor with smooth Coulomb friction."""
-    time = np.arange(0.0, LENGTH, PERIOD)
-    held, w, speeds = current(log, time), 0.0, []
-    h = PERIOD / PARTS
-
-    def rate(w: float, i: float) -> float:
-        friction = rig["b"] * w + rig["tau_c"] * np.tanh(w / 0.02)
-        return float((rig["k_t"] * i - friction + rig["tau_o"]) / rig["J"])
-
-    for i in held:
-        speeds.append(w)
-        for _ in range(PARTS):
-            a = rate(w, i)
-            b = rate(w + 0.5 * h * a, i)
-            c = rate(w + 0.5 * h * b, i)
-            w += h / 6 * (a + 2 * b + 2 * c + rate(w + h * c, i))
-    noise = NOISE * np.random.default_rng(seed).standard_normal(len(time))
-    return pd.DataFrame({"time": time, "i": held, "w": np.array(speeds) + noise})
 
 
 def campaign(folder: Path, rig: Mapping[str, float], seed: int) -> Path:
@@ -59,7 +32,8 @@ def campaign(folder: Path, rig: Mapping[str, float], seed: int) -> Path:
     text = (MOTOR / "plant.toml").read_text(encoding="utf-8").split("[log.sines]")[0]
     text = text.replace('"Motor.mo"', '"../Motor.mo"').replace('"effects"', '"../effects"')
     for k, (log, use) in enumerate(LOGS.items()):
-        simulated(log, rig, seed + k).to_csv(folder / f"{log}.csv", index=False)
+        noise = 0.02 * np.random.default_rng(seed + k).standard_normal(1000)
+        motor_log(log, rig, noise).to_csv(folder / f"{log}.csv", index=False)
         text += f'[log.{log}]\nfile = "{log}.csv"\nuse = "{use}"\n'
     (folder / "plant.toml").write_text(text, encoding="utf-8")
     return folder / "plant.toml"
@@ -167,3 +141,25 @@ def test_another_plant_is_refused(
     assert "plant.period: differs from that of the campaign before" in capsys.readouterr().err
     assert main(["diagnose", str(worn), "--after", str(other.parent / "sines.csv")]) == 2
     assert "--after: is of another kind" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("plant", ["motor", "drive", "gantry"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_pairs_of_the_benchmark_are_what_they_say(plant: str, kind: str) -> None:
+    pair = pair_of(plant, 91000, kind)
+    assert sorted(pair.became.values()) == sorted(KINDS[kind])
+    for effect, what in pair.became.items():
+        before, after = pair.before.get(effect, 0.0), pair.after.get(effect, 0.0)
+        assert {"came": before == 0 < after, "went": after == 0 < before,
+                "stayed": before == after > 0, "changed": 0 < before < after}[what]  # fmt: skip
+
+
+def test_a_pair_is_written_as_two_descriptions(tmp_path: Path) -> None:
+    pair = pair_of("motor", 91006, "one for another")
+    for path, sizes in zip(written(tmp_path, pair), (pair.before, pair.after), strict=True):
+        assert sorted(p.name for p in path.parent.glob("*.csv")) == ["sines.csv", "steps.csv"]
+        torque = {"tau_c": 0.0, "tau_o": 0.0, "tau_g": 0.0}
+        torque |= {TORQUES[effect][0]: size for effect, size in sizes.items()}
+        clean = motor_log("steps", {**pair.rig.off, **torque}, np.zeros(1000))
+        left = pd.read_csv(path.parent / "steps.csv")["w"] - clean["w"]
+        assert np.std(left) == pytest.approx(0.02, rel=0.1)
