@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[1]
 MOTOR = ROOT / "examples" / "motor"
 SECONDS = 120.0  # longest time of a case; one that waits for ever is a failure
 COLUMNS = "time,u_x,u_z,x,z,v_x,v_z,f_x,f_z,f_ax,f_az"
-PROGRESS = re.compile(r"\w+: .*\(\d+ s so far")  # of a command that takes its time
+PROGRESS = re.compile(r"\w+: (.*\(\d+ s so far|building the FMU )")  # of a command that takes time
 DEVICES = ("/dev/full", "/dev/null", "/dev/zero")
 
 __all__ = ["CASES", "Case", "Outcome", "main", "tried"]

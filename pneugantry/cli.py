@@ -12,10 +12,12 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any, NoReturn
 
 from modelica_fmu.errors import InputError, RunError
 from modelica_fmu.files import write_atomically
+from pneugantry.building import build_told
 from pneugantry.options import json_target, refuse_overwriting_inputs
 
 # command: its line in the list of commands. Each is a module of `commands` with HELP,
@@ -121,7 +123,8 @@ def main(arguments: list[str] | None = None) -> int:
         if to_stdout:
             sys.stdout = sys.stderr  # what a command prints for people stays out of the JSON
         refuse_overwriting_inputs(options)
-        result, code = options.execute(options)
+        with build_told(options.command) if options.command != "build" else nullcontext():
+            result, code = options.execute(options)
         if options.json:
             _write_json(result, options.json, stdout)
         return int(code)

@@ -149,6 +149,7 @@ class Stages:
         self.usual = _usual(self.key, self.size)  # s, 0: not known
         self.stage, self.watch = "", Watch()
         self.worked = 0.0  # s
+        self.usually = True
         self.terminal = sys.stderr.isatty()
         self.told = ""
         self.end = threading.Event()
@@ -167,6 +168,10 @@ class Stages:
             return
         self.stage = stage
 
+    def unusual(self) -> None:
+        """Once in a while more has to be done first: this length foretells no other."""
+        self.usually, self.usual = False, 0.0
+
     def __exit__(
         self,
         kind: type[BaseException] | None,
@@ -178,7 +183,7 @@ class Stages:
         if self.terminal:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
-        if kind is None and WORTH < self.watch.tick() < LONGEST:
+        if kind is None and self.usually and WORTH < self.watch.tick() < LONGEST:
             _remember(self.key, self.watch.worked / self.size)
 
     def _left(self) -> str:

@@ -30,6 +30,7 @@ ALLOWED = {
     },
     "pneugantry.jobs": {"modelica_fmu"},
     "pneugantry.progress": {"modelica_fmu", "pyfmi_runner"},
+    "pneugantry.building": set(),
 }
 LEFT = {*ALLOWED, "pneugantry.jobs"}
 ALLOWED |= {

@@ -26,6 +26,7 @@ from pyfmi_runner.enough_rows import long_enough
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.fmu_controller import FmuController
 from pyfmi_runner.log import MEASURED, Log, write_log
+from pyfmi_runner.loop import Progress
 from pyfmi_runner.replay import Replayer, channel_gaps
 from pyfmi_runner.run import make_scenario_controller, run_scenario
 from pyfmi_runner.scenario import PRESETS as PHASE_PRESETS
@@ -131,6 +132,7 @@ def run(
     controller: Controller | str | None = None,
     preset: str | None = None,
     fmu: FmuSource = None,
+    say: Callable[[str], None] | None = None,
     **changes: Unpack[Changes],
 ) -> TrackingRun:
     """Runs a scenario in closed loop at 1 ms on the FMU.
@@ -138,8 +140,9 @@ def run(
     scenario: a `Scenario`, a TOML file, or None for the curved edge with `pi_fv`; or by preset, the
     name of conditions (`presets.PRESETS`). The rest is what differs from it: controller (a name, a
     Python file, an FMU's path, or an object of one's own), workpiece, parameters of the plant, seed
-    of noise and jitter, gains, phases, f_nd, v_td. A run that fails on the way is a result with its
-    reason. Raises InputError for a name or a value that cannot be used.
+    of noise and jitter, gains, phases, f_nd, v_td. say: told the name of each stage. A run that
+    fails on the way is a result with its reason. Raises InputError for a name or a value that
+    cannot be used.
     """
     named = controller if isinstance(controller, str) else None
     score: Callable[[Log], Metrics] = tracking_metrics
@@ -154,16 +157,30 @@ def run(
     own = None if isinstance(controller, str) else controller
     if own is not None:
         chosen = replace(chosen, controller=type(own).__name__)  # what the log and figures say
+    tell = say or (lambda stage: None)
+    tell("model")
     with _fmu_controller(chosen) as exported:
+        file = fmu_from(fmu)
+        tell("loop, compiled for this controller")
         done = run_scenario(
             chosen,
-            fmu_from(fmu),
-            progress=loop_progress(chosen.name),
+            file,
+            progress=loop_progress(chosen.name) if say is None else _quarters(say),
             controller=own or exported,
         )
     metrics = score(done.log) if done.outcome == "done" else None
     swings = limit_cycle(done.log) if metrics and not chosen.surface_finish else None
     return TrackingRun(chosen, done.log, done.outcome, done.reason, done.seconds, metrics, swings)
+
+
+def _quarters(say: Callable[[str], None]) -> Progress:
+    """A callback for the sampled loops that names the quarter of an experiment."""
+
+    def report(done: int, total: int) -> bool:
+        say(f"experiment, {25 * (4 * done // max(total, 1))} % done")
+        return True
+
+    return report
 
 
 def chosen_scenario(

@@ -10,6 +10,7 @@ from typing import Any
 from modelica_fmu.errors import InputError
 from pneugantry.api.presets import PRESETS
 from pneugantry.options import log_target, picture_target
+from pneugantry.progress import Stages, logged
 from pyfmi_runner.workpiece import WORKPIECES
 
 HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of f_n and v_t over
@@ -77,19 +78,21 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from pneugantry.api import runs
 
-    done = runs.run(
-        options.scenario,
-        controller=options.controller,
-        preset=options.preset,
-        workpiece=options.workpiece,
-        gains=parse_gains(options.gains),
-        phases=options.phases,
-        f_nd=options.f_nd,
-        v_td=options.v_td,
-        parameters=parse_settings(options.set),
-        seed=options.seed,
-        fmu=options.fmu,
-    )
+    with Stages("run") as say, logged("modelica_fmu", lambda _: say.unusual()):
+        done = runs.run(
+            options.scenario,
+            controller=options.controller,
+            preset=options.preset,
+            fmu=options.fmu,
+            say=say,
+            workpiece=options.workpiece,
+            gains=parse_gains(options.gains),
+            phases=options.phases,
+            f_nd=options.f_nd,
+            v_td=options.v_td,
+            parameters=parse_settings(options.set),
+            seed=options.seed,
+        )
     if options.out:
         done.write(options.out)
         print(f"log: {options.out} ({len(done.log)} rows)")

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+import pneugantry as pg
+from modelica_fmu import Target
+from pneugantry.building import build_told
 from pneugantry.progress import PAUSE, Stages, Watch, logged
 from pyfmi_runner.build import build_controller_fmu
 
@@ -23,6 +26,35 @@ def test_a_build_names_its_equations_and_each_binary(tmp_path: Path) -> None:
         assert not build_controller_fmu("pi_fv", out=tmp_path).rebuilt
     logging.getLogger("modelica_fmu").warning("nobody listens")
     assert len(seen) == 2
+
+
+def test_a_command_that_builds_first_says_so_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with build_told("run"):
+        for _ in range(2):
+            build_controller_fmu("pi_fv", Target(force=True), out=tmp_path)
+    said = "run: building the FMU PneuGantry_Controllers_pi_fv, once\n"
+    assert capsys.readouterr().err == said
+    build_controller_fmu("pi_fv", Target(force=True), out=tmp_path)
+    assert capsys.readouterr().err == ""
+
+
+def test_an_unusual_length_is_not_remembered(memory: Path) -> None:
+    for seconds in (20.0, 90.0):
+        with Stages("run") as say:
+            if seconds > 50.0:
+                say.unusual()
+            say.watch.worked = seconds
+    assert [round(v) for v in json.loads(memory.read_text())["run"]] == [20]
+
+
+def test_a_run_names_its_stages() -> None:
+    seen: list[str] = []
+    phases = {"approach": (0.0, 1.0), "contact": (1.0, 1.5), "contour": (1.5, 2.0)}
+    pg.run(pg.Scenario(workpiece="straight", start_z=0.038, phases=phases), say=seen.append)
+    assert seen[:2] == ["model", "loop, compiled for this controller"]
+    assert seen[-1] == "experiment, 100 % done"
 
 
 def test_a_stage_that_lasts_is_a_line_where_there_is_no_terminal(
