@@ -289,8 +289,16 @@ MODELS = (
 )
 
 
-def tried(model: Public, folder: Path, libraries: Sequence[Path], out: Path) -> Outcome:
+def place_of(model: Public, folder: Path) -> Path:
+    """Raises InputError where the checkout lacks the model's source."""
     place = folder / model.repository.replace("/", "+") / model.path
+    if not place.exists():
+        hint = "check out each repository of the list into a folder named owner+name"
+        raise InputError("not there", file=place, hint=hint)
+    return place
+
+
+def tried(model: Public, place: Path, libraries: Sequence[Path], out: Path) -> Outcome:
     file = place if place.suffix == ".mo" else None
     try:
         compiled = compile_model(file, model.name, None, [place, *libraries][file is not None :])
@@ -315,16 +323,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", metavar="TEXT", default="")
     parser.add_argument("--json", type=Path, metavar="FILE")
     options = parser.parse_args(arguments)
-    rows = []
-    for model in MODELS:
-        if options.only not in model.name:
-            continue
+    rows, chosen = [], [model for model in MODELS if options.only in model.name]
+    try:
+        places = [place_of(model, options.folder) for model in chosen]
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    for model, place in zip(chosen, places, strict=True):
         with TemporaryDirectory(prefix="public-") as out:
-            made = tried(model, options.folder, options.also, Path(out))
+            made = tried(model, place, options.also, Path(out))
         made = without_folder(made, options.folder)
         rows.append({"repository": model.repository, "path": model.path} | made._asdict())
-        error = "" if made.error is None else f"{made.error:.1e}"
-        print(f"{made.state:9} {error:8} {made.model}  {model.repository}  {made.said}", flush=True)
+        off = "" if made.error is None else f"{made.error:.1e}"
+        print(f"{made.state:9} {off:8} {made.model}  {model.repository}  {made.said}", flush=True)
     counts = Counter(str(row["state"]) for row in rows)
     print(f"{len(rows)} models: " + ", ".join(f"{n} {s}" for s, n in counts.items()))
     if options.json is not None:

@@ -38,7 +38,7 @@ COMMANDS = {  # name: the command, without --json
     "thesis_tuning": "pneugantry thesis --tuning --no-figures",
     "benchmark": "pneugantry benchmark --only-paths",
     "stiff": "python -m benchmarks.stiff",
-    "compiler_times": "python -m benchmarks.compiler_times",
+    "compiler_times": "python -m benchmarks.compiler_times --before 6d6764b^",
     "cross_check": "python -m benchmarks.cross_check out/cross-check",
     "textbook": f"python -m benchmarks.textbook {BOOK} --also {LIBRARY}",
     "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS}",

@@ -310,8 +310,13 @@ def compiler_times() -> str:
     """Build and step of the gantry."""
     said, found = _read("compiler_times")
     same = "the same bytes" if found["same_bytes"] else "different bytes"
+    low, middle, high = found["ratio"]
+    apart = found["apart_sigma"]
+    outputs = "the same bits" if apart == 0 else f"{apart:.1e} of the sensors' sigma apart"
     return (
         f"{said} CPU time of a build of the gantry's FMU: {found['cold_s']:g} s cold, "
         f"{found['warm_s']:g} s warm; a step of 1 ms at rest: {found['step_us']:g} us. Two builds "
-        f"of the same sources: {same}."
+        f"of the same sources: {same}. A step with commands, beside the FMU of the commit before "
+        f"the compiler was enlarged: {found['now_us']:g} us, {found['before_us']:g} us before; "
+        f"ratio of pairs {middle:.3f} (quartiles {low:.3f} to {high:.3f}), outputs: {outputs}."
     )

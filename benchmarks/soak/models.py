@@ -101,6 +101,64 @@ equation
   der(x) = -b[2].y/max(p^2 + 1, 0.5); /* decays */
 end M;
 """,
+    """record Pair "what a function gives back"
+  Real a = 1, b = 2;
+end Pair;
+partial function Curve
+  input Real u; output Real y;
+end Curve;
+function line
+  extends Curve;
+  input Real k = 2;
+algorithm
+  y := k*u;
+end line;
+function sum_of "functions as arguments, rounds that end"
+  input Curve f;
+  input Integer n;
+  output Pair p;
+protected
+  Integer i = 1;
+  Real s = 0;
+algorithm
+  while i <= n loop
+    s := s + f(i);
+    if s > 100 then
+      break;
+    end if;
+    i := i + 1;
+  end while;
+  p := Pair(a = s, b = s/n);
+end sum_of;
+model M
+  parameter Integer n = 3;
+  parameter Real k(fixed = false, start = 1);
+  Pair p = sum_of(function line(k = 0.5), n);
+  Real x[2], y[2], z(start = 1), w;
+  Boolean on(start = false, fixed = true);
+  Integer count(start = 0, fixed = true);
+initial equation
+  der(x[1]) = 0;
+  x[2] = p.b;
+  k*z = 2;
+equation
+  if time < 0.5 then
+    y = {x[1], p.a};
+  else
+    y[1] = -x[1];
+    y[2] = mod(x[2], 0.3);
+  end if;
+  der(x) = {1 - x[1]*k, semiLinear(x[1] - x[2], 1, 2)};
+  z + homotopy(exp(z), z + 1) = 3 + y[1]; // a loop
+  w = sum(i*y[i] for i in 1:2) + smooth(0, if z > 0 then z else 0);
+  on = edge(on) or w > 0.1;
+  when {change(on), initial()} then
+    count = pre(count) + 1;
+  elsewhen sample(0.1, 0.1) then
+    count = integer(w);
+  end when;
+end M;
+""",
 )
 WORDS = (
     "0",
