@@ -91,6 +91,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "math_functions": recorded.math_functions,
     "compiler_times": recorded.compiler_times,
     "cross_check": recorded.cross_check,
+    "soak_models": recorded.soak_models,
     "decisions": decisions,
 }
 

@@ -39,6 +39,7 @@ COMMANDS = {  # name: the command, without --json
     "benchmark": "pneugantry benchmark --only-paths",
     "stiff": "python -m benchmarks.stiff",
     "compiler_times": "python -m benchmarks.compiler_times --before 6d6764b^",
+    "soak_models": "python -m benchmarks.soak --only models --count 1200",
     "cross_check": "python -m benchmarks.cross_check out/cross-check",
     "textbook": f"python -m benchmarks.textbook {BOOK} --also {LIBRARY}",
     "standard_library": f"python -m benchmarks.standard_library {LIBRARY} --references {RESULTS}",

@@ -25,6 +25,7 @@ __all__ = [
     "public_models",
     "replay",
     "rootlocus",
+    "soak_models",
     "solver_check",
     "standard_library",
     "stiff",
@@ -294,6 +295,19 @@ def math_functions() -> str:
         f"{said} {len(found)} functions: {told}; largest error of the right ones {worst:.1e}. "
         f"Right: {right}.\n\n{_table(('function', '', 'said'), others)}"
     )
+
+
+def soak_models() -> str:
+    """Mangled Modelica: taken, refused, crashed."""
+    said, found = _read("soak_models")
+    kinds = found["models"]["kinds"]
+    rows = [
+        (kind.removeprefix("Modelica "), sum(seen.values()), seen["read"], seen["refused"])
+        + (sum(n for what, n in seen.items() if what.startswith("crash")),)
+        for kind, seen in kinds.items()
+    ]
+    heads = ("changed", "texts", "compiled", "refused in one line", "crashes")
+    return f"{said}\n\n{_table(heads, rows)}"
 
 
 def cross_check() -> str:

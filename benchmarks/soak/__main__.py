@@ -1,5 +1,6 @@
-"""`python -m benchmarks.soak [--short] [--only PART] [--json FILE]`: a million steps, 100,000
-instances, a million sanitized calls, damaged files. --only: one kind of damaged input alone.
+"""`python -m benchmarks.soak [--short] [--only PART [--count N]] [--json FILE]`: a million
+steps, 100,000 instances, a million sanitized calls, damaged files. --only: one kind of damaged
+input alone.
 """
 
 from __future__ import annotations
@@ -91,10 +92,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--short", action="store_true", help="a hundredth of it")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the counts as JSON")
     parser.add_argument("--only", choices=DAMAGED, metavar="PART", help=", ".join(DAMAGED))
+    parser.add_argument("--count", type=int, metavar="N", help="how many of that kind")
     options = parser.parse_args(arguments)
     counts = Counts().short() if options.short else Counts()
     if options.only:
-        found = fuzz(DAMAGED[options.only], getattr(counts, options.only))
+        count = getattr(counts, options.only) if options.count is None else options.count
+        found = fuzz(DAMAGED[options.only], count)
         result = {"schema": "soak/2", "passed": told(options.only, found), options.only: found}
     else:
         result = soak(FmuFile.read(build_fmu().path), counts)
