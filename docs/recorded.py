@@ -301,11 +301,11 @@ def soak_models() -> str:
     """Mangled Modelica: taken, refused, crashed."""
     said, found = _read("soak_models")
     kinds = found["models"]["kinds"]
-    rows = [
-        (kind.removeprefix("Modelica "), sum(seen.values()), seen["read"], seen["refused"])
-        + (sum(n for what, n in seen.items() if what.startswith("crash")),)
-        for kind, seen in kinds.items()
-    ]
+    rows = []
+    for kind, seen in kinds.items():
+        crashed = sum(n for what, n in seen.items() if what.startswith("crash"))
+        changed, tried = kind.removeprefix("Modelica "), sum(seen.values())
+        rows.append((changed, tried, seen.get("read", 0), seen.get("refused", 0), crashed))
     heads = ("changed", "texts", "compiled", "refused in one line", "crashes")
     return f"{said}\n\n{_table(heads, rows)}"
 
