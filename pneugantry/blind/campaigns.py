@@ -1,5 +1,5 @@
-"""Many campaigns diagnosed in worker processes: `diagnosis.json` beside each as soon as it exists,
-and a rerun takes it from there.
+"""Many campaigns diagnosed in worker processes, of the gantry or of described plants:
+`diagnosis.json` beside each as soon as it exists, and a rerun takes it from there.
 """
 
 from __future__ import annotations
@@ -13,12 +13,15 @@ from pathlib import Path
 from typing import Any
 
 from pneugantry.engine.result import to_json
+from pneugantry.engine.run import run
 from pneugantry.jobs.job import Function, Job
 from pneugantry.jobs.run import run_jobs
+from pneugantry.plants.calibrate import stamp_of
+from pneugantry.plants.described import described_task
 from pneugantry.plants.gantry.catalogue import FOLDER, catalogue_of
 from pneugantry.plants.gantry.diagnosis import diagnose
 from pneugantry.plants.gantry.page import extras_of
-from pneugantry.report.page import write_page
+from pneugantry.report.page import Extras, write_page
 from pyfmi_runner.campaign import DRIVEN, read_campaign
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import write_atomically
@@ -26,6 +29,7 @@ from pyfmi_runner.log import write_atomically
 __all__ = ["RESULT", "Diagnoser", "campaign_folders", "diagnose_campaigns"]
 
 RESULT = "diagnosis.json"
+CAMPAIGN, DESCRIPTION = "campaign.toml", "plant.toml"  # of the gantry, of a plant of one's own
 FAILED: dict[str, Any] = {
     "verdict": "failed",
     "where": [],
@@ -38,8 +42,8 @@ FAILED: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Diagnoser:
-    """Reads FMU and catalogue once in a worker, then diagnoses folder by folder. strict: as in
-    `read_campaign`; pages: a report as HTML beside each result.
+    """Reads FMU and catalogue once in a worker, then diagnoses folder by folder; a folder with a
+    plant.toml by that. strict: as in `read_campaign`; pages: a report as HTML beside each result.
     """
 
     fmu: Path
@@ -51,18 +55,35 @@ class Diagnoser:
         return partial(self._diagnose, FmuFile.read(self.fmu), catalogue_of(self.catalogue))
 
     def _diagnose(self, fmu: FmuFile, catalogue: Any, folder: Path) -> str:
+        if not (folder / CAMPAIGN).is_file():
+            return self._diagnose_described(folder)
         campaign = read_campaign(folder, strict=self.strict, needs=DRIVEN)
         found = diagnose(campaign, catalogue, fmu=fmu)
         if self.pages:
             write_page(found, folder / "diagnosis.html", extras_of(campaign, found))
         return json.dumps(to_json(found.diagnosis), default=float)
 
+    def _diagnose_described(self, folder: Path) -> str:
+        read, task = described_task(folder / DESCRIPTION, self.catalogue)
+        found = run(task, read.rules)
+        if self.pages:
+            write_page(found, folder / "diagnosis.html", Extras(rules=read.rules))
+        return json.dumps(to_json(found.diagnosis), default=float)
+
+    def stamp(self, folder: Path) -> dict[str, str]:
+        """What decides the answer to a folder, its logs aside: hashes by name."""
+        if not (folder / CAMPAIGN).is_file():
+            return {"description": stamp_of(folder / DESCRIPTION, self.catalogue)}
+        return {"fmu": FmuFile.read(self.fmu).sha256, "catalogue": _catalogue_hash(self.catalogue)}
+
 
 def campaign_folders(folder: Path) -> list[Path]:
-    """The campaigns in a folder that is none itself; empty where it is one, or no folder."""
-    if not folder.is_dir() or (folder / "campaign.toml").is_file():
+    """The campaigns in a folder that is none itself: folders with a campaign.toml or a plant.toml;
+    empty where it is one, or no folder.
+    """
+    if not folder.is_dir() or any((folder / name).is_file() for name in (CAMPAIGN, DESCRIPTION)):
         return []
-    return sorted(path.parent for path in folder.glob("*/campaign.toml"))
+    return sorted({p.parent for n in (CAMPAIGN, DESCRIPTION) for p in folder.glob(f"*/{n}")})
 
 
 def diagnose_campaigns(
@@ -73,20 +94,19 @@ def diagnose_campaigns(
     scheduler: str | None = None,
     done: Callable[[str], object] | None = None,
 ) -> dict[Path, dict[str, Any]]:
-    """JSON of each campaign's diagnosis; what is on disk already, by the same FMU and catalogue, is
-    taken from there.
+    """JSON of each campaign's diagnosis; what is on disk already, by the same FMU and catalogue (or
+    the same description with all that it names), is taken from there.
 
     A campaign whose diagnosis fails, or takes its worker with it three times, has the verdict
     "failed" and a reason; nothing of it goes to disk, so that the next call tries it again.
     scheduler: address of a Dask cluster whose workers see the same folders; done: told the name of
     each campaign as it ends.
     """
-    by = {
-        "fmu": FmuFile.read(diagnoser.fmu).sha256,
-        "catalogue": _catalogue_hash(diagnoser.catalogue),
-    }
+    by = {folder: diagnoser.stamp(folder) for folder in folders}
     results = {
-        folder: found for folder in folders if (found := _on_disk(folder / RESULT, by)) is not None
+        folder: found
+        for folder in folders
+        if (found := _on_disk(folder / RESULT, by[folder])) is not None
     }
     by_name = {str(folder): folder for folder in folders if folder not in results}
     jobs = [Job(name, folder) for name, folder in by_name.items()]
@@ -95,7 +115,7 @@ def diagnose_campaigns(
         if ended.failure:
             results[folder] = FAILED | {"reason": ended.failure}
         else:
-            results[folder] = json.loads(ended.value) | {"diagnosed_by": by}
+            results[folder] = json.loads(ended.value) | {"diagnosed_by": by[folder]}
             text = json.dumps(results[folder])
             write_atomically(folder / RESULT, partial(_write, text))
         if done is not None:

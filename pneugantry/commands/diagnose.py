@@ -42,7 +42,8 @@ what it cannot excite.
   pneugantry diagnose plant.toml
       a plant of your own: FMU, logs and catalogue as that file says
   pneugantry diagnose FOLDER_OF_CAMPAIGNS
-      each one: diagnosis.json and diagnosis.html beside it; the same command goes on
+      each one (with a campaign.toml or a plant.toml): diagnosis.json and diagnosis.html beside
+      it; the same command goes on
 
 Where the verdict for a plant of your own is "unknown", the term that its equations lack is looked
 for: where it enters, of which variable, in which form. With --augmented it stands in the model."""
