@@ -102,7 +102,7 @@ def _evidence(right: Rival, wrong: Rival, record: Record, cache: Path) -> float:
     base, sigma = told[0].simulated, true.sigma
     apart = ((true.simulated - base) / sigma).ravel()
     columns = [((t.simulated - base) / sigma).ravel() for t in told[1:] if t is not None]
-    c = np.column_stack(columns)
+    c = np.array(columns).reshape(len(columns), apart.size).T
     pull = c.T @ apart
     left = float(apart @ apart - pull @ np.linalg.solve(np.eye(c.shape[1]) + c.T @ c, pull))
     return min(max(left, 0.0), LARGEST) if np.isfinite(left) else 0.0

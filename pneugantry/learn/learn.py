@@ -167,7 +167,7 @@ class _Learning:
         after = self._diagnosed(answers[0])
         accepted, why = self._judged(answers[0], after)
         kept = _main(screens), accepted, why
-        experiment = self._experiment(answers) if accepted else None
+        experiment = self._experiment(answers)
         return Learned(found, after, answers, tuple(tried), *kept, 0.0, experiment)
 
     def _screened(self, fit: Fit) -> Screen:
