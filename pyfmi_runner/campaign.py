@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from modelica_fmu.errors import InputError
 from pyfmi_runner.controller_file import is_known_controller, read_controller
 from pyfmi_runner.log import (
+    COLUMNS,
     MEASURED,
     OPTIONAL,
     PERIOD,
@@ -279,7 +280,10 @@ def _misfits(name: str, run: LoggedRun) -> Iterator[str]:
     for said in run.log.provenance.get("import", []):
         yield f"{name} {said}"
     if missing := [c for c in MEASURED if c not in run.log]:
-        yield f"{name} does not measure {', '.join(missing)}"
+        other = [str(c) for c in run.log.table.columns if c not in COLUMNS]
+        hint = "`pneugantry log init FILE` maps names and units"
+        cure = f"; column {', '.join(other)} is not known: {hint}" if other else ""
+        yield f"{name} does not measure {', '.join(missing)}{cure}"
     for axis, said, slack in (("x", run.setup.start_x, 0.01), ("z", run.setup.start_z, 0.003)):
         first = float(np.mean(run.log[axis][:10])) if axis in run.log else said
         if abs(first - said) > slack:

@@ -53,6 +53,11 @@ def test_a_log_without_actuator_forces_is_refused_unless_asked_for(tmp_path: Pat
     found = read_campaign(folder, needs=DRIVEN)
     assert measured_of(found) == tuple(c for c in MEASURED if c not in FORCES)
     assert found.notes == ["rest does not measure f_ax, f_az"]
+    table = pd.read_csv(folder / "rest.csv").rename(columns={"v_x": "Xspeed"})
+    table.to_csv(folder / "rest.csv", index=False)
+    (said,) = read_campaign(folder, needs=DRIVEN).notes
+    assert said.startswith("rest does not measure v_x, f_ax, f_az; column Xspeed is not known: ")
+    assert "`pneugantry log init FILE` maps names" in said
     alone = read_campaign(folder / "rest.csv", needs=DRIVEN)
     assert alone.logs["rest"].setup.start_x == 0.05
 
