@@ -35,7 +35,7 @@ from pneugantry.engine.sensors import PREFIX, neutral
 from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simulation
 from pneugantry.engine.views import View
 
-__all__ = ["Fit", "Fitter", "deviations"]
+__all__ = ["Fit", "Fitter", "deviations", "material"]
 
 SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
@@ -72,8 +72,7 @@ class Fit:
         falls = []
         for cell, before in base.stretches.items():
             rows = base.residuals[cell].size / len(before)
-            fall, least = before - self.stretches[cell], rules.material**2 * rows
-            falls.append(fall - np.clip(fall, -least, least))
+            falls.append(material(before - self.stretches[cell], rows, rules))
         return base.cost - self.cost + doubted(np.concatenate(falls), rules.doubt)
 
     def values(self, record: str | None) -> dict[str, float]:
@@ -425,6 +424,12 @@ class Fitter:
             parts = np.array_split(terms, max(1, len(terms) // length))
             found += [float(p.sum()) for p in parts]
         return np.array(found)
+
+
+def material(falls: Array, rows: float, rules: Rules) -> Array:
+    """Falls of -2 log likelihood by stretch, less what is immaterial in as many rows."""
+    least = rules.material**2 * rows
+    return np.asarray(falls - np.clip(falls, -least, least))
 
 
 def deviations(point: Point) -> dict[str, float]:

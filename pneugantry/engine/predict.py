@@ -8,19 +8,28 @@ under them counts whatever a fit has bent to its own records against it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from pneugantry.engine import noise
 from pneugantry.engine.descent import Parabola, Problem, Solution, Weighing, descend
-from pneugantry.engine.fitter import ROUGH, Fit, Fitter
+from pneugantry.engine.fitter import ROUGH, Fit, Fitter, material
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import Noise
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.simulation import Cell, Point
 from pneugantry.engine.views import View
 
-__all__ = ["Foretelling"]
+__all__ = ["Foretelling", "Foretold"]
+
+
+@dataclass(frozen=True, eq=False)
+class Foretold:
+    """What a record costs: -2 log likelihood by stretch, and prior with Occam's factor."""
+
+    stretches: dict[Cell, Array]
+    price: float
 
 
 class Foretelling:
@@ -29,14 +38,13 @@ class Foretelling:
     def __init__(self, fitter: Fitter, views: Sequence[View], record: Record) -> None:
         self.fitter = Fitter(fitter.plant, views, (record,), fitter.rules)
         self._noise: Noise | None = None
+        self._rows: dict[Cell, float] = {}  # of a stretch
 
     def close(self) -> None:
         self.fitter.close()
 
-    def cost(self, fit: Fit) -> dict[Cell, Array]:
-        """-2 log evidence by stretch, under noise that is the same for all fits that are asked
-        after the first; Occam's share is spread evenly over the stretches.
-        """
+    def cost(self, fit: Fit) -> Foretold:
+        """Under noise that is the same for all fits that are asked after the first."""
         sim, rules = self.fitter.simulation, self.fitter.rules
         cells = tuple(sim.cells)
         point, known = self._start(fit)
@@ -56,14 +64,19 @@ class Foretelling:
         stretches = {
             c: self.fitter.stretches(c, r, self._noise[c]) for c, r in solution.residuals.items()
         }
-        count = sum(len(s) for s in stretches.values())
-        return {c: s + (prior + occam) / count for c, s in stretches.items()}
+        self._rows = {c: r.size / len(stretches[c]) for c, r in solution.residuals.items()}
+        return Foretold(stretches, prior + occam)
 
-    def gain(self, fit: Fit, base: dict[Cell, Array]) -> float:
-        """Fall of -2 log evidence from that of another fit (`cost`), less its doubt."""
-        own = self.cost(fit)
-        falls = np.concatenate([base[c] - own[c] for c in base])
-        return noise.doubted(falls, self.fitter.rules.doubt)
+    def gain(self, fit: Fit, base: Foretold) -> float:
+        """Fall of -2 log evidence from that of another fit (`cost`), less its doubt and what is
+        immaterial.
+        """
+        own, rules = self.cost(fit), self.fitter.rules
+        falls = [
+            material(before - own.stretches[c], self._rows[c], rules)
+            for c, before in base.stretches.items()
+        ]
+        return base.price - own.price + noise.doubted(np.concatenate(falls), rules.doubt)
 
     def _start(self, fit: Fit) -> tuple[Point, Parabola]:
         """Coordinates of the record, where the fit has them, and what the fit says of them."""
