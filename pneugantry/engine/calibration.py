@@ -90,13 +90,16 @@ def log_score(cases: Iterable[Known], chances: Chances) -> float:
 
 def _of(case: Known, chances: Chances) -> float:
     among = shares(case.weighed, chances)
-    right = sum(
-        float(p)
-        for p, (keys, _) in zip(among, case.weighed, strict=True)
-        if frozenset(keys) - {UNKNOWN} == case.effects
-    )
+    pairs = list(zip(among, (frozenset(k) - {UNKNOWN} for k, _ in case.weighed), strict=True))
+    right = sum(float(p) for p, keys in pairs if keys == case.effects)
     odd = _odd(case, among, chances)
-    return math.log(max(right, LEAST)) + math.log(max(odd if case.unknown else 1 - odd, LEAST))
+    if not case.unknown:
+        return math.log(max(right, LEAST)) + math.log(max(1 - odd, LEAST))
+    if case.effects:
+        right *= chances.beside
+    else:  # whatever is named may only look like it
+        right += (1 - chances.beside) * sum(float(p) for p, keys in pairs if keys)
+    return math.log(max(right, LEAST)) + math.log(max(odd, LEAST))
 
 
 def _odd(case: Known, among: Array, chances: Chances) -> float:

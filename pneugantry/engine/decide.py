@@ -46,6 +46,7 @@ class Chances:
     unknown_at: float = 0.2  # excess (see `unknown_score`) at which unknown is as likely as not
     unknown_per: float = 0.03  # excess that makes it e times likelier
     unknown_beside: float = 0.6  # as `unknown_at`, beside an effect, whose form may be another
+    beside: float = 0.5  # share of rigs with something unknown on which what is named is there, too
     usual: Mapping[Channel, float] | None = None  # excess ratio of a sound rig's channel
     replay: float = 0.2  # excess that a replay's gap e times the usual one counts as
     strain: float = 0.1  # excess that each spread counts as by which a deviation exceeds `strained`
@@ -112,6 +113,23 @@ def unknown_probability(score: float, chances: Chances, beside: bool) -> float:
     return 1 / (1 + math.exp(min(odds, 700.0)))
 
 
+def _answers(found: Sequence[tuple[Fit, float]], unknown: float, chances: Chances) -> list[Answer]:
+    """Hypotheses without and with something unknown. What stands out beside effects may be all that
+    there is: they then only look like it.
+    """
+    answers: list[Answer] = []
+    alone, bare = 0.0, None
+    for fit, share in found:
+        both = share * unknown
+        answers.append(Answer(fit.keys, share * (1 - unknown), fit))
+        if fit.keys:
+            answers.append(Answer((*fit.keys, UNKNOWN), chances.beside * both, fit))
+            alone += (1 - chances.beside) * both
+        else:
+            alone, bare = alone + both, fit
+    return [*answers, Answer((UNKNOWN,), alone, bare)]
+
+
 def decide(
     found: Sequence[Evidence], score: float, chances: Chances, *, worse: bool = False
 ) -> Decision:
@@ -130,11 +148,7 @@ def decide(
     unknown = unknown_probability(score, chances, bool(best.keys))
     if worse:
         unknown = max(unknown, CLEAR)
-    answers: list[Answer] = []
-    for i in order:
-        fit, share = kept[int(i)].fit, float(weights[i])
-        answers.append(Answer(fit.keys, share * (1 - unknown), fit))
-        answers.append(Answer((*fit.keys, UNKNOWN), share * unknown, fit))
+    answers = _answers([(kept[int(i)].fit, float(weights[i])) for i in order], unknown, chances)
     answers.sort(key=lambda a: -a.probability)
     known = float(weights[order[0]])
     none = next((a.probability for a in answers if not a.keys), 0.0)
