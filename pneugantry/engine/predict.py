@@ -76,7 +76,11 @@ class Foretelling:
             material(before - own.stretches[c], self._rows[c], rules)
             for c, before in base.stretches.items()
         ]
-        return base.price - own.price + noise.doubted(np.concatenate(falls), rules.doubt)
+        return (
+            base.price
+            - own.price
+            + noise.doubted(np.concatenate([np.zeros(0), *falls]), rules.doubt)
+        )
 
     def _start(self, fit: Fit) -> tuple[Point, Parabola]:
         """Coordinates of the record, where the fit has them, and what the fit says of them."""
