@@ -23,7 +23,7 @@ COMMANDS = {  # name: the command, without --json
     "rootlocus_z": "pneugantry rootlocus --axis z --lag z",
     "rootlocus_x": "pneugantry rootlocus --axis z --lag x",
     "motor": "pneugantry diagnose examples/motor/plant.toml",
-    "blind_nuisance": "pneugantry blind --set nuisance --seed 87000 --cases 30",
+    "blind_nuisance": "pneugantry blind --set nuisance --seed 87060 --cases 30",
     "replay": f"pneugantry replay {NOMINAL}",
     "solver_check": "python -m benchmarks.solver_check",
     "bad_input": "python -m benchmarks.bad_input",

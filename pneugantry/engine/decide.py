@@ -34,7 +34,7 @@ __all__ = [
 
 UNKNOWN = "unknown"
 SURE = 0.5  # probability from which a verdict claims something
-CLEAR = 0.8  # probability of its hypothesis from which an answer is identified
+CLEAR = 0.8  # probability that each of its effects needs for an answer to be identified
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,10 @@ def decide(
         unknown = max(unknown, CLEAR)
     answers = _answers([(kept[int(i)].fit, float(weights[i])) for i in order], unknown, chances)
     answers.sort(key=lambda a: -a.probability)
-    known = float(weights[order[0]])
+    holding = [sum(weights[i] for i in order if k in kept[int(i)].fit.keys) for k in best.keys]
+    known = float(
+        min(holding, default=1.0)
+    )  # a further effect that may be there takes nothing away
     none = next((a.probability for a in answers if not a.keys), 0.0)
     if unknown > SURE:
         verdict = UNKNOWN

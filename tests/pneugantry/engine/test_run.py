@@ -100,6 +100,13 @@ def test_probabilities_of_all_answers_sum_to_one() -> None:
     assert found.verdict == "ambiguous"
 
 
+def test_an_effect_that_may_be_there_besides_makes_nothing_ambiguous() -> None:
+    more = fit_of(-325.0, "drag", "mass")
+    found = decide([fit_of(0.0), fit_of(-300.0, "drag"), more], 0.0, Chances())
+    assert 0.1 < sum(a.probability for a in found.answers if "mass" in a.keys) < 0.5
+    assert found.verdict == "identified"
+
+
 def test_evidence_decides_between_none_and_an_effect() -> None:
     chances = Chances()
     for gain, verdict in ((chances.entry / 3, "none"), (chances.entry * 3, "identified")):
