@@ -49,8 +49,8 @@ class Chances:
     beside: float = 0.5  # share of rigs with something unknown on which what is named is there, too
     usual: Mapping[Channel, float] | None = None  # excess ratio of a sound rig's channel
     replay: float = 0.2  # excess that a replay's gap e times the usual one counts as
-    strain: float = 0.1  # excess that each spread counts as by which a deviation exceeds `strained`
-    strained: float = 3.0  # spreads of the rig's tolerance that its largest deviation may have
+    bent: float = 0.1  # excess that each spread counts as by which a deviation exceeds `bent_from`
+    bent_from: float = 3.0  # spreads of the rig's tolerance that its largest deviation may have
     replayed: float = 1.6  # usual gap of the right answer's replay, in that of noise alone
 
 
@@ -90,7 +90,7 @@ def unknown_score(
         found.append(chances.replay * math.log(max(left, 1e-9)))
     if fit is not None and not fit.keys:
         largest = max((abs(x) for x in deviations(fit.point).values()), default=0.0)
-        found.append(chances.strain * (largest - chances.strained))
+        found.append(chances.bent * (largest - chances.bent_from))
     return max(found, default=0.0)
 
 
