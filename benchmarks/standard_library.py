@@ -5,8 +5,7 @@
 LIBRARIES: the folder that holds `Modelica` and `ModelicaServices`. FOLDER: the Modelica
 Association's reference results of that version (MAP-LIB_ReferenceResults: another tool's runs and
 the signals to compare). A model is right where every such signal stays within TOLERANCE of its
-range; what has no reference result is only compiled. Where that tool's run is inexact itself, its
-equations solved anew decide (library_solutions.py). At the start a discrete variable may have the
+range; what has no reference result is only compiled. At the start a discrete variable may have the
 value before the events of that instant or after them. Each model runs in a process of its own,
 which is stopped after LIMIT seconds of CPU time. A "~" stands beside what the FMU says of its
 start: that it is one of several.
@@ -31,7 +30,6 @@ import fmpy
 import numpy as np
 import pandas as pd
 
-from benchmarks.library_solutions import SOLUTIONS
 from benchmarks.textbook import ROUNDING, TOLERANCE, Outcome, models, size_of, without_folder
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.compiler import compile_model
@@ -49,7 +47,6 @@ POINTS = 500  # outputs of a run
 BESIDE = 2e-4  # of a run's time, one interval of the references: the tolerance in time
 LIMIT = 60  # s, CPU time of one model
 PATIENCE = 1200.0  # s, beside other work on the machine
-EXACT = 1e-5  # the same where the solution is ours
 SOON = 1e-6  # of a run's time: after the events of its start
 TIGHT = 1e-6  # the tolerance that the references were made with
 STATES = ("compiled", "right", "wrong", "unchecked", "refused", "failed")
@@ -116,17 +113,6 @@ def compared(
     return Outcome(name, state, "reference", errors[worst], said)
 
 
-def judged(name: str, t: np.ndarray, found: dict[str, np.ndarray], wanted: Signals) -> Outcome:
-    """As `compared`; where the reference is inexact, with the equations solved anew."""
-    if name not in SOLUTIONS:
-        return compared(name, t, found, wanted)
-    solved = SOLUTIONS[name](float(wanted.time[-1]))
-    exact = Signals(solved.pop("time"), solved)
-    theirs = compared(name, wanted.time, wanted.values, exact, EXACT).error
-    own = compared(name, t, found, exact, EXACT)
-    return own._replace(against="equations", said=f"{own.said} the reference is {theirs:.1e} off")
-
-
 def outputs(path: Path, stop: float, start: float, kept: Sequence[str], said: list[str]) -> Any:
     """A run's rows; `said` takes what the FMU tells of its start."""
     longest = min(1.0, max(1e-6, (stop - start) / POINTS))
@@ -166,7 +152,7 @@ def run(compiled: CompiledModel, wanted: Signals, folder: Path) -> Outcome:
     for name in jumping:  # or after the events of the start
         if wanted.values[name][0] == float(soon[name][-1]):
             found[name][0] = float(soon[name][-1])
-    made = judged(compiled.name, np.asarray(ran["time"]), found, wanted)
+    made = compared(compiled.name, np.asarray(ran["time"]), found, wanted)
     return made._replace(said=f"{made.said} ~ {said[0]}") if said else made
 
 
