@@ -17,6 +17,7 @@ from modelica_fmu.batch import Subsystem
 from modelica_fmu.errors import RunError
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.foreign import ForeignPlant, foreign_signals
+from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import NOISIEST
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
@@ -86,6 +87,7 @@ class Gap:
     by_signal: Mapping[str, tuple[float, float]]  # nominal, augmented
     spread: tuple[float, float] | None = None  # augmented gap: 5 % and 95 % of the draws
     parted: float | None = None  # s, from where on the augmented replay has left the record
+    open: float = 0.0  # RMS distance of the draws' replays from the augmented one, as the gaps
 
     @property
     def bifurcates(self) -> bool:
@@ -204,7 +206,17 @@ def gap_of(
         {n: (by[0][n], by[1][n]) for n in augmented.signals},
         None if ends is None else (float(ends[0]), float(ends[1])),
         None if at is None else (start + at) * period,
+        _apart(augmented, [r for r in others if r is not None]),
     )
+
+
+def _apart(augmented: Replay, others: Sequence[Replay]) -> float:
+    """RMS distance of replays of one record from another one of it, in quoted noise."""
+    squares = [
+        float(np.nanmean(((r.simulated - augmented.simulated) / augmented.sigma) ** 2))
+        for r in others
+    ]
+    return float(np.sqrt(np.mean(squares))) if squares else 0.0
 
 
 def _shrink(nominal: float, augmented: float, floor: float) -> float:
@@ -281,13 +293,19 @@ def values_on(fit: Fit, record: Record) -> dict[str, float]:
     return record.read(values)
 
 
-def draws(fit: Fit, record: Record, count: int = DRAWS) -> list[dict[str, float]]:
-    """Values on a record as the fit leaves them open: draws from its normal distribution."""
+def draws(
+    fit: Fit, record: Record, count: int = DRAWS, unseen: Sequence[Coordinate] = ()
+) -> list[dict[str, float]]:
+    """Values on a record as the fit leaves them open: draws from its normal distribution. unseen:
+    coordinates that no fitted record shows, drawn from their priors.
+    """
     size = len(fit.point.theta)
-    normal = np.random.default_rng(0).standard_normal((count, size))
+    normal = np.random.default_rng(0).standard_normal((count, size + len(unseen)))
     level, vectors = np.linalg.eigh(fit.covariance)
-    moves = normal @ (vectors * np.sqrt(np.maximum(level, 0.0))).T
-    return [
-        values_on(replace(fit, point=fit.point.moved(fit.point.theta + move)), record)
-        for move in moves
-    ]
+    moves = normal[:, :size] @ (vectors * np.sqrt(np.maximum(level, 0.0))).T
+    found = []
+    for move, own in zip(moves, normal[:, size:], strict=True):
+        moved = replace(fit, point=fit.point.moved(fit.point.theta + move))
+        free = {c.parameter: c.value(float(z) * c.spread) for c, z in zip(unseen, own, strict=True)}
+        found.append({**free, **values_on(moved, record)})
+    return found

@@ -79,14 +79,15 @@ def unknown_score(
 ) -> float:
     """How far the channel that stands out most does so: log of its ratio to the usual one. Or how
     far the replay of a record that no fit saw does, under the luckiest of the values that the fit
-    leaves open, where it hangs on no event that was missed. Or how far beyond tolerance a fit
-    without effects has bent a parameter (beside an effect it may be the effect's other side).
+    leaves open and beyond how far these differ, where it hangs on no event that was missed. Or how
+    far beyond tolerance a fit without effects has bent a parameter (beside an effect it may be the
+    effect's other side).
     """
     usual = chances.usual or {}
     found = [math.log(max(excess.ratio(c), 1e-9) / usual.get(c, 1.0)) for c in excess.whole]
     if gap is not None and gap.parted is None and not gap.bifurcates:
         least = min(gap.augmented, gap.spread[0] if gap.spread else gap.augmented)
-        left = least / max(gap.floor, 1e-9) / chances.replayed
+        left = least / math.hypot(max(gap.floor, 1e-9), gap.open) / chances.replayed
         found.append(chances.replay * math.log(max(left, 1e-9)))
     if fit is not None and not fit.keys:
         largest = max((abs(x) for x in deviations(fit.point).values()), default=0.0)

@@ -151,6 +151,13 @@ class Fitter:
                     made.append(nuisance_coordinate(n, record.parameters[n.parameter], name))
         return made
 
+    def unseen(self, fit: Fit) -> list[Coordinate]:
+        """Of what every rig has off and no record shows: it keeps its prior."""
+        known = {c.parameter for c in fit.point.coordinates}
+        left = [n for n in self.plant.nuisances if not n.per_record and n.parameter not in known]
+        made = [nuisance_coordinate(n, self.neutral(n.parameter), None) for n in left]
+        return [replace(c, spread=fit.scale) if c.scales else c for c in made]
+
     # -- fits
 
     def null(self) -> Fit:

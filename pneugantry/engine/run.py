@@ -216,7 +216,8 @@ def _worse(gap: Gap, plain: Replay | None) -> bool:
 
 def _confirmed(fitter: Fitter, task: Task, null: Fit, fit: Fit) -> _Confirmed:
     record = task.data.held_out or task.data.fitted[-1]
-    own = [{}, values_on(fit, record), values_on(null, record), *draws(fit, record)]
+    drawn = draws(fit, record, unseen=fitter.unseen(fit))
+    own = [{}, values_on(fit, record), values_on(null, record), *drawn]
     try:
         nominal, augmented, plain, *others = replays(task.plant, record, own, task.cache)
     except RunError as error:
