@@ -35,7 +35,7 @@ from pneugantry.engine.sensors import PREFIX, neutral
 from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simulation
 from pneugantry.engine.views import View
 
-__all__ = ["Fit", "Fitter", "deviations", "material"]
+__all__ = ["Fit", "Fitter", "deviations", "fallen"]
 
 SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
@@ -69,11 +69,8 @@ class Fit:
         """Fall of -2 log evidence from `base` to here, that of the likelihood `doubted`: changes
         of a stretch that are immaterial count as none.
         """
-        falls = []
-        for cell, before in base.stretches.items():
-            rows = base.residuals[cell].size / len(before)
-            falls.append(material(before - self.stretches[cell], rows, rules))
-        return base.cost - self.cost + doubted(np.concatenate(falls), rules.doubt)
+        sizes = {c: base.residuals[c].size for c in base.stretches}
+        return base.cost - self.cost + fallen(base.stretches, self.stretches, sizes, rules)
 
     def values(self, record: str | None) -> dict[str, float]:
         """Parameters of a record; None: those of no record in particular."""
@@ -433,10 +430,20 @@ class Fitter:
         return np.array(found)
 
 
-def material(falls: Array, rows: float, rules: Rules) -> Array:
-    """Falls of -2 log likelihood by stretch, less what is immaterial in as many rows."""
-    least = rules.material**2 * rows
-    return np.asarray(falls - np.clip(falls, -least, least))
+def fallen(
+    before: Mapping[Cell, Array],
+    after: Mapping[Cell, Array],
+    sizes: Mapping[Cell, int],
+    rules: Rules,
+) -> float:
+    """Fall of -2 log likelihood by stretch, less its doubt and what is immaterial in as many rows.
+    sizes: values in each cell's residual.
+    """
+    falls = [np.zeros(0)]
+    for cell, cost in before.items():
+        fall, least = cost - after[cell], rules.material**2 * sizes[cell] / len(cost)
+        falls.append(fall - np.clip(fall, -least, least))
+    return doubted(np.concatenate(falls), rules.doubt)
 
 
 def deviations(point: Point) -> dict[str, float]:

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneugantry.engine import noise
 from pneugantry.engine.descent import Parabola, Problem, Solution, Weighing, descend
-from pneugantry.engine.fitter import ROUGH, Fit, Fitter, material
+from pneugantry.engine.fitter import ROUGH, Fit, Fitter, fallen
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import Noise
 from pneugantry.engine.plant import Array, Record
@@ -29,6 +28,7 @@ class Foretold:
     """What a record costs: -2 log likelihood by stretch, and prior with Occam's factor."""
 
     stretches: dict[Cell, Array]
+    sizes: dict[Cell, int]  # values in each cell's residual
     price: float
 
 
@@ -38,7 +38,6 @@ class Foretelling:
     def __init__(self, fitter: Fitter, views: Sequence[View], record: Record) -> None:
         self.fitter = Fitter(fitter.plant, views, (record,), fitter.rules)
         self._noise: Noise | None = None
-        self._rows: dict[Cell, float] = {}  # of a stretch
 
     def close(self) -> None:
         self.fitter.close()
@@ -64,23 +63,15 @@ class Foretelling:
         stretches = {
             c: self.fitter.stretches(c, r, self._noise[c]) for c, r in solution.residuals.items()
         }
-        self._rows = {c: r.size / len(stretches[c]) for c, r in solution.residuals.items()}
-        return Foretold(stretches, prior + occam)
+        sizes = {c: r.size for c, r in solution.residuals.items()}
+        return Foretold(stretches, sizes, prior + occam)
 
     def gain(self, fit: Fit, base: Foretold) -> float:
         """Fall of -2 log evidence from that of another fit (`cost`), less its doubt and what is
         immaterial.
         """
         own, rules = self.cost(fit), self.fitter.rules
-        falls = [
-            material(before - own.stretches[c], self._rows[c], rules)
-            for c, before in base.stretches.items()
-        ]
-        return (
-            base.price
-            - own.price
-            + noise.doubted(np.concatenate([np.zeros(0), *falls]), rules.doubt)
-        )
+        return base.price - own.price + fallen(base.stretches, own.stretches, base.sizes, rules)
 
     def _start(self, fit: Fit) -> tuple[Point, Parabola]:
         """Coordinates of the record, where the fit has them, and what the fit says of them."""

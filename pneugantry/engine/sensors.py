@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.smooth import savgol
 
-__all__ = ["PREFIX", "neutral", "sensed", "signal_of", "true_signal"]
+__all__ = ["PREFIX", "neutral", "sensed", "shifted", "signal_of", "true_signal"]
 
 PREFIX = "sensors."
 SLOPE = 9  # rows over which a slope is taken
@@ -45,7 +45,7 @@ def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]
         keep = np.exp(-record.period / lag)
         result = lfilter([0.0, 1 - keep], [1.0, -keep], result, zi=[result[0]])[0]
     if delay := own.get("delay", 0.0):
-        result = _shifted(result, delay / record.period)
+        result = shifted(result, delay / record.period)
     if drift := own.get("drift", 0.0):
         result = result + drift * record.period * np.arange(len(result))
     if curve := own.get("curve", 0.0):
@@ -67,7 +67,7 @@ def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Arr
     if drift := own.get("drift", 0.0):
         result = result - drift * record.period * np.arange(len(result))
     if delay := own.get("delay", 0.0):
-        result = _shifted(result, -delay / record.period)
+        result = shifted(result, -delay / record.period)
     if lag := own.get("lag", 0.0):
         result = result + lag * slope(result, record.period)
     for key, share in own.items():
@@ -86,7 +86,8 @@ def _own(signal: str, values: Mapping[str, float]) -> dict[str, float]:
     return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
 
 
-def _shifted(values: Array, rows: float) -> Array:
+def shifted(values: Array, rows: float) -> Array:
+    """Values (N,) some rows later, or earlier; the last known ones at the ends."""
     at = np.arange(len(values))
     return np.interp(at - rows, at, values)
 

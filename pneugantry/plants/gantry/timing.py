@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.sensors import shifted
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.campaign import LoggedRun
 from pyfmi_runner.log import PERIOD
@@ -61,11 +62,4 @@ class ControllerView:
 
 def _late(values: Array, rows: float) -> Array:
     """Values (N, channels) some rows later, the first one until then; between rows a mixture."""
-    if rows == 0.0:
-        return values
-    at = np.maximum(np.arange(len(values)) - rows, 0.0)
-    low = at.astype(int)
-    high = np.minimum(low + 1, len(values) - 1)
-    share = (at - low)[:, None]
-    mixed = (1 - share) * values[low] + share * values[high]
-    return np.asarray(np.where(share > 0, mixed, values[low]))
+    return np.column_stack([shifted(channel, rows) for channel in values.T]) if rows else values
