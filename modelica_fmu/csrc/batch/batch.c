@@ -1,8 +1,8 @@
 /* Many runs of a model over one record, in one call: parameters differ from run to run, inputs and corrections are shared.
  *
- * Row k holds the values at k * period. Between rows the inputs are held, each for one of n_parts equal parts of the row. Outputs are read at the rows; then a state may be drawn
- * towards a measured value by a fixed share (an observer): outputs are predictions. Calls are independent: several threads may run at
- * once.
+ * Row k holds the values at k * period. Between rows the inputs are held, each for one of n_parts equal parts of the row. Outputs are
+ * read at the rows; then a state may be drawn towards a measured value by a fixed share (an observer): outputs are predictions. Calls
+ * are independent: several threads may run at once.
  */
 #include "core.c" /* in one piece with the driver: a row is short, and calls would be half of it */
 #include <math.h>
@@ -54,6 +54,12 @@ static int sound(const Batch *b, const double *row) {
         if (!(row[i] >= v->min && row[i] <= v->max && isfinite(row[i]))) return 0;
     }
     return 1;
+}
+
+static int sound_row(const Batch *b, size_t k) {
+    int good = sound(b, b->at + k * b->n_inputs);
+    for (size_t j = 0; good && j < b->n_parts; j++) good = sound(b, b->over + (k * b->n_parts + j) * b->n_inputs);
+    return good;
 }
 
 /* Inputs that are sound; of those that are no numbers (a clamp) a change may bring an event. */
@@ -138,12 +144,7 @@ static int planned(const Batch *b, Plan *plan) {
     for (size_t i = 0; i < b->n_outputs; i++) plan->plain &= model_variables[b->outputs[i]].kind == VK_STATE;
     for (size_t i = 0; i < b->n_inputs; i++) plan->place[i] = model_variables[b->inputs[i]].index;
     plan->rows = 0;
-    for (int good = 1; plan->rows < b->n_rows; plan->rows++) {
-        const size_t first = plan->rows * b->n_parts;
-        good = sound(b, b->at + plan->rows * b->n_inputs);
-        for (size_t j = 0; good && j < b->n_parts; j++) good = sound(b, b->over + (first + j) * b->n_inputs);
-        if (!good) break;
-    }
+    while (plan->rows < b->n_rows && sound_row(b, plan->rows)) plan->rows++;
     return 1;
 }
 
