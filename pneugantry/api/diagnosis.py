@@ -218,6 +218,9 @@ def diagnose_change(
     described = [
         isinstance(s, str | Path) and is_plant_description(Path(s)) for s in (before, after)
     ]
+    if isinstance(after, str | Path) and not Path(after).exists():
+        hint = "name a campaign's folder or a plant's description"
+        raise InputError("there is no such campaign", file=Path(after), field="--after", hint=hint)
     if described[0] != described[1]:
         hint = "give two campaigns of the gantry, or two descriptions of one plant"
         raise InputError("is of another kind than the campaign before", field="--after", hint=hint)
