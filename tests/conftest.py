@@ -37,6 +37,12 @@ def keeps_to_schema() -> Callable[[dict[str, Any]], None]:
     return _keeps_to_schema
 
 
+@pytest.fixture(autouse=True)
+def no_line_for_a_stage_that_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a command says on standard error does not depend on how fast this machine is."""
+    monkeypatch.setattr("pneugantry.progress.REFRESH", 3600.0)
+
+
 def group(path: Path) -> str | None:
     """Name of the group of a file's tests; None: each goes by itself."""
     name = path.relative_to(HERE).as_posix()
