@@ -28,7 +28,8 @@ import numpy as np
 
 from benchmarks.stiff import Counted
 from modelica_fmu.compiler import compile_model
-from pyfmi_runner.build import CACHE_VARIABLE, build_fmu, default_model
+from pyfmi_runner.build import build_fmu, default_model
+from pyfmi_runner.cache import CACHE_VARIABLE
 from pyfmi_runner.campaign import LogSetup
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import PERIOD, SIGMA

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numba import njit
 from numpy.typing import NDArray
 
 from controllers.interface import Reference, Sense
@@ -26,6 +25,7 @@ from pyfmi_runner.compiled_loop import FMI_WARNING, native_values
 from pyfmi_runner.controller_file import controller_of, is_known_controller
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA, Log
+from pyfmi_runner.machine_code import kept
 from pyfmi_runner.native import call_step
 from pyfmi_runner.plant import PROFILE, own_profile, plant_parameters
 from pyfmi_runner.sensors import noise_rows
@@ -230,7 +230,7 @@ class BlockReplayer:
         return result
 
 
-@njit(nogil=True)
+@kept
 def _drive(wiring, input_refs, output_refs, values, period, result):  # type: ignore[no-untyped-def]
     component, set_real, get_real, do_step = wiring
     for k in range(len(values)):
@@ -310,7 +310,6 @@ _LOOPS: dict[Any, Callable[..., None]] = {}
 def _controller_loop(kernel: Callable[..., Any]) -> Callable[..., None]:
     if kernel not in _LOOPS:
 
-        @njit(nogil=True)
         def loop(params, state, measured, span, wanted, commands):  # type: ignore[no-untyped-def]
             contact, contour, end = span
             f_nd, v_td = wanted
@@ -322,7 +321,7 @@ def _controller_loop(kernel: Callable[..., Any]) -> Callable[..., None]:
                 )
                 commands[k, 0], commands[k, 1] = command.u_x, command.u_z
 
-        _LOOPS[kernel] = loop
+        _LOOPS[kernel] = kept(loop, kernel)
     return _LOOPS[kernel]
 
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-from platformdirs import user_cache_path
 
 from modelica_fmu import (
     PLAIN,
@@ -22,6 +19,7 @@ from modelica_fmu import (
 )
 from modelica_fmu.description import FmiVersion
 from modelica_fmu.errors import InputError
+from pyfmi_runner.cache import cache_folder
 from pyfmi_runner.plant import DEFAULT_CLASS
 
 if TYPE_CHECKING:
@@ -40,19 +38,12 @@ HERE = Path(__file__).resolve().parents[1]  # of the checkout, or site-packages
 CONTROLLERS = HERE / "controllers"
 EXPORT = Path(__file__).parent / "export"
 TOOL = "PneuGantry"  # what the FMUs say made them
-CACHE_VARIABLE = "PNEUGANTRY_CACHE"
 
 
 def default_model() -> Path:
     """The gantry's Modelica file: in the installed package, or in the checkout's `models/`."""
     packaged = HERE / "pneugantry" / "models" / "PneuGantry.mo"
     return packaged if packaged.is_file() else HERE / "models" / "PneuGantry.mo"
-
-
-def cache_folder() -> Path:
-    """Where FMUs go that nobody asked for by name: $PNEUGANTRY_CACHE, or the user's cache."""
-    named = os.environ.get(CACHE_VARIABLE)
-    return Path(named) if named else user_cache_path("pneugantry")
 
 
 def build_fmu(

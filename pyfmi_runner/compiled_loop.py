@@ -10,7 +10,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numba.core.errors import NumbaError
 from numba.extending import register_jitable
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from controllers.interface import Command, Controller, Reference, Sense
 from modelica_fmu.errors import InputError
 from pyfmi_runner.fmu import FmuSession
 from pyfmi_runner.loop import MICROSECOND, Progress, Rows
+from pyfmi_runner.machine_code import kept
 from pyfmi_runner.native import call_step, call_values
 from pyfmi_runner.plan import APPROACH, RETREAT, Plan
 from pyfmi_runner.plant import CLAMPS, COMMANDS, MANUAL, OUTPUTS, PROFILE
@@ -232,12 +232,9 @@ def _step(wiring, now, until):  # type: ignore[no-untyped-def]
 
 @lru_cache(maxsize=64)
 def _loop_for(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """The loop with a controller's kernel compiled in. Not cached on disk: a kernel's own file may
-    change.
-    """
+    """The loop with a controller's kernel compiled in."""
     control = _control_with(kernel)
 
-    @njit(nogil=True)
     def loop(wiring, course, models, carry, records, span):  # type: ignore[no-untyped-def]
         one, two, four, outputs = np.empty(1), np.empty(2), np.empty(4), np.empty(9)
         state, sensor_state, acting, acted = carry
@@ -274,7 +271,7 @@ def _loop_for(kernel: Callable[..., Any]) -> Callable[..., Any]:
                 break
         return status, done, now, Carry(state, sensor_state, acting, acted)
 
-    return loop  # type: ignore[no-any-return]
+    return kept(loop, kernel)
 
 
 @register_jitable

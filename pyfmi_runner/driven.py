@@ -12,11 +12,11 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from modelica_fmu.errors import InputError, RunError
 from pyfmi_runner.fmu import FmuFile, FmuSession, FmuVariable
+from pyfmi_runner.machine_code import kept
 from pyfmi_runner.native import call_step, call_step_3, call_values, call_values_3
 
 __all__ = ["DrivenFmu"]
@@ -193,7 +193,7 @@ def _table(
     return np.array(found, dtype=np.uint64).reshape(-1, 5), kept, known
 
 
-@njit(nogil=True, cache=True)
+@kept
 def _pass(three, component, table, row):  # type: ignore[no-untyped-def]
     """Sets or gets one row of all types."""
     status = 0
@@ -208,7 +208,7 @@ def _pass(three, component, table, row):  # type: ignore[no-untyped-def]
     return status
 
 
-@njit(nogil=True, cache=True)
+@kept
 def _steps(calls, tables, clock, flags):  # type: ignore[no-untyped-def]
     """Status, and the rows that were read."""
     three, component, do_step = calls

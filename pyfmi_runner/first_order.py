@@ -5,15 +5,16 @@ import takes longer than they do.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pyfmi_runner.machine_code import kept
 
 __all__ = ["first_order"]
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
+@kept
 def first_order(values: Array, gain: float, fade: float) -> Array:
     """y[k] = fade * y[k-1] + gain * values[k], y[-1] = 0; shape (n,)."""
     result = np.empty(len(values))

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from modelica_fmu.errors import RunError
@@ -17,6 +16,7 @@ from pyfmi_runner.campaign import LoggedRun, LogSetup
 from pyfmi_runner.compiled_loop import FMI_WARNING, native_values
 from pyfmi_runner.fmu import FmuFile, FmuSession
 from pyfmi_runner.log import MEASURED, PERIOD, SIGMA
+from pyfmi_runner.machine_code import kept
 from pyfmi_runner.native import call_step
 from pyfmi_runner.plant import (
     CLAMPS,
@@ -119,7 +119,7 @@ class Replayer:
         return outputs
 
 
-@njit(nogil=True, cache=True)
+@kept
 def _replay(wiring, commands, clamps, edge, clock, outputs):  # type: ignore[no-untyped-def]
     (
         (component, set_real, set_boolean, get_real, do_step),

@@ -8,8 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pyfmi_runner.machine_code import kept
 
 __all__ = ["Smoothed", "smooth_axis"]
 
@@ -24,7 +25,7 @@ class Smoothed(NamedTuple):
     sigma: float  # m, standard deviation of the smoothed position in the middle of a log
 
 
-@njit(cache=True)
+@kept
 def _filter(s: Array, v: Array, dt: float, q: float, r: float) -> tuple[Array, Array, Array]:
     """Kalman filter of s' = v with measured v as input (noise variance q per step), then
     Rauch-Tung-Striebel backwards.
