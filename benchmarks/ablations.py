@@ -30,7 +30,7 @@ VARIANTS: Mapping[str, Rules] = {
     "one effect at most": replace(Rules(), rounds=1),
     "gains not doubted": replace(Rules(), doubt=0.0),
     "one form for each effect": replace(Rules(), reformed=0),
-    "most promising effect alone": replace(Rules(), screened=1, finalists=1),
+    "best screened effect alone": replace(Rules(), screened=1, finalists=1),
     "noise without heavy tails": replace(Rules(), tails=1e6),
     "no observer": replace(Rules(), observer=1e6),
 }

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import logging
 import sys
-from collections.abc import Iterator
+from contextlib import AbstractContextManager
+
+from pneugantry.listening import logged
 
 __all__ = ["build_told"]
 
@@ -13,32 +13,18 @@ COMPILER = "modelica_fmu"  # its logger says "equations of NAME" when a build be
 BEGINS = "equations of "
 
 
-class _Teller(logging.Handler):
-    """A line on standard error for each model that is built, once."""
+def build_told(command: str) -> AbstractContextManager[None]:
+    """`with build_told("run"): ...`: whoever waits for a command is told that it builds first, a
+    line on standard error for each model, once.
+    """
+    told: set[str] = set()
 
-    def __init__(self, command: str) -> None:
-        super().__init__(logging.INFO)
-        self.command, self.told = command, set[str]()
-
-    def emit(self, record: logging.LogRecord) -> None:
-        said = record.getMessage()
-        if not said.startswith(BEGINS) or said in self.told:
+    def tell(said: str) -> None:
+        if not said.startswith(BEGINS) or said in told:
             return
-        self.told.add(said)
+        told.add(said)
         clear = "\r\x1b[K" if sys.stderr.isatty() else ""  # of a stage's line
         model = said.removeprefix(BEGINS)
-        print(f"{clear}{self.command}: building the FMU {model}, once", file=sys.stderr, flush=True)
+        print(f"{clear}{command}: building the FMU {model}, once", file=sys.stderr, flush=True)
 
-
-@contextlib.contextmanager
-def build_told(command: str) -> Iterator[None]:
-    """`with build_told("run"): ...`: whoever waits for a command is told that it builds first."""
-    logger, handler = logging.getLogger(COMPILER), _Teller(command)
-    level = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
-        logger.removeHandler(handler)
+    return logged(COMPILER, tell)

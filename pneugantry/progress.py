@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import logging
 import math
 import statistics
 import sys
@@ -21,7 +20,7 @@ from modelica_fmu.files import write_atomically
 from pyfmi_runner.build import cache_folder
 from pyfmi_runner.loop import Progress
 
-__all__ = ["Stages", "bar", "counter", "logged", "loop_progress"]
+__all__ = ["Stages", "bar", "counter", "loop_progress"]
 
 T = TypeVar("T")
 REFRESH = 1.0  # s, between two drawings of a stage's line
@@ -90,33 +89,6 @@ def loop_progress(what: str) -> Progress:
         return True
 
     return report
-
-
-class _Told(logging.Handler):
-    """Hands messages on."""
-
-    def __init__(self, say: Callable[[str], None]) -> None:
-        super().__init__(logging.INFO)
-        self.say = say
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self.say(record.getMessage())
-
-
-@contextlib.contextmanager
-def logged(name: str, say: Callable[[str], None]) -> Iterator[None]:
-    """`with logged("modelica_fmu", say): ...`: what the loggers below that name say, told to `say`;
-    for libraries that know nothing of a terminal.
-    """
-    logger, handler = logging.getLogger(name), _Told(say)
-    level = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
-        logger.removeHandler(handler)
 
 
 class Watch:

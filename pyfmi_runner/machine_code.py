@@ -64,8 +64,11 @@ def kept(function: Callable[..., Any], *parts: Callable[..., Any]) -> Callable[.
     """`function` compiled without the interpreter's lock, its machine code kept on disk.
 
     parts: what is compiled into it from elsewhere. Nothing is kept with a part of another package
-    (a user's controller): its file, or one that it imports, may change.
+    (a user's controller): its file, or one that it imports, may change. The parts are in the name
+    that it is kept by: numba numbers what it keeps under one name, and two processes that do so at
+    once may give one number to two kernels.
     """
+    function.__qualname__ = "-".join([function.__qualname__, *(p.__qualname__ for p in parts)])
     own = all(part.__module__.split(".")[0] in PACKAGES for part in parts)
     with _ONE_AT_A_TIME:
         before = SETTINGS.CACHE_LOCATOR_CLASSES

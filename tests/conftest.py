@@ -2,7 +2,7 @@
 
 On several cores (`make test`, `--dist loadgroup`) a file is one group, so that what its tests share
 is made once. What kills processes or measures time is one group of its own: such tests never run
-beside one another. Pages and notebooks share nothing and are dealt out one by one.
+beside one another. Pages and notebooks share nothing and are dealt out one by one, last.
 """
 
 import json
@@ -43,18 +43,25 @@ def no_line_for_a_stage_that_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pneugantry.progress.REFRESH", 3600.0)
 
 
-def group(path: Path) -> str | None:
-    """Name of the group of a file's tests; None: each goes by itself."""
-    name = path.relative_to(HERE).as_posix()
+def group(test: str) -> str:
+    """What is dealt out whole, by a test's id (FILE::NAME, from the root or from here)."""
+    name = test.split("::")[0].removeprefix("tests/")
     if name in SINGLE:
-        return None
+        return test
     return "processes and time" if name in ALONE else name
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if not config.pluginmanager.hasplugin("xdist"):
-        return
-    for item in items:
-        name = group(item.path)
-        if name is not None and item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(name))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Deals out groups. Not by marks: pytest 9.2 drops what xdist 3.8 writes into a test's id, and
+    every test went its own way, its file's fixtures made once for each worker.
+    """
+    if config.getvalue("dist") != "loadgroup":
+        return None
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Groups(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return group(nodeid)
+
+    return Groups(config, log)

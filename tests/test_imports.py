@@ -30,7 +30,8 @@ ALLOWED = {
     },
     "pneugantry.jobs": {"modelica_fmu"},
     "pneugantry.progress": {"modelica_fmu", "pyfmi_runner"},
-    "pneugantry.building": set(),
+    "pneugantry.listening": set(),
+    "pneugantry.building": {"pneugantry.listening"},
 }
 LEFT = {*ALLOWED, "pneugantry.jobs"}
 ALLOWED |= {

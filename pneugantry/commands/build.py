@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.toolchain import PLATFORMS
+from pneugantry.listening import logged
 from pneugantry.options import out_folder
-from pneugantry.progress import Stages, logged
+from pneugantry.progress import Stages
 from pyfmi_runner.plant import DEFAULT_CLASS
 
 HELP = """Compile a Modelica class, or a controller, to an FMU (co-simulation and model exchange

@@ -9,8 +9,9 @@ from typing import Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.api.presets import PRESETS
+from pneugantry.listening import logged
 from pneugantry.options import log_target, picture_target
-from pneugantry.progress import Stages, logged
+from pneugantry.progress import Stages
 from pyfmi_runner.workpiece import WORKPIECES
 
 HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of f_n and v_t over

@@ -11,6 +11,7 @@ from numba import njit
 
 from pneugantry.truth.controller import control
 from pneugantry.truth.integrate import Accuracy, Solver, advance, solver_of
+from pneugantry.truth.kept import kept
 from pneugantry.truth.parameters import Record
 from pneugantry.truth.plant import MODES, STATES, TOUCH, WIDTH, Acting, Plant, load
 from pneugantry.truth.sensors import Chain, Luck, memory, sense
@@ -122,7 +123,7 @@ def read(y: np.ndarray, modes: np.ndarray, plant: Plant, true: np.ndarray) -> No
     true[4], true[5], true[6], true[7] = f.f_x, f.f_z, y[2], y[WIDTH + 2]
 
 
-@njit
+@kept
 def run_loop(
     task: Task, luck: Luck, sensor: np.ndarray, timing: np.ndarray, accuracy: Accuracy, plant: Plant
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:

@@ -32,6 +32,7 @@ SAY = {  # a pattern that must not appear: what to say in its place
     r"\bclass Bench\b|\bpneugantry bench\b": "benchmark",
     r"\bresembles\b": "nearest surrogate",
     r"\b_?(?:diagnose|write|is)_own\w*|\bown_(?:task|plant|controller)\b": "described, user",
+    r"\bpromis(?:es|ed|ing)\b": "predicted, gain by the score test",
     r"\bprospects?\b|\bleaders?\b": "candidate, top candidate",
 }
 

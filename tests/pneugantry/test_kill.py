@@ -1,5 +1,5 @@
 """kill -9 at any moment: what stands at a final path is whole, what was killed is run again; for
-`sweep`: tests/benchmarks/test_sweep.py.
+`sweep`: tests/pneugantry/studies/test_sweep.py.
 """
 
 from __future__ import annotations

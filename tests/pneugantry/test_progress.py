@@ -11,7 +11,8 @@ import pytest
 import pneugantry as pg
 from modelica_fmu import Target
 from pneugantry.building import build_told
-from pneugantry.progress import PAUSE, Stages, Watch, logged
+from pneugantry.listening import logged
+from pneugantry.progress import PAUSE, Stages, Watch
 from pyfmi_runner.build import build_controller_fmu
 
 

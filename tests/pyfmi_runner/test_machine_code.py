@@ -52,6 +52,19 @@ def test_machine_code_is_made_once(folder: Path, monkeypatch: pytest.MonkeyPatch
     assert list((folder / "cache" / "machine_code").rglob("*.nbc"))
 
 
+def test_each_part_has_an_index_of_its_own(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two processes that write to one index at once may mix up what they keep."""
+
+    @register_jitable
+    def doubled(x):  # type: ignore[no-untyped-def]
+        return x + x
+
+    own(monkeypatch)
+    monkeypatch.setattr(doubled, "__module__", "controllers.doubled")
+    assert (hits(), hits(doubled), hits(), hits(doubled)) == (0, 0, 1, 1)
+    assert len(list(folder.rglob("*.nbi"))) == 2
+
+
 @pytest.mark.parametrize("change", ["text", "name", "more"])
 def test_a_source_that_changes_makes_it_anew(
     change: str, folder: Path, monkeypatch: pytest.MonkeyPatch

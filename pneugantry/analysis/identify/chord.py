@@ -1,8 +1,8 @@
 """Least squares over replayed logs by Gauss-Newton steps with a kept Jacobian (chord method).
 
 A Jacobian costs ten to forty replays of a log, a residual one. Near the answer the derivatives
-hardly change, so they are taken again only where the steps no longer do what they promise. Every
-log adds up its own normal equations, so no matrix of all logs is ever factorised.
+hardly change, so they are taken again only where a step no longer brings the fall that was
+predicted. Every log adds up its own normal equations, so no matrix of all logs is ever factorised.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from pneugantry.analysis.identify.replayed import Plants, ReplayedLog
 __all__ = ["Found", "Goal", "Prior", "descend"]
 
 Array = NDArray[np.float64]
-KEPT = 0.25  # share of a promised fall that a step must bring for the Jacobian to serve on
-SLOW = 0.1  # share of a promised fall that may be promised once more by the same Jacobian
+KEPT = 0.25  # share of the predicted fall that a step must bring for the Jacobian to serve on
+SLOW = 0.1  # share of the predicted fall that may be predicted once more by the same Jacobian
 DAMPING = 1e-3  # of the curvature's diagonal, where a step of a fresh Jacobian brings nothing
 DAMPINGS = 6  # each ten times the one before
 CHORDS = 8  # steps with one Jacobian, at most
@@ -32,14 +32,14 @@ class Goal:
     standard deviation.
     """
 
-    share: float  # of the sum of squares that may still be promised to fall
+    share: float  # of the sum of squares, by which a further step may be predicted to fall
     fall: float  # of it, in addition
     jacobians: int  # at most
     central: bool = False
     near: float = math.inf  # standard deviations from where the last Jacobian was taken, at most
 
-    def reached(self, promised: float, square: float) -> bool:
-        return promised <= self.share * square + self.fall
+    def reached(self, predicted: float, square: float) -> bool:
+        return predicted <= self.share * square + self.fall
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +102,8 @@ class _Sums:
         step[free] = -np.linalg.solve(matrix, gradient[free] / scale) / scale
         return np.asarray(np.clip(here.theta + step, low, high) - here.theta)
 
-    def promise(self, here: _Here, step: Array) -> float:
-        """Fall of the sum of squares that the straight model promises."""
+    def predicted_fall(self, here: _Here, step: Array) -> float:
+        """Fall of the sum of squares that the straight model predicts."""
         return float(-2 * here.gradient @ step - step @ self._curvature @ step)
 
     def between(self, theta: Array, other: Array) -> float:
@@ -131,17 +131,17 @@ def _chords(sums: _Sums, start: Found, goal: Goal) -> tuple[Found, bool]:
     here = sums.here(start.theta)
     for k in range(CHORDS):
         step = sums.step(here)
-        promised = sums.promise(here, step)
-        if goal.reached(promised, here.square):
+        predicted = sums.predicted_fall(here, step)
+        if goal.reached(predicted, here.square):
             return Found(here.theta, sums.at), True
         there = sums.here(here.theta + step)
-        if here.square - there.square < KEPT * promised:
+        if here.square - there.square < KEPT * predicted:
             if k == 0 and start.fresh:
                 return _damped(sums, here)
             better = there if there.square < here.square else here
             return Found(better.theta, sums.at), False
-        here, left = there, sums.promise(there, sums.step(there))
-        if left > SLOW * promised and not goal.reached(left, here.square):
+        here, left = there, sums.predicted_fall(there, sums.step(there))
+        if left > SLOW * predicted and not goal.reached(left, here.square):
             break
     return Found(here.theta, sums.at), False
 
@@ -152,7 +152,7 @@ def _damped(sums: _Sums, here: _Here) -> tuple[Found, bool]:
     for _ in range(DAMPINGS):
         step = sums.step(here, damping)
         there = sums.here(here.theta + step)
-        if here.square - there.square >= KEPT * sums.promise(here, step):
+        if here.square - there.square >= KEPT * sums.predicted_fall(here, step):
             return Found(there.theta, sums.at), False
         damping *= 10
     return Found(here.theta, sums.at), True

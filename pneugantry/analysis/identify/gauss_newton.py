@@ -14,7 +14,7 @@ __all__ = ["Minimum", "least_squares"]
 
 Array = NDArray[np.float64]
 DIFFERENCE = 1e-7  # of a parameter's scale
-SMALL = 1e-9  # promised fall of the sum of squares, relative, at which it ends
+SMALL = 1e-9  # predicted fall of the sum of squares, relative, at which it ends
 STEPS, DAMPINGS = 40, 12
 
 

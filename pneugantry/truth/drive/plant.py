@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from pneugantry.truth.kept import kept
+
 Record = Any
 CHANNELS = ("i", "omega", "q")
 SIGMA = np.array([0.02, 0.3, 2e-3])  # A, rad/s, rad; RMS, quoted
@@ -166,7 +168,7 @@ def step(p: Record, y: np.ndarray, u: float, h: float, k: np.ndarray) -> None:
         y[3] = 0.0
 
 
-@njit
+@kept
 def simulate(p: Record, commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """True (i, omega, q) at each row, shape (n, 3), and the rotor's angle [rad], shape (n,); row k
     is read before command k acts for one period.
@@ -187,7 +189,7 @@ def simulate(p: Record, commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return true, rotor
 
 
-@njit
+@kept
 def read(sensor: np.ndarray, true: np.ndarray, rotor: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Readings, shape (n, 3); `noise`: standard normal, shape (n, 3)."""
     n = len(true)

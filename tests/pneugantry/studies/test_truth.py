@@ -5,8 +5,10 @@ effects, cases.
 from __future__ import annotations
 
 import ast
+import shutil
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,8 @@ from pneugantry.truth.case import LEAST_VISIBLE, MIXTURE, draw_case, plan_case, 
 from pneugantry.truth.effects import ALL_FORMS, KNOWN_FORMS, UNKNOWN_FORMS, draw_cause, names
 from pneugantry.truth.form import Cause
 from pneugantry.truth.integrate import Accuracy, advance, solver_of
+from pneugantry.truth.kept import stamp
+from pneugantry.truth.loop import run_loop
 from pneugantry.truth.parameters import CHANNELS, DAHL, SIGMA, nominal, with_smooth_friction
 from pneugantry.truth.plant import MODES, STATES, WIDTH, Acting, Plant
 from pneugantry.truth.replay import read_campaign, replay_table
@@ -33,6 +37,29 @@ recorded = pytest.mark.skipif(
     not SHARED.is_dir(), reason="../shared/campaigns is not on this machine"
 )
 BLOCKS = {"valve_x", "valve_z", "friction_x", "friction_z", "contact", "sensors", "timing"}
+
+
+# --- compiled once
+
+
+def test_what_is_kept_is_named_by_every_file_of_the_plant(tmp_path: Path) -> None:
+    copy = tmp_path / "truth"
+    shutil.copytree(TRUTH, copy)
+    assert stamp(copy) == stamp()
+    with (copy / "friction.py").open("a", encoding="utf-8") as file:
+        file.write("\n")
+    stamp.cache_clear()
+    assert stamp(copy) != stamp()
+    assert run_loop.py_func.__qualname__ == f"run_loop-{stamp()}"
+
+
+def test_the_loop_takes_one_set_of_types() -> None:
+    """Two processes that keep two of them at once would mix them up."""
+    for name, setup in campaign_setups().items():
+        short = replace(setup, seconds=0.05)
+        run(nominal(), short)
+        run(nominal(), short, draw=draws(50, 1), commands=np.zeros((100, 2))[::2])
+        assert len(run_loop.signatures) == 1, name
 
 
 # --- integrator and events
