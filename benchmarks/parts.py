@@ -1,7 +1,9 @@
 """What a row costs in the parts that the gantry is cut into, beside the whole FMU:
 `python -m benchmarks.parts`.
 
-Random commands over 8 s at 2 ms; 40 runs in one call. The FMU steps the same commands at 1 ms.
+Random commands over 8 s at 2 ms; 40 runs in one call, each with another value of one parameter.
+"all effects": parts in which every parameter may move; "no effect": pieces of them in which what is
+off on every rig moves alone. The FMU steps the same commands at 1 ms.
 """
 
 from __future__ import annotations
@@ -39,10 +41,14 @@ def measure() -> dict[str, Any]:
     plant = plant_of(thinning=rules.thinning)
     record = thinned(record_of("random", LoggedRun(setup, log)), rules.thinning)
     views = build_views(plant, MEASURED, cache, record.period, rules)
-    for view in views:
-        values: list[dict[str, float]] = [{} for _ in range(RUNS)]
-        seconds = _fastest(partial(view.simulate, record, values))
-        cost[f"view {view.name}"] = seconds / (record.rows * RUNS)
+    nuisances = [n.parameter for n in plant.nuisances]
+    for what in ("all effects", "no effect"):
+        for view in views:
+            name = next(n for n in nuisances if n in view.defaults)
+            values = [{name: view.defaults[name] * (1 + 1e-9 * i)} for i in range(RUNS)]
+            seconds = _fastest(partial(view.simulate, record, values))
+            cost[f"{view.name}, {what}"] = seconds / (record.rows * RUNS)
+            view.prepare([*nuisances, *record.parameters], {})
     whole = Nominal(plant, MEASURED, cache)
     cost["whole plant, one run"] = _fastest(lambda: whole.run(record)) / record.rows
     return {name: 1e6 * seconds for name, seconds in cost.items()}
@@ -65,4 +71,4 @@ def _fastest(run: Callable[[], object]) -> float:
 
 if __name__ == "__main__":
     for name, microseconds in measure().items():
-        print(f"{name:24} {microseconds:6.3f} us per row")
+        print(f"{name:26} {microseconds:6.3f} us per row")

@@ -100,14 +100,20 @@ def structure(model: Path, class_name: str) -> Structure:
 
 
 def cut(
-    model: Path, class_name: str, outputs: Sequence[str], known: Iterable[str] = ()
+    model: Path,
+    class_name: str,
+    outputs: Sequence[str],
+    known: Iterable[str] = (),
+    fixed: Mapping[str, float] | None = None,
 ) -> CompiledModel:
     """The part of `class_name` that computes `outputs` from its inputs and the `known` variables.
 
     Its inputs are those of the class and the known variables that it needs, under their own names.
-    Raises InputError for a name that is no variable.
+    fixed: parameters that become numbers; what they leave without effect is no part of it. Raises
+    InputError for a name that is no variable.
     """
     system = build_system(flatten(model, class_name))
+    _fix(system, fixed or {})
     graph = _Graph(system)
     known = tuple(known)
     for name in (*outputs, *known):
@@ -124,6 +130,51 @@ def cut(
     _keep_events(system, part)
     _keep_scalars(system, part, outputs)
     return compile_system(system)
+
+
+def _fix(system: HybridSystem, fixed: Mapping[str, float]) -> None:
+    """Puts numbers in the place of parameters, and of what follows from them alone, in place."""
+    scalars = system.table.scalars
+    for name in fixed:
+        if name not in scalars or scalars[name].kind != "parameter":
+            raise system.table.source.refuse(
+                f"{name} is no parameter", hint="fix parameters that the model declares"
+            )
+    values = {scalars[n].symbol.name(): ca.SX(v) for n, v in fixed.items()}
+    if not values:
+        return
+    found: object = True
+    while found:
+        follow = {
+            s.symbol.name(): _with(s.value, values)
+            for s in scalars.values()
+            if s.kind == "calculated" and s.value is not None and s.symbol.name() not in values
+        }
+        found = {n: v for n, v in follow.items() if v.is_constant()}
+        values |= found
+    system.residuals = [(_with(r, values), place) for r, place in system.residuals]
+    for relation in system.relations:
+        relation.indicator = _with(relation.indicator, values)
+    for delay in system.delays:
+        delay.expression = _with(delay.expression, values)
+        delay.time, delay.maximum = _with(delay.time, values), _with(delay.maximum, values)
+    for branch in system.branches:
+        branch.condition = _with(branch.condition, values)
+        branch.assigns = {n: _with(v, values) for n, v in branch.assigns.items()}
+        branch.reinits = {n: _with(v, values) for n, v in branch.reinits.items()}
+    for sample in system.samples:
+        sample.start = _with(sample.start, values)
+        sample.interval = _with(sample.interval, values)
+    for scalar in scalars.values():
+        if scalar.value is not None and scalar.name not in fixed:
+            scalar.value = _with(scalar.value, values)
+
+
+def _with(expression: ca.SX, values: Mapping[str, ca.SX]) -> ca.SX:
+    """An expression with numbers in the place of symbols; CasADi drops what they make zero."""
+    old = [v for v in ca.symvar(expression) if v.name() in values]
+    new = [values[v.name()] for v in old]
+    return ca.substitute([expression], old, new)[0] if old else expression
 
 
 @dataclass(frozen=True)

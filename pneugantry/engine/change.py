@@ -10,7 +10,7 @@ view of one campaign one more view.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,6 +57,13 @@ class EpochView:
     def depends_on(self, parameter: str) -> bool:
         known = self.epoch.known(parameter)
         return known is not None and self.view.depends_on(known)
+
+    def prepare(self, moving: Collection[str], settings: Mapping[str, float]) -> None:
+        own = {self.epoch.known(n): n for n in moving}
+        kept = {self.epoch.known(n): v for n, v in settings.items()}
+        self.view.prepare(
+            [n for n in own if n is not None], {n: v for n, v in kept.items() if n is not None}
+        )
 
     def residuals(self, record: Record, values: Sequence[Mapping[str, float]]) -> Array:
         own = [record.read(given) for given in values]

@@ -157,11 +157,19 @@ class Fitter:
 
     # -- fits
 
+    def prepare(self, hypotheses: Sequence[Hypothesis]) -> None:
+        """Before many simulations of them."""
+        nuisances = {n.parameter for n in self.plant.nuisances}
+        self.simulation.prepare(
+            [({*nuisances, *(p.name for p in h.parameters)}, h.settings) for h in hypotheses]
+        )
+
     def null(self) -> Fit:
         """Nuisances alone, under the tolerance that they show; not `again` thoroughly: few rigs
         need it.
         """
         coordinates = self.coordinates(Hypothesis(), self.rules.tolerance)
+        self.prepare([Hypothesis()])
         start = Point(coordinates, np.zeros(len(coordinates)), {})
         known, cells = prior(coordinates), tuple(self.simulation.cells)
         self.simulation.forget()
@@ -194,6 +202,7 @@ class Fitter:
         `starts`: values of effect parameters to start from.
         """
         start = self._first(hypothesis, base, starts or {})
+        self.prepare([hypothesis])
         touched = {*self.touched(hypothesis), *self.touched(base.hypothesis)}
         cells = tuple(c for c in self.simulation.cells if c in touched)
         known = prior(start.coordinates)

@@ -224,7 +224,7 @@ def _view(
         corrected={},
         pairs={},
         observer=0.0,
-        _subsystem=ForeignSubsystem(series),
+        subsystem=ForeignSubsystem(series),
     )
 
 

@@ -211,6 +211,8 @@ def screen(
         form = next(f for f in effect.forms if fitter.readable(f))
         starts = enumerate(_starts(fitter, base, form))
         by_effect.append([_Trial(effect, form, i, s) for i, s in starts])
+    if not base.keys:
+        fitter.prepare([base.hypothesis.plus(own[0].effect, own[0].form) for own in by_effect])
     tests = (
         _Test(fitter, base, base.noise),
         _Test(fitter, base, fitter.flat(base.residuals)),

@@ -5,7 +5,7 @@ A residual depends on few parameters, so it is kept by view and record (a cell).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -56,6 +56,17 @@ class Simulation:
 
     def close(self) -> None:
         self._pool.shutdown()
+
+    def prepare(self, fits: Sequence[tuple[Collection[str], Mapping[str, float]]]) -> None:
+        """Tells the views what fits move, and which settings they keep."""
+        of_records = {n for r in self.records.values() for n in r.parameters}
+
+        def tell(view: View, moving: Collection[str], settings: Mapping[str, float]) -> None:
+            view.prepare({*moving, *of_records}, settings)
+
+        told = [self._pool.submit(tell, v, *fit) for fit in fits for v in self.views.values()]
+        for done in told:
+            done.result()
 
     def readers(self, c: Coordinate) -> set[str]:
         """Views that read a coordinate."""

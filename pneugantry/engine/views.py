@@ -9,7 +9,7 @@ the model misses costs what it is worth and no more.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -19,6 +19,7 @@ import numpy as np
 from modelica_fmu.batch import Correction, Part, Subsystem, build_part, part_key, read_part
 from modelica_fmu.cut import Structure, cut, structure
 from modelica_fmu.errors import InputError
+from pneugantry.engine.pieces import Piece, Pieces
 from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, sensed, signal_of, slope, true_signal
@@ -28,6 +29,7 @@ from pyfmi_runner.smoothing import smooth_axis
 __all__ = ["SubsystemView", "View", "build_views", "known_variables", "part_of", "view_beside"]
 
 Values = Mapping[str, float]
+Errors = tuple[tuple[str, float], ...]  # of sensors
 LONGEST_STEP = 0.002  # s, of the solver; its tolerance bounds the error, rows read no finer
 SMOOTH = 3  # rows over which an input of a part with states is smoothed
 KEPT = 64  # inputs that a view keeps
@@ -52,6 +54,11 @@ class View(Protocol):
 
     def depends_on(self, parameter: str) -> bool: ...
 
+    def prepare(self, moving: Collection[str], settings: Values) -> None:
+        """Told before many runs in which `moving` may move, `settings` keep these values and other
+        parameters the model's own.
+        """
+
     def residuals(self, record: Record, values: Sequence[Values]) -> Array:
         """(len(values), rows, signals) in the signals' own units; NaN: not judged."""
         ...
@@ -72,10 +79,13 @@ class SubsystemView:
     corrected: Mapping[str, str]  # state -> signal
     pairs: Mapping[str, str]  # position -> speed, both measured
     observer: float  # s, time constant of the correction
-    _subsystem: Subsystem | None = None
-    _kept: dict[tuple[object, ...], object] = field(default_factory=dict)
+    cut_at: tuple[str, ...] | None = None  # variables; None: it is not cut again
+    subsystem: Subsystem | None = None  # None: that of the part
 
     def __post_init__(self) -> None:
+        whole = Piece(self.part, subsystem=self.subsystem)
+        self._pieces = Pieces(whole, self.defaults, self._again if self.cut_at else None)
+        self._kept: dict[tuple[object, ...], object] = {}
         self._made: dict[tuple[object, ...], Array] = {}  # of single signals
         self._parameters = frozenset(self.part.of("parameter"))
         self._read = {
@@ -114,6 +124,17 @@ class SubsystemView:
             return signal_of(parameter) in self._all
         return parameter in self._parameters
 
+    def _again(self, fixed: Values) -> Part:
+        """The part with some parameters fixed, in the folder where it lies itself."""
+        variables = {s.name: s.variable for s in self.plant.signals}
+        outputs = [variables[n] for n in self.signals]
+        cache = self.part.library.parent.parent
+        return part_of(self.plant, outputs, self.cut_at or (), cache, fixed)
+
+    def prepare(self, moving: Collection[str], settings: Values) -> None:
+        given = {*self.plant.parameters, *self.plant.settings, *moving}
+        self._pieces.prepare(given, settings)
+
     def residuals(self, record: Record, values: Sequence[Values]) -> Array:
         own = [{k: v for k, v in given.items() if self.depends_on(k)} for given in values]
         simulated = self.simulate(record, own)
@@ -130,63 +151,75 @@ class SubsystemView:
 
     def simulate(self, record: Record, values: Sequence[Values]) -> Array:
         """True signals (len(values), N, signals)."""
-        if self._subsystem is None:
-            self._subsystem = Subsystem(self.part)
         longest = min(record.period, LONGEST_STEP)
         base = {"solver.max_step": longest, **self.plant.settings}
         base |= {**self.plant.parameters, **record.parameters}
         base = {k: v for k, v in base.items() if k in self._parameters}
-        models = [{k: v for k, v in g.items() if not k.startswith(PREFIX)} for g in values]
-        names = sorted({*base, *(n for m in models for n in m)})
-        defaults = {v.name: v.start or 0.0 for v in self.part.variables}
-        table = np.array([[m.get(n, base.get(n, defaults[n])) for n in names] for m in models])
-        groups: dict[tuple[tuple[str, float], ...], list[int]] = {}
-        for i, given in enumerate(values):
-            key = tuple(
-                sorted(
-                    (k, v)
-                    for k, v in given.items()
-                    if k.startswith(PREFIX) and signal_of(k) in self._read
-                )
-            )
-            groups.setdefault(key, []).append(i)
-        outputs = [
-            next(s.variable for s in self.plant.signals if s.name == n) for n in self.signals
+        models = [
+            {**base, **{k: v for k, v in given.items() if not k.startswith(PREFIX)}}
+            for given in values
         ]
-        result = np.empty((len(values), record.rows, len(outputs)))
-        for key, members in groups.items():
-            inputs, correction = self._inputs(record, dict(key))
-            result[members] = self._subsystem.run(
-                names, table[members], inputs, outputs, record.period, correction
+        names = sorted({n for m in models for n in m})
+        groups: dict[tuple[Piece, Errors], dict[tuple[float, ...], list[int]]] = {}
+        for i, (given, model) in enumerate(zip(values, models, strict=True)):
+            piece = self._pieces.smallest(model)
+            row = tuple(
+                model.get(n, self._pieces.defaults.get(n, 0.0))
+                for n in names
+                if n in piece.parameters
             )
+            group = groups.setdefault((piece, self._felt(piece, given)), {})
+            group.setdefault(row, []).append(i)
+        variables = {s.name: s.variable for s in self.plant.signals}
+        outputs = [variables[n] for n in self.signals]
+        result = np.empty((len(values), record.rows, len(outputs)))
+        for (piece, errors), rows in groups.items():
+            inputs, correction = self._inputs(record, piece, errors)
+            own = [n for n in names if n in piece.parameters]
+            made = piece.subsystem.run(
+                own, np.array(list(rows)), inputs, outputs, record.period, correction
+            )
+            for run, members in zip(made, rows.values(), strict=True):
+                result[members] = run
         return result
 
+    def _felt(self, piece: Piece, given: Values) -> Errors:
+        """Errors of the sensors that a piece reads."""
+        read = {
+            source.removeprefix(RATE)
+            for name, source in (*self.sources.items(), *self.corrected.items())
+            if name in piece.inputs or name in piece.states
+        }
+        sensors = ((k, v) for k, v in given.items() if k.startswith(PREFIX))
+        return tuple(sorted((k, v) for k, v in sensors if signal_of(k) in read))
+
     def _inputs(
-        self, record: Record, errors: Values
+        self, record: Record, piece: Piece, felt: Errors
     ) -> tuple[dict[str, Array | tuple[Array, Array]], Correction | None]:
-        key = (record.name, tuple(errors.items()))
+        key, errors = (record.name, piece, felt), dict(felt)
         kept = self._kept.get(key)  # another thread may clear the rest meanwhile
         if kept is not None:
             return kept  # type: ignore[return-value]
-        smooth = {s: self._once("value", s, record, errors) for s in self._read}
         inputs: dict[str, Array | tuple[Array, Array]] = {}
         moving = bool(self.part.of("state"))
         for name, source in self.sources.items():
+            if name not in piece.inputs:
+                continue
             if source in self.plant.inputs:
                 own = np.asarray(record.inputs[source], dtype=float)
                 inputs[name] = record.driving(source) if moving else own
                 continue
             signal = source.removeprefix(RATE)
-            values = smooth[signal]
-            if source.startswith(RATE):
-                values = self._once("rate", signal, record, errors)
+            what = "rate" if source.startswith(RATE) else "value"
+            values = self._once(what, signal, record, errors)
             over = np.append(0.5 * (values[:-1] + values[1:]), values[-1])
             inputs[name] = (values, over) if moving else values
         correction = None
-        if self.corrected:
+        drawn = {state: s for state, s in self.corrected.items() if state in piece.states}
+        if drawn:
             share = 1 - np.exp(-record.period / (self.observer))
-            measured = np.column_stack([smooth[s] for s in self.corrected.values()])
-            correction = Correction(tuple(self.corrected), measured, (share,) * len(self.corrected))
+            measured = [self._once("value", s, record, errors) for s in drawn.values()]
+            correction = Correction(tuple(drawn), np.column_stack(measured), (share,) * len(drawn))
         if len(self._kept) > KEPT:
             self._kept.clear()
         self._kept[key] = (inputs, correction)
@@ -307,6 +340,7 @@ def _view(sight: _Sight, names: Sequence[str], decimation: int, observer: float)
         corrected=corrected,
         pairs=sight.pairs,
         observer=observer,
+        cut_at=tuple(sorted(_known(sight, names))),
     )
 
 
@@ -342,12 +376,21 @@ def _cut(sight: _Sight, own: Sequence[str]) -> tuple[Part, dict[str, str], dict[
     return part, sources, corrected if part.switching & set(corrected) else {}
 
 
-def part_of(plant: Plant, outputs: Sequence[str], known: Sequence[str], cache: Path) -> Part:
-    """The part that computes `outputs` from inputs and `known` variables, built once."""
-    key = part_key(plant.model, repr((plant.class_name, list(outputs), list(known))))
+def part_of(
+    plant: Plant,
+    outputs: Sequence[str],
+    known: Sequence[str],
+    cache: Path,
+    fixed: Values | None = None,
+) -> Part:
+    """The part that computes `outputs` from inputs and `known` variables, built once. fixed:
+    parameters that are numbers in it.
+    """
+    what = (plant.class_name, list(outputs), list(known), sorted((fixed or {}).items()))
+    key = part_key(plant.model, repr(what))
     part = read_part(cache, key)
     if part is None:
-        part = build_part(cut(plant.model, plant.class_name, outputs, known), cache, key)
+        part = build_part(cut(plant.model, plant.class_name, outputs, known, fixed), cache, key)
     return part
 
 

@@ -400,5 +400,5 @@ def _recut(task: Task, plant: Plant, reached: Collection[str]) -> list[View]:
         elif view.name in reached:
             found.append(recut(view, plant, task.cache))
         else:
-            found.append(replace(view, plant=plant, _kept={}))
+            found.append(replace(view, plant=plant, cut_at=None))
     return found

@@ -17,7 +17,7 @@ import numpy as np
 from modelica_fmu.cut import Structure, structure
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.plant import Array, Plant, Record, Signal
-from pneugantry.engine.sensors import PREFIX, sensed, signal_of
+from pneugantry.engine.sensors import sensed
 from pneugantry.engine.views import RATE, SubsystemView, View, part_of
 from pneugantry.learn.sources import (
     Addition,
@@ -67,21 +67,18 @@ class OpenedView(SubsystemView):
         """
         own = {k: v for k, v in values.items() if self.depends_on(k)}
         first = self.residuals(record, [own])
-        inputs, correction = self._inputs(
-            record,
-            {k: v for k, v in own.items() if k.startswith(PREFIX) and signal_of(k) in self._read},
-        )
+        whole = self._pieces.whole
+        inputs, correction = self._inputs(record, whole, self._felt(whole, own))
         base = {**self.plant.settings, **self.plant.parameters, **record.parameters, **own}
         model = {k: v for k, v in base.items() if k in self._parameters}
         names, table = sorted(model), np.array([[model[n] for n in sorted(model)]])
         variables = {s.name: s.variable for s in self.plant.signals}
         outputs = [variables[n] for n in self.signals]
-        assert self._subsystem is not None
         rows = first.shape[1]
         result = np.empty((len(fed), *first.shape[1:]))
         for i, series in enumerate(fed):
             given = {**inputs, **{n: v for n, v in series.items() if n in inputs}}
-            made = self._subsystem.run(names, table, given, outputs, record.period, correction)
+            made = whole.subsystem.run(names, table, given, outputs, record.period, correction)
             for c, signal in enumerate(self.signals):
                 error = record.signals[signal] - sensed(signal, made[0, :, c], record, own)
                 if record.judged is not None and self.corrected:
@@ -161,8 +158,7 @@ class Opened:
             part=part,
             sources=sources,
             corrected={},
-            _subsystem=None,
-            _kept={},
+            cut_at=None,
         )
         own = {
             r: {k: v for k, v in given.items() if view.depends_on(k)} for r, given in values.items()
@@ -202,12 +198,14 @@ def _open(point: Point) -> Addition:
 def recut(
     view: SubsystemView, plant: Plant, cache: Path, further: Sequence[str] = ()
 ) -> SubsystemView:
-    """A view cut from another plant's model at the same variables, and at further ones."""
+    """A view cut from another plant's model at the same variables, and at further ones; once, for
+    such a model does not live long enough for smaller pieces of it.
+    """
     known = [n for n, source in view.sources.items() if source not in plant.inputs]
     outputs = [next(s.variable for s in plant.signals if s.name == n) for n in view.signals]
     part = part_of(plant, outputs, sorted([*known, *further]), cache)
     sources = {n: view.sources.get(n, n) for n in part.of("input")}
-    return replace(view, plant=plant, part=part, sources=sources, _subsystem=None, _kept={})
+    return replace(view, plant=plant, part=part, sources=sources, cut_at=None)
 
 
 def _opened_view(

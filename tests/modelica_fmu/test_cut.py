@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from modelica_fmu.batch import Subsystem, build_part
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.cut import cut, structure
 from modelica_fmu.errors import InputError
@@ -106,4 +108,77 @@ def test_a_name_that_is_no_variable_is_one_clear_line(cart: Path, field: str) ->
         InputError, match=r"speed: Toy\.Cart has no variable of that name"
     ) as caught:
         cut(cart, "Toy.Cart", **given)
+    assert "\n" not in str(caught.value)
+
+
+# ---- parameters that become numbers
+
+SWITCHED = """package Toy
+  model Sled
+    parameter Real m = 1.0;
+    parameter Real c = 0.5;
+    parameter Real spring = 0.0;
+    parameter Real stop = 2.0;
+    parameter Real hard = 0.0;
+    parameter Integer law = 1;
+    parameter Real twice = 2 * c;
+    input Real u;
+    output Real v(start = 0.0, fixed = true);
+    Real s(start = 0.0, fixed = true);
+    Real bristle(start = 0.0, fixed = true);
+    Real brake;
+  equation
+    brake = if law == 2 then 5 * bristle else twice * v;
+    m * der(v) = u - brake - spring * s - (if s > stop then hard * (s - stop) else 0);
+    der(s) = v;
+    der(bristle) = v - abs(v) * bristle;
+  end Sled;
+end Toy;
+"""
+
+
+@pytest.fixture(scope="module")
+def sled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("toy") / "Toy.mo"
+    path.write_text(SWITCHED, encoding="utf-8")
+    return path
+
+
+def test_what_fixed_parameters_leave_without_effect_is_no_part(sled: Path) -> None:
+    whole = cut(sled, "Toy.Sled", ["v"])
+    assert names(whole, "state") == {"v", "s", "bristle"}
+    part = cut(sled, "Toy.Sled", ["v"], fixed={"law": 1, "spring": 0, "hard": 0})
+    assert names(part, "state") == {"v"}
+    assert names(part, "parameter") - {"solver.max_step", "solver.tolerance"} == {"m", "c"}
+    held = cut(sled, "Toy.Sled", ["v"], fixed={"law": 2, "c": 0.5})
+    assert names(held, "state") == {"v", "s", "bristle"}
+    assert not {"law", "c", "twice"} & (names(held, "parameter") | names(held, "calculated"))
+
+
+@pytest.mark.parametrize(
+    "fixed",
+    [
+        {"law": 1.0, "spring": 0.0, "hard": 0.0},
+        {"law": 2.0, "spring": 3.0},
+        {"hard": 80.0, "stop": 0.1, "c": 0.2},
+        {"m": 2.5},
+    ],
+)
+def test_a_part_with_numbers_computes_what_the_whole_does(
+    sled: Path, tmp_path: Path, fixed: dict[str, float]
+) -> None:
+    time = 1e-3 * np.arange(3000)
+    u = {"u": np.sin(2 * time * (1 + time))}
+    parts = [cut(sled, "Toy.Sled", ["v"]), cut(sled, "Toy.Sled", ["v"], fixed=fixed)]
+    runs = [Subsystem(build_part(p, tmp_path, str(i))) for i, p in enumerate(parts)]
+    whole = runs[0].run(list(fixed), np.array([list(fixed.values())]), u, ["v"], 1e-3)
+    own = runs[1].run([], np.zeros((1, 0)), u, ["v"], 1e-3)
+    assert np.ptp(whole) > 0.1
+    assert np.abs(own - whole).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", ["mass", "v", "twice"])
+def test_what_cannot_be_fixed_is_one_clear_line(sled: Path, name: str) -> None:
+    with pytest.raises(InputError, match=f"{name} is no parameter") as caught:
+        cut(sled, "Toy.Sled", ["v"], fixed={name: 1.0})
     assert "\n" not in str(caught.value)

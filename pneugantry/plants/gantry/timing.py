@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,9 @@ class ControllerView:
 
     def depends_on(self, parameter: str) -> bool:
         return parameter in DELAYS
+
+    def prepare(self, moving: Collection[str], settings: Mapping[str, float]) -> None:
+        """Nothing to prepare."""
 
     def residuals(self, record: Record, values: Sequence[Mapping[str, float]]) -> Array:
         """(len(values), N, 2) V; 0 where no controller runs."""
