@@ -13,7 +13,7 @@ from modelica_fmu.about import about_file
 from modelica_fmu.compiled import CompiledModel, Variable
 from modelica_fmu.errors import InputError, Undecided
 from modelica_fmu.frontend import FlatModel, flatten
-from modelica_fmu.generate import Expressions, Layout
+from modelica_fmu.generate import Expressions, Layout, jumping
 from modelica_fmu.hybrid import HybridSystem, build_system
 from modelica_fmu.index_reduction import reduce_index
 from modelica_fmu.initialisation import Initial, initial_system, is_fixed, is_free_parameter
@@ -95,7 +95,7 @@ def compile_system(
         outputs=outputs,
         dependencies=_dependencies(layout, expressions, plain),
         initial_unknowns=_initial_unknowns(layout, expressions, plain),
-        n_indicators=len(system.relations),
+        n_indicators=len(system.relations) + jumping(system),
         enumerations=enumerations,
         sources={"model.h": h, "model.c": c},
         switching=_switching(system, layout, expressions),

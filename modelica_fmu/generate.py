@@ -15,6 +15,7 @@ from modelica_fmu.emit import Emitter, Hoist
 from modelica_fmu.hybrid import TIME, HybridSystem
 from modelica_fmu.iterated import initial_functions, loop_functions
 from modelica_fmu.symbols import Scalar
+from modelica_fmu.tearing import Loop
 
 KIND = {
     "time": "VK_TIME",
@@ -189,6 +190,7 @@ def header(system: HybridSystem, layout: Layout, e: Expressions, hoisted: int) -
         "N_LOOPED": sum(loops),
         "N_INITIAL": len(e.initial_unknowns),
         "N_LARGEST": max([*loops, len(e.initial_unknowns) + sum(loops)]),
+        "JUMPING": int(jumping(system)),
         "N_ROUNDINGS": len(system.roundings),
         "N_CONSTRAINTS": len(e.constraints),
         "CHAINED": int(e.chained),
@@ -202,6 +204,16 @@ def header(system: HybridSystem, layout: Layout, e: Expressions, hoisted: int) -
     sizes |= {define: position[name] for name, define in SOLVER.items()}
     defines = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
     return HEADER.substitute(defines=defines)
+
+
+def jumping(system: HybridSystem) -> bool:
+    """Whether a loop may have several solutions between events: it is not linear."""
+    return any(map(_nonlinear, system.loops))
+
+
+def _nonlinear(loop: Loop) -> bool:
+    residual, unknowns = ca.vertcat(*loop.residuals), ca.vertcat(*loop.symbols)
+    return bool(ca.depends_on(ca.densify(ca.jacobian(residual, unknowns)), unknowns))
 
 
 def _circular(system: HybridSystem, e: Expressions) -> bool:
@@ -395,7 +407,7 @@ def _tables(
     messages = [f"{{{_quoted(a.message)}, {int(a.warning)}}}" for a in system.assertions]
     return f"""const char model_name[] = {_quoted(name)};
 const size_t model_n_variables = {len(variables)}, model_n_states = N_STATES,
-    model_n_indicators = N_RELATIONS;
+    model_n_indicators = N_RELATIONS + JUMPING;
 const ModelVariable model_variables[] = {{
 {rows}
 }};

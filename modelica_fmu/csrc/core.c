@@ -27,6 +27,8 @@
 #define PATH_STEP 0.25        /* of homotopy(), the first one; the shortest is a 256th of it */
 #define DOUBTED 50            /* unknowns at the start up to which another solution is looked for */
 #define ANOTHER 1e-6          /* difference of two solutions, relative to max(|value|, 1) */
+#define MOVED 1e-5            /* change of a loop's unknown below which it counts as none, relative to max(|unknown|, 1) */
+#define JUMP_SHARE 0.1        /* of a step's change: less than that in a small part of the step is no jump */
 
 typedef struct {
     ModelData q;
@@ -41,6 +43,11 @@ typedef struct {
     int guessed;                  /* the initial system's first guess has been made */
     int loops_valid, loop_failed; /* 1 + the loop that could not be solved; 0: none */
     int implicit, steps, stiff;   /* steps are implicit; explicit ones within this communication step; of these at the stability limit */
+#if JUMPING
+    int frozen;                   /* modes are: neither start nor event */
+    double leap;                  /* s, length of the next step, within which a loop's solution ends; 0: none is known of */
+    double held_time, held_x[AT_LEAST_1(N_STATES)], held_u[AT_LEAST_1(N_INPUTS)], held[N_LOOPED]; /* see hold_solution */
+#endif
 } Core;
 
 typedef struct {
@@ -53,6 +60,10 @@ struct Instance {
     double y[AT_LEAST_1(N_ALGEBRAICS)];
     int outputs_valid, locals_valid;
     int warned; /* that the start is one of several */
+#if JUMPING
+    int jumped;            /* that a loop's solution has ended has been told */
+    double from[N_LOOPED]; /* the loops' unknowns at the start of the step that is tried */
+#endif
     unsigned long taken; /* internal steps */
     CoreLog log;
     void *environment;
@@ -325,11 +336,20 @@ static int update(Instance *s, double *condition, double *x) {
     return any;
 }
 
+static void freeze(Instance *s, int frozen) {
+#if JUMPING
+    s->c.frozen = frozen;
+#else
+    (void)s, (void)frozen;
+#endif
+}
+
 /* New relations, when-clauses and memories until nothing changes any more. */
 static CoreStatus iterate_events(Instance *s) {
     Core *c = &s->c;
     double condition[AT_LEAST_1(N_BRANCHES)], x[AT_LEAST_1(N_STATES)];
     int any = 1, settled = 1;
+    freeze(s, 0);
     for (int round = 0; any && settled && round < MAX_ITERATIONS; round++) {
         memcpy(c->q.pre, c->q.d, sizeof c->q.pre);
         settled = settle_relations(s);
@@ -352,6 +372,7 @@ static CoreStatus iterate_events(Instance *s) {
     memset(c->q.tick, 0, sizeof c->q.tick);
     if (N_SAMPLES && !any && settled) model_conditions(&c->q, c->condition);
     memset(c->q.fired, 0, sizeof c->q.fired);
+    freeze(s, 1);
     if (settled && !any) return check_finite(s);
     invalidate(s);
     rates(s);
@@ -400,6 +421,10 @@ typedef struct {
     double error;       /* of the embedded estimate, in units of the tolerance */
     double rate;        /* 1/s, how fast the rates change with the states, once that is looked for */
     int passed_through; /* an indicator contradicted its relation on the way but not at the end */
+#if JUMPING
+    double w[N_LOOPED]; /* the loops' unknowns at the step's end */
+    int loop_failed;
+#endif
 } Trial;
 
 static void evaluate(Instance *s, double time, const double *x, double *dx, double *z) {
@@ -446,9 +471,92 @@ static void attempt_explicit(Instance *s, double time, const double *x0, const d
 }
 
 static void attempt(Instance *s, double time, const double *x0, const double *k1, double h, Trial *trial) {
+#if JUMPING
+    memcpy(s->c.q.w, s->from, sizeof s->from); /* not from where a longer trial has led */
+#endif
     if (s->c.implicit) attempt_implicit(s, time, x0, k1, h, trial);
     else attempt_explicit(s, time, x0, k1, h, trial);
+#if JUMPING
+    memcpy(trial->w, s->c.q.w, sizeof trial->w);
+    trial->loop_failed = s->c.loop_failed;
+#endif
 }
+
+#if JUMPING
+/* ---- jumps of algebraic loops -------------------------------------------------------------------------------------------------
+ *
+ * Under noEvent() a nonlinear loop can lose the solution that it was at and go to another one: a Schmitt trigger made of an ideal
+ * amplifier. That is found by going back: Newton's method, from the unknowns at the end of a step, does not lead to those at its
+ * start. Whether it is a jump or a steep change is then decided by halving the step. */
+
+static double floor_of(double unknown) { return MOVED * fmax(1, fabs(unknown)); }
+
+/* Whether the unknowns w belong to another solution than w0 did at (time0, x0). Leaves time, states and unknowns anywhere. */
+static int left_solution(Instance *s, const double *w, double time0, const double *x0, const double *w0) {
+    Core *c = &s->c;
+    int moved = 0;
+    for (int i = 0; i < N_LOOPED; i++) moved |= fabs(w[i] - w0[i]) > floor_of(w0[i]);
+    if (!moved) return 0;
+    c->q.time = time0;
+    memcpy(c->q.x, x0, sizeof c->q.x);
+    memmove(c->q.w, w, sizeof c->q.w);
+    if (N_DELAYS) look_up_delays(s, 1);
+    c->loops_valid = 0;
+    loops(s);
+    for (int i = 0; i < N_LOOPED; i++)
+        if (!(fabs(c->q.w[i] - w0[i]) <= fmax(JUMP_SHARE * fabs(w[i] - w0[i]), floor_of(w0[i])))) return 1;
+    return 0;
+}
+
+/* Largest change from low to high as a share of that from w0 to w. */
+static double share_between(const double *low, const double *high, const double *w0, const double *w) {
+    double largest = 0;
+    for (int i = 0; i < N_LOOPED; i++) {
+        const double whole = fabs(w[i] - w0[i]);
+        if (whole > floor_of(w0[i])) largest = fmax(largest, fabs(high[i] - low[i]) / whole);
+    }
+    return largest;
+}
+
+/* A warning once: where there are several others the equations do not say which. */
+static void tell_jump(Instance *s, double time, const double *w) {
+    int loop = 0, which = 0;
+    for (int i = 0; i < N_LOOPED; i++)
+        if (fabs(w[i] - s->from[i]) > fabs(w[which] - s->from[which])) which = i;
+    for (int first = 0; first + model_loop_size[loop] <= which;) first += model_loop_size[loop++];
+    say(s, s->jumped ? CORE_OK : CORE_WARNING, s->jumped ? "logEvents" : "logStatusWarning",
+        "the solution of the equations of line %d for %s ends at t = %.9g s: another one is taken, as at an event", model_loop_line[loop],
+        model_loop_names[loop], time);
+    s->jumped = 1;
+}
+
+/* Shortens a step, at the end of which the loops have another solution, to where they still have theirs. Sets `leap` where that is
+ * lost right behind it, `event` where it is lost at once. Returns the new length. */
+static double stop_before_jump(Instance *s, double time, const double *x0, const double *k1, double h, Trial *trial, int *event) {
+    double whole[N_LOOPED], low = 0, high = h, low_w[N_LOOPED], high_w[N_LOOPED], share = 1;
+    memcpy(whole, trial->w, sizeof whole);
+    memcpy(low_w, s->from, sizeof low_w);
+    memcpy(high_w, trial->w, sizeof high_w);
+    while (high - low > s->c.width && (low == 0 || share > JUMP_SHARE)) {
+        const double guess = 0.5 * (low + high);
+        Trial inner;
+        attempt(s, time, x0, k1, guess, &inner);
+        if (left_solution(s, inner.w, time, x0, s->from)) {
+            high = guess;
+            memcpy(high_w, inner.w, sizeof high_w);
+        } else {
+            low = guess;
+            memcpy(low_w, inner.w, sizeof low_w);
+            *trial = inner;
+        }
+        share = share_between(low_w, high_w, s->from, whole);
+    }
+    const int jumps = share > JUMP_SHARE;
+    if (low > 0) s->c.leap = jumps ? 2 * (high - low) : 0;
+    else attempt(s, time, x0, k1, high, trial), *event = jumps;
+    return low > 0 ? low : high;
+}
+#endif
 
 /* Shortens the step that ends in a contradiction to the earliest one found: on return `trial` ends just behind it. */
 static double locate(Instance *s, double time, const double *x0, const double *k1, const double *z0, double h, Trial *trial) {
@@ -533,13 +641,19 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
         if (s->c.delay_used[i] && history_moves(&s->history[i]) && h > s->delay[i]) h = s->delay[i] > 1e-5 ? s->delay[i] : 1e-5;
     double left = end - time;
     double pieces = ceil(left / h * (1 - 1e-9));
-    int last = pieces <= 1;
+    int last = pieces <= 1, jumps = 0, shortened = 0;
     h = last ? left : left / pieces;
+#if JUMPING
+    memcpy(s->from, c->q.w, sizeof s->from);
+    jumps = locating && c->leap > 0;
+    if (jumps && c->leap < h) h = c->leap, last = 0;
+    c->leap = 0;
+#endif
     const double wanted = h;
     Trial trial;
     for (;;) {
         attempt(s, time, x0, k1, h, &trial);
-        if (trial.error <= 1) break;
+        if (trial.error <= 1 || jumps) break;
         if (h <= MIN_STEP * c->width) {
             if (c->implicit || !(h * trial.rate > STIFF_LIMIT)) break;
             c->implicit = 1; /* too stiff even for the shortest explicit step */
@@ -554,7 +668,15 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
         h *= trial.error < 1e8 ? fmax(0.2, 0.9 / sqrt(sqrt(trial.error))) : 0.1;
         last = 0;
     }
-    *event = locating && contradicted(c->q.m, trial.z);
+#if JUMPING
+    if (locating && left_solution(s, trial.w, time, x0, s->from)) {
+        if (!jumps) h = stop_before_jump(s, time, x0, k1, h, &trial, &jumps), last = 0;
+        if (jumps) tell_jump(s, time + h, trial.w);
+        shortened = 1;
+    } else
+        jumps = 0; /* not yet */
+#endif
+    *event = locating && !jumps && contradicted(c->q.m, trial.z);
     if (locating && !*event && trial.passed_through && h > 16 * MIN_STEP * c->width) { /* look closer: two half steps */
         Trial half;
         attempt(s, time, x0, k1, 0.5 * h, &half);
@@ -563,6 +685,8 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     if (*event) {
         h = locate(s, time, x0, k1, z0, h, &trial);
         last = last && h >= left;
+    } else if (jumps || shortened) {
+        *event = jumps;
     } else {
         double grow = trial.error > 1e-6 ? 0.9 / sqrt(sqrt(trial.error)) : 5;
         c->step = fmax(MIN_STEP * c->width, h * fmin(5, fmax(0.5, grow)));
@@ -574,7 +698,11 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     memcpy(c->dx, trial.dx, sizeof trial.dx);
     memcpy(c->z, trial.z, sizeof trial.z);
     c->rates_valid = 1;
-#if N_LOOPS > 0
+#if JUMPING
+    memcpy(c->q.w, trial.w, sizeof trial.w);
+    c->loop_failed = trial.loop_failed;
+    c->loops_valid = 1;
+#elif N_LOOPS > 0
     c->loops_valid = 0; /* the last trial may have been another one */
     loops(s);
 #endif
@@ -641,6 +769,47 @@ CoreStatus core_step(Instance *s, double time, double step) {
     return status;
 }
 
+/* Model exchange: the solution of the loops at the last completed step, from which each trial of the importer starts. */
+static void hold_solution(Instance *s) {
+#if JUMPING
+    s->c.held_time = s->c.q.time;
+    memcpy(s->c.held_x, s->c.q.x, sizeof s->c.q.x);
+    memcpy(s->c.held_u, s->c.q.u, sizeof s->c.q.u);
+    memcpy(s->c.held, s->c.q.w, sizeof s->c.held);
+#else
+    (void)s;
+#endif
+}
+
+static void back_to_held(Instance *s) {
+#if JUMPING
+    memcpy(s->c.q.w, s->c.held, sizeof s->c.held);
+#else
+    (void)s;
+#endif
+}
+
+#if JUMPING
+/* Whether the loops have left the solution that is held. */
+static int left_held(Instance *s) {
+    rates(s);
+    const Core now = s->c;
+    memcpy(s->c.q.u, now.held_u, sizeof now.held_u);
+    const int left = left_solution(s, now.q.w, now.held_time, now.held_x, now.held);
+    s->c = now;
+    return left;
+}
+
+/* The same at a completed step or an event, after which another solution may be held. */
+static int tell_left(Instance *s) {
+    const int left = left_held(s);
+    memcpy(s->from, s->c.held, sizeof s->from);
+    if (left) tell_jump(s, s->c.q.time, s->c.q.w);
+    hold_solution(s);
+    return left;
+}
+#endif
+
 /* ---- life cycle --------------------------------------------------------------------------------------------------------------- */
 
 Instance *core_new(CoreLog log, void *environment) {
@@ -670,12 +839,16 @@ void core_reset(Instance *s) {
     memcpy(s->c.q.u, model_input_starts, N_INPUTS * sizeof(double));
     s->c.q.path = 1;
     s->warned = 0;
+#if JUMPING
+    s->jumped = 0;
+#endif
     for (int i = 0; i < N_DELAYS; i++) s->history[i].n = s->history[i].at = 0;
     s->c.step = HUGE_VAL;
     s->taken = 0;
     s->c.parameters_changed = 1;
     prepare(s);
     model_loop_starts(&s->c.q, s->c.q.w);
+    hold_solution(s);
     model_starts(&s->c.q, s->c.q.x);
     model_memory_starts(&s->c.q, s->c.q.d);
     invalidate(s);
@@ -862,6 +1035,7 @@ CoreStatus core_initialise(Instance *s, double start_time) {
     }
     c->started = 1;
     c->guessed = 0;
+    freeze(s, 0);
     CoreStatus status = N_INITIAL > 0 || N_LOOPS > 0 ? CORE_OK : check_assertions(s);
     if (status == CORE_OK) status = record_delays(s);
     if (status != CORE_OK) return status;
@@ -884,6 +1058,7 @@ CoreStatus core_initialise(Instance *s, double start_time) {
     c->q.initial = 0;
     if ((N_INITIAL > 0 || N_LOOPS > 0) && status == CORE_OK) status = check_assertions(s);
     if (N_BRANCHES) model_conditions(&c->q, c->condition);
+    hold_solution(s);
     invalidate(s);
     return status;
 }
@@ -899,6 +1074,7 @@ CoreStatus core_set_time(Instance *s, double time) {
     if (time == s->c.q.time) return CORE_OK;
     s->c.q.time = time;
     if (N_DELAYS) look_up_delays(s, 0);
+    back_to_held(s);
     invalidate(s);
     return CORE_OK;
 }
@@ -907,6 +1083,7 @@ CoreStatus core_set_states(Instance *s, const double *x) {
     for (int i = 0; i < N_STATES; i++)
         if (!isfinite(x[i])) return say(s, CORE_ERROR, "logStatusError", "%s is not finite", state_name(i));
     memcpy(s->c.q.x, x, N_STATES * sizeof *x);
+    back_to_held(s);
     invalidate(s);
     return CORE_OK;
 }
@@ -916,12 +1093,23 @@ void core_get_states(Instance *s, double *x) { memcpy(x, s->c.q.x, N_STATES * si
 CoreStatus core_derivatives(Instance *s, double *dx) {
     rates(s);
     memcpy(dx, s->c.dx, N_STATES * sizeof *dx);
+#if JUMPING
+    if (left_held(s)) { /* the importer's method has to get across, to where the indicator sends it back: as if nothing jumped */
+        ModelData q = s->c.q;
+        double z[AT_LEAST_1(N_RELATIONS)];
+        memcpy(q.w, s->c.held, sizeof q.w);
+        model_rates(&q, dx, z);
+    }
+#endif
     return CORE_OK;
 }
 
 CoreStatus core_indicators(Instance *s, double *z) {
     rates(s);
     for (int i = 0; i < N_RELATIONS; i++) z[i] = s->c.z[i] + (s->c.q.m[i] != 0 ? INDICATOR_MARGIN : -INDICATOR_MARGIN);
+#if JUMPING
+    z[N_RELATIONS] = left_held(s) ? -1 : 1;
+#endif
     return CORE_OK;
 }
 
@@ -931,6 +1119,9 @@ CoreStatus core_update_discrete(Instance *s, EventInfo *info) {
     prepare(s);
     CoreStatus status = record_delays(s);
     if (status != CORE_OK) return status;
+#if JUMPING
+    tell_left(s);
+#endif
     take_due_ticks(s);
     s->c.events_possible = 0;
     status = iterate_events(s);
@@ -940,14 +1131,22 @@ CoreStatus core_update_discrete(Instance *s, EventInfo *info) {
     info->next_time = next_time_event(s);
     info->next_time_defined = info->next_time < HUGE_VAL;
     s->outputs_valid = s->locals_valid = 0;
+    hold_solution(s);
     return status == CORE_OK ? check_assertions(s) : status;
 }
 
 CoreStatus core_completed_step(Instance *s, int *enter_event_mode) {
     *enter_event_mode = 0;
     prepare(s);
+#if JUMPING
+    *enter_event_mode = tell_left(s);
+#endif
     CoreStatus status = record_delays(s);
     if (delays_matter(s)) invalidate(s);
+#if N_LOOPS > 0
+    rates(s); /* of a step that was tried only it is no error */
+    if (status == CORE_OK) status = check_finite(s);
+#endif
     return status == CORE_OK ? check_assertions(s) : status;
 }
 

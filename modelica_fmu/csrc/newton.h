@@ -5,6 +5,9 @@
 #define NEWTON_ROUNDS 100
 #define NEWTON_TOLERANCE 1e-11 /* of a step, relative to max(|unknown|, 1) */
 #define NEWTON_GOOD 1e-6       /* of a step that rounding keeps from shrinking any more */
+#define NEWTON_ROUNDING 1e-9   /* of a residual that rounding leaves, relative to its terms */
+#define FIRST_STRIDE 1e-3      /* away from a solution that ends, relative to max(|unknown|, 1) */
+#define LAST_STRIDE 1e4
 
 /* LU factors of a matrix by columns, rows exchanged; 0: singular. */
 static inline int lu_factor(double *a, int n, int *row) {
@@ -79,6 +82,18 @@ static inline int regularised(Instance *s, NewtonSystem system, int which, int n
     return 1;
 }
 
+/* Whether the residuals are as small as rounding lets them be: no step is too short for that where a solution has just ended. */
+static inline int only_rounding(Instance *s, NewtonSystem system, int which, double *const *unknown, int n) {
+    double residual[N_LARGEST];
+    system(s, which, residual, s->unused);
+    for (int i = 0; i < n; i++) {
+        double terms = 0;
+        for (int j = 0; j < n; j++) terms += fabs(s->unused[i + j * n]) * fmax(1, fabs(*unknown[j]));
+        if (!(fabs(residual[i]) <= NEWTON_ROUNDING * terms)) return 0;
+    }
+    return 1;
+}
+
 /* `damped`: a step is halved until the next one, with the same matrix, is shorter. 1: found. */
 static inline int newton_tried(Instance *s, NewtonSystem system, int which, double *const *unknown, int n, int damped) {
     double residual[N_LARGEST], step[N_LARGEST], next[N_LARGEST], from[N_LARGEST];
@@ -109,7 +124,7 @@ static inline int newton_tried(Instance *s, NewtonSystem system, int which, doub
             lu_solve(s->matrix, n, row, residual, next);
             after = newton_size(next, from, n);
             if (after < (1 - 0.1 * share) * size) break;
-            if (size < NEWTON_GOOD && after <= NEWTON_GOOD) return 1; /* as good as rounding lets it be */
+            if (size < NEWTON_GOOD && after <= NEWTON_GOOD && only_rounding(s, system, which, unknown, n)) return 1;
             if (halved == 30) return 0;
             share *= 0.5;
         }
@@ -136,6 +151,26 @@ static inline void loop_system(Instance *s, int which, double *residual, double 
 }
 #endif
 
+#if JUMPING
+/* A loop whose solution has ended: another one, onward the way that the unknowns were going, by longer and longer strides,
+ * or back, since so near to the end rounding decides which way is which. */
+static inline int newton_onward(Instance *s, int which, double *const *unknown, const double *from, int n) {
+    double residual[N_LARGEST], step[N_LARGEST];
+    int row[N_LARGEST];
+    for (int i = 0; i < n; i++) *unknown[i] = from[i];
+    loop_system(s, which, residual, s->matrix);
+    if (!lu_factor(s->matrix, n, row)) return 0;
+    lu_solve(s->matrix, n, row, residual, step);
+    const double size = newton_size(step, from, n);
+    if (!(size > 0) || !isfinite(size)) return 0;
+    for (double stride = FIRST_STRIDE; fabs(stride) <= LAST_STRIDE; stride *= stride > 0 ? -1 : -4) {
+        for (int i = 0; i < n; i++) *unknown[i] = from[i] - stride * step[i] / size;
+        if (newton(s, loop_system, which, unknown, n)) return 1;
+    }
+    return 0;
+}
+#endif
+
 /* Unknowns of all algebraic loops at the present states, inputs and modes; NaN where there is no solution. */
 static inline void loops(Instance *s) {
 #if N_LOOPS > 0
@@ -150,6 +185,9 @@ static inline void loops(Instance *s) {
             before[i] = *unknown[i];
         }
         if (newton(s, loop_system, k, unknown, n)) continue;
+#if JUMPING
+        if (s->c.frozen && newton_onward(s, k, unknown, before, n)) continue;
+#endif
         model_loop_starts(&s->c.q, start); /* once more, from the start values */
         for (int i = 0; i < n; i++) *unknown[i] = start[first + i];
         if (newton(s, loop_system, k, unknown, n)) continue;
