@@ -29,6 +29,7 @@
 #define ANOTHER 1e-6          /* difference of two solutions, relative to max(|value|, 1) */
 #define MOVED 1e-5            /* change of a loop's unknown below which it counts as none, relative to max(|unknown|, 1) */
 #define JUMP_SHARE 0.1        /* of a step's change: less than that in a small part of the step is no jump */
+#define MAX_DOUBTS 50         /* within one communication step, that came to nothing; after them no jump is looked for in it */
 
 typedef struct {
     ModelData q;
@@ -45,6 +46,7 @@ typedef struct {
     int implicit, steps, stiff;   /* steps are implicit; explicit ones within this communication step; of these at the stability limit */
 #if JUMPING
     int frozen;                   /* modes are: neither start nor event */
+    int doubts;                   /* whether a loop jumps, within this communication step, that came to nothing */
     double leap;                  /* s, length of the next step, within which a loop's solution ends; 0: none is known of */
     double held_time, held_x[AT_LEAST_1(N_STATES)], held_u[AT_LEAST_1(N_INPUTS)], held[N_LOOPED]; /* see hold_solution */
 #endif
@@ -554,6 +556,8 @@ static double stop_before_jump(Instance *s, double time, const double *x0, const
     const int jumps = share > JUMP_SHARE;
     if (low > 0) s->c.leap = jumps ? 2 * (high - low) : 0;
     else attempt(s, time, x0, k1, high, trial), *event = jumps;
+    if (!jumps && ++s->c.doubts == MAX_DOUBTS)
+        say(s, CORE_WARNING, "logStatusWarning", "near t = %.9g s algebraic loops have solutions too close to tell a jump from", time);
     return low > 0 ? low : high;
 }
 #endif
@@ -669,7 +673,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
         last = 0;
     }
 #if JUMPING
-    if (locating && left_solution(s, trial.w, time, x0, s->from)) {
+    if (locating && c->doubts < MAX_DOUBTS && left_solution(s, trial.w, time, x0, s->from)) {
         if (!jumps) h = stop_before_jump(s, time, x0, k1, h, &trial, &jumps), last = 0;
         if (jumps) tell_jump(s, time + h, trial.w);
         shortened = 1;
@@ -734,6 +738,9 @@ CoreStatus core_step(Instance *s, double time, double step) {
     const double end = time + step, longest = s->c.q.p[P_MAX_STEP];
     double held = time; /* modes are kept until then */
     s->c.steps = s->c.stiff = 0;
+#if JUMPING
+    s->c.doubts = 0;
+#endif
     s->c.width = fmax(fmin(EVENT_WIDTH, WIDTH_SHARE * step), 4 * DBL_EPSILON * fabs(time));
     int events = 0;
     if (!(end - (end - longest) > 0.5 * longest)) /* a sampled clock would tick for ever without getting there */
@@ -792,6 +799,7 @@ static void back_to_held(Instance *s) {
 #if JUMPING
 /* Whether the loops have left the solution that is held. */
 static int left_held(Instance *s) {
+    if (!s->c.frozen) return 0;
     rates(s);
     const Core now = s->c;
     memcpy(s->c.q.u, now.held_u, sizeof now.held_u);
