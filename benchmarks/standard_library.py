@@ -2,13 +2,14 @@
 
     python -m benchmarks.standard_library LIBRARIES --references FOLDER [--within PACKAGE ...]
 
-LIBRARIES: the folder that holds `Modelica` and `ModelicaServices`. FOLDER: the Modelica
-Association's reference results of that version (MAP-LIB_ReferenceResults: another tool's runs and
-the signals to compare). A model is right where every such signal stays within TOLERANCE of its
+LIBRARIES: the folder that holds `Modelica` and `ModelicaServices`; its version is told. FOLDER: the
+Modelica Association's reference results of that version (MAP-LIB_ReferenceResults: another tool's
+runs and the signals to compare). A model is right where every such signal stays within TOLERANCE of its
 range; what has no reference result is only compiled. At the start a discrete variable may have the
 value before the events of that instant or after them. Each model runs in a process of its own,
 which is stopped after LIMIT seconds of CPU time. A "~" stands beside what the FMU says of its
-start: that it is one of several.
+start, that it is one of several, and of a loop whose solution ends. With --json FILE and --resume
+the models that FILE holds are not run again.
 """
 
 from __future__ import annotations
@@ -114,12 +115,12 @@ def compared(
 
 
 def outputs(path: Path, stop: float, start: float, kept: Sequence[str], said: list[str]) -> Any:
-    """A run's rows; `said` takes what the FMU tells of its start."""
+    """A run's rows; `said` takes what the FMU tells of its solutions."""
     longest = min(1.0, max(1e-6, (stop - start) / POINTS))
 
     def hear(_: Any, name: Any, status: int, category: Any, message: bytes) -> None:
         text = message.decode(errors="replace")
-        if "is one of several" in text:
+        if "is one of several" in text or "another one is taken" in text:
             said.append(text)
 
     return fmpy.simulate_fmu(
@@ -215,6 +216,33 @@ def printed(outcomes: Sequence[Outcome], within: Sequence[str]) -> None:
         print(f"{number:4} refused: {said}")
 
 
+def version_of(library: Path) -> str:
+    """Version of a library by its annotation. Raises InputError where it gives none."""
+    file = library / "package.mo"
+    if not file.is_file():
+        raise InputError("not there", file=file, hint="give the folder that holds Modelica")
+    found = re.search(r'\bversion\s*=\s*"([^"]+)"', file.read_text(encoding="utf-8"))
+    if found is None:
+        raise InputError("no version in the annotation", file=file, hint="take a released library")
+    return found[1]
+
+
+def kept(file: Path | None, version: str) -> dict[str, Outcome]:
+    """Outcomes of an earlier run with the same library, by model."""
+    if file is None or not file.is_file():
+        return {}
+    found = json.loads(file.read_text(encoding="utf-8"))
+    if found["library"] != version:
+        raise InputError(f"of library {found['library']}, not {version}", file=file, hint="move it")
+    return {o["model"]: Outcome(**o) for o in found["outcomes"]}
+
+
+def write(file: Path | None, version: str, outcomes: Sequence[Outcome]) -> None:
+    if file is not None:
+        found = {"library": version, "outcomes": [o._asdict() for o in outcomes]}
+        file.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("libraries", type=Path)
@@ -222,20 +250,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--within", action="append", metavar="PACKAGE")
     parser.add_argument("--only", metavar="TEXT", default="")
     parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--resume", action="store_true")
     options = parser.parse_args(arguments)
+    try:
+        version = version_of(options.libraries / "Modelica")
+        before = kept(options.json, version) if options.resume else {}
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(f"Modelica Standard Library {version}")
     within = [p.removeprefix("Modelica.") for p in options.within or WITHIN]
     outcomes: list[Outcome] = []
     for name in models(options.libraries / "Modelica", within):
         if options.only not in name:
             continue
-        made = in_time(name, [options.libraries], options.references)
-        made = without_folder(made, options.libraries)
+        made = before.get(name) or without_folder(
+            in_time(name, [options.libraries], options.references), options.libraries
+        )
         outcomes.append(made)
+        write(options.json, version, outcomes)
         error = "" if made.error is None else f"{made.error:.1e}"
         print(f"{made.state:9} {error:8} {made.model}  {made.said}", flush=True)
     printed(outcomes, within)
-    if options.json is not None:
-        options.json.write_text(json.dumps([o._asdict() for o in outcomes], indent=1) + "\n")
     return 0
 
 

@@ -228,12 +228,14 @@ def standard_library() -> str:
         "Mechanics.Rotational.Examples",
         "Electrical.Analog.Examples",
     )
+    outcomes = found["outcomes"]
     others = [
         (o["model"].split(".", 1)[1], o["state"], o["said"].split(": ", 1)[-1].split(";")[0][:110])
-        for o in found
+        for o in outcomes
         if o["state"] not in ("right", "compiled")
     ]
-    return f"{said}\n\n{_counted(found, parts)}\n\n{_table(('model', '', 'said'), others)}"
+    table = _table(("model", "", "said"), others)
+    return f"{said} Library version {found['library']}.\n\n{_counted(outcomes, parts)}\n\n{table}"
 
 
 def stiff() -> str:
