@@ -4,9 +4,9 @@
 
 LIBRARIES: the folder that holds `Modelica` and `ModelicaServices`; its version is told. FOLDER: the
 Modelica Association's reference results of that version (MAP-LIB_ReferenceResults: another tool's
-runs and the signals to compare). A model is right where every such signal stays within TOLERANCE of its
-range; what has no reference result is only compiled. At the start a discrete variable may have the
-value before the events of that instant or after them. Each model runs in a process of its own,
+runs and the signals to compare). A model is right where every such signal stays within TOLERANCE of
+its range; what has no reference result is only compiled. At the start a discrete variable may have
+the value before the events of that instant or after them. Each model runs in a process of its own,
 which is stopped after LIMIT seconds of CPU time. A "~" stands beside what the FMU says of its
 start, that it is one of several, and of a loop whose solution ends. With --json FILE and --resume
 the models that FILE holds are not run again.

@@ -30,7 +30,7 @@ def jumps(m: Tiny) -> list[float]:
     return [float(found[1]) for found in told if found]
 
 
-SCHMITT = """model M "amplifier of gain 10, fed back to its positive input, that charges a capacitor"
+SCHMITT = """model M "amplifier of gain 10 with positive feedback, which charges a capacitor"
   output Real y(start = 1) "limited to -1..1"; output Real v(start = 0, fixed = true);
   Real d = 10*(y - 2*v); output Integer falls(start = 0, fixed = true);
 equation
@@ -158,6 +158,9 @@ def test_model_exchange_asks_for_an_event_at_a_jump(tiny) -> None:
 def test_only_loops_that_may_have_several_solutions_are_watched(
     tiny, tmp_path: Path, equation: str, several: int
 ) -> None:
-    tiny(f"model M\n  output Real y(start = 2); Real z; equation\n  {equation};\n"
-         + ("  z = 0;\n" if several else "") + "end M;\n")
+    tiny(
+        f"model M\n  output Real y(start = 2); Real z; equation\n  {equation};\n"
+        + ("  z = 0;\n" if several else "")
+        + "end M;\n"
+    )
     assert f"#define JUMPING {several}\n" in (tmp_path / "model.h").read_text()
