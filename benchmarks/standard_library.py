@@ -255,8 +255,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         version = version_of(options.libraries / "Modelica")
         before = kept(options.json, version) if options.resume else {}
-    except InputError as error:
-        print(error, file=sys.stderr)
+    except InputError as refused:
+        print(refused, file=sys.stderr)
         return 2
     print(f"Modelica Standard Library {version}")
     within = [p.removeprefix("Modelica.") for p in options.within or WITHIN]
