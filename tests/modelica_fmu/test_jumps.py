@@ -164,3 +164,46 @@ def test_only_loops_that_may_have_several_solutions_are_watched(
         + "end M;\n"
     )
     assert f"#define JUMPING {several}\n" in (tmp_path / "model.h").read_text()
+
+
+def trigger(n: int, rng: np.random.Generator) -> tuple[str, str, tuple[float, ...]]:
+    """(declarations, equations, (amplitude, rad/s, threshold)) of a trigger that a sine drives,
+    smooth or in pieces, of an output between 0.01 and 10.
+    """
+    k, a, size = rng.uniform(5, 60), rng.uniform(0.3, 2), 10 ** rng.uniform(-2, 1)
+    amplitude, rate = rng.uniform(1.2, 3) * a, rng.uniform(2, 9)
+    d = f"{k}*({a}*y{n}/{size} - v{n})"
+    if rng.random() < 0.5:
+        law, fold = f"tanh({d})", math.sqrt(1 - 1 / (a * k))
+        threshold = a * fold - math.atanh(fold) / k
+    else:
+        law, threshold = f"noEvent(if {d} > 1 then 1 else if {d} < -1 then -1 else {d})", a - 1 / k
+    variables = f"  output Real y{n}(start = {size}); Real v{n}(start = 0, fixed = true);\n"
+    equations = f"  y{n} = {size}*{law};\n  der(v{n}) = {amplitude * rate}*cos({rate}*time);\n"
+    return variables, equations, (amplitude, rate, threshold)
+
+
+@pytest.mark.parametrize(
+    "seed", [3, 5, *(pytest.param(s, marks=pytest.mark.slow) for s in range(20) if s not in (3, 5))]
+)
+def test_random_triggers_switch_where_their_thresholds_are(tiny, seed: int) -> None:
+    """Two in a model, each by itself: high until its sine exceeds the threshold, and back."""
+    rng = np.random.default_rng(seed)
+    variables, equations, laws = zip(*(trigger(n, rng) for n in range(2)), strict=True)
+    m = tiny(f"model M\n{''.join(variables)}equation\n{''.join(equations)}end M;\n")
+    m.set(**{"solver.tolerance": 1e-8}).start()
+    t, *outputs = m.run(3.0, "y0", "y1", step=float(rng.choice([0.001, 0.01, 0.1])))
+    fine, expected = np.linspace(0, 3, 300_001), []
+    for (amplitude, rate, threshold), y in zip(laws, outputs, strict=True):
+        v, high = amplitude * np.sin(rate * fine), True
+        beyond = np.flatnonzero(np.abs(v) > threshold)
+        switched = [0.0]
+        for i in beyond:
+            if (v[i] > 0) == high:
+                high = not high
+                switched.append(float(fine[i]))
+        side = 1 - 2 * ((np.searchsorted(switched, t, "right") - 1) % 2)
+        close = np.abs(t[:, None] - np.array(switched)).min(axis=1) < 2e-5
+        assert np.all((np.sign(y) == side) | close)
+        expected += switched[1:]
+    assert jumps(m) == pytest.approx(sorted(expected), abs=2e-5)
