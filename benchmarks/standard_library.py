@@ -115,12 +115,12 @@ def compared(
 
 
 def outputs(path: Path, stop: float, start: float, kept: Sequence[str], said: list[str]) -> Any:
-    """A run's rows; `said` takes what the FMU tells of its solutions."""
+    """A run's rows; `said` takes what the FMU tells of its solutions, and its errors."""
     longest = min(1.0, max(1e-6, (stop - start) / POINTS))
 
     def hear(_: Any, name: Any, status: int, category: Any, message: bytes) -> None:
         text = message.decode(errors="replace")
-        if "is one of several" in text or "another one is taken" in text:
+        if status >= fmpy.fmi2.fmi2Error or "is one of several" in text or "is taken" in text:
             said.append(text)
 
     return fmpy.simulate_fmu(
@@ -148,7 +148,8 @@ def run(compiled: CompiledModel, wanted: Signals, folder: Path) -> Outcome:
         ran = outputs(path, stop, start, kept, said)
         soon = outputs(path, start + SOON * (stop - start), start, jumping, []) if jumping else {}
     except Exception as error:
-        return Outcome(compiled.name, "failed", "", None, " ".join(str(error).split())[:200])
+        reason = said[-1] if said else " ".join(str(error).split())
+        return Outcome(compiled.name, "failed", "", None, reason[:200])
     found = {v: np.asarray(ran[v], float) for v in kept}
     for name in jumping:  # or after the events of the start
         if wanted.values[name][0] == float(soon[name][-1]):
