@@ -330,6 +330,9 @@ def _starts(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
 
 FEW = 2  # starts that are screened with all their columns
 SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
+NOTHING = (
+    0.1  # of what an effect has to bring: predicted by the slopes alone, is looked at no closer
+)
 CHUNK = 50  # rows of a residual that are drawn together where a gain is predicted
 
 
@@ -391,6 +394,8 @@ class _Test:
         square = square - cross.T @ self.inverse @ cross
         pull = pull - cross.T @ self.inverse @ self.gradient
         step = np.asarray(-np.linalg.lstsq(square, pull, rcond=1e-10)[0])
+        if (straight := float(-step @ pull)) < NOTHING * self.rules.effect:
+            return straight
         nuisances = np.asarray(-self.inverse @ (self.gradient + cross @ step))
         return max(self._fall(white, share * step, share * nuisances) for share in SHARES)
 
