@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -78,3 +79,16 @@ class CompiledModel:
     switching: tuple[str, ...] = ()  # states whose rate changes its form at events
     about: dict[str, str] = field(default_factory=dict)  # version, author, license, copyright, date
     files: tuple[Path, ...] = ()  # Modelica files that were read
+
+
+@dataclass(frozen=True)
+class Structure:
+    """How variables hang together.
+
+    roots: variable -> the variable that it is another name of (itself if of none).
+    states: roots that are states. rates: state -> root that its derivative is, if it is just one.
+    """
+
+    roots: Mapping[str, str]
+    states: frozenset[str]
+    rates: Mapping[str, str]

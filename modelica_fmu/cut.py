@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-from modelica_fmu.compiled import CompiledModel
+from modelica_fmu.compiled import CompiledModel, Structure
 from modelica_fmu.compiler import compile_system
 from modelica_fmu.errors import InputError
 from modelica_fmu.frontend import FlatVariable, flatten
@@ -25,19 +25,6 @@ from modelica_fmu.hybrid import HybridSystem, build_system
 from modelica_fmu.symbols import Scalar
 
 __all__ = ["Structure", "cut", "structure"]
-
-
-@dataclass(frozen=True)
-class Structure:
-    """How variables hang together.
-
-    roots: variable -> the variable that it is another name of (itself if of none).
-    states: roots that are states. rates: state -> root that its derivative is, if it is just one.
-    """
-
-    roots: Mapping[str, str]
-    states: frozenset[str]
-    rates: Mapping[str, str]
 
 
 class _Graph:

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import loadmat
 
 __all__ = ["read_mat"]
 
@@ -47,6 +46,8 @@ def read_mat(file: Path) -> dict[str, NDArray[np.generic]]:
 
 
 def _main(file: str, out: str) -> None:
+    from scipy.io import loadmat  # for the process that reads alone
+
     with contextlib.suppress(ImportError):
         import resource
 

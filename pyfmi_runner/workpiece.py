@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import check_source
@@ -172,6 +171,8 @@ def read_profile(path: str | os.PathLike[str], *, surface_finish: bool = False) 
     """
     path = Path(path)
     x, z_w = _profile_table(path)
+    from scipy.interpolate import CubicSpline  # costs half a second, for who has such an edge
+
     spline = CubicSpline(x, z_w, bc_type="natural")
     cells = math.ceil((x[-1] - x[0]) / min(CELL, float(np.diff(x).min())) - 1e-9)
     if cells > 20_000:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 
 from pneugantry.engine.decide import UNKNOWN, Chances, Weighed, shares, unknown_probability
 from pneugantry.engine.plant import Array
@@ -127,6 +126,8 @@ def fitted(cases: Sequence[Known], start: Chances) -> Chances:
         return float(step @ step) / 2 - len(cases) * log_score(cases, chances(step))
 
     simplex = np.vstack([np.zeros(len(FITTED)), 0.3 * np.eye(len(FITTED))])
+    from scipy.optimize import minimize
+
     found = minimize(
         cost,
         np.zeros(len(FITTED)),

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import rankdata
 
 from pneugantry.engine.noise import LONGEST
 from pneugantry.engine.plant import Array, Plant, Record
@@ -59,7 +58,8 @@ def area(values: Array, weights: Array) -> float:
     """Probability that a row drawn by its weight has a larger value than one drawn evenly; ties
     count half.
     """
-    ranks = (rankdata(values) - 0.5) / len(values)
+    _, rank, count = np.unique(values, return_inverse=True, return_counts=True)
+    ranks = (np.cumsum(count) - 0.5 * count)[rank] / len(values)  # ties share their mean
     return float(ranks @ weights / weights.sum())
 
 

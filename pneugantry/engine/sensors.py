@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import lfilter
 
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.smooth import savgol
+from pyfmi_runner.first_order import first_order
 
 __all__ = ["PREFIX", "neutral", "sensed", "shifted", "signal_of", "true_signal"]
 
@@ -43,7 +43,8 @@ def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]
             result = result + share * record.signals[key.removeprefix("from.")]
     if lag := own.get("lag", 0.0):
         keep = np.exp(-record.period / lag)
-        result = lfilter([0.0, 1 - keep], [1.0, -keep], result, zi=[result[0]])[0]
+        first, late = result[0], np.append(0.0, result[:-1] - result[0])
+        result = first + first_order(late, 1 - keep, keep)
     if delay := own.get("delay", 0.0):
         result = shifted(result, delay / record.period)
     if drift := own.get("drift", 0.0):

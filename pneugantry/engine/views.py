@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from modelica_fmu.batch import Correction, Part, Subsystem, build_part, part_key, read_part
-from modelica_fmu.cut import Structure, cut, structure
+from modelica_fmu.compiled import Structure
 from modelica_fmu.errors import InputError
 from pneugantry.engine.pieces import Piece, Pieces
 from pneugantry.engine.plant import Array, Plant, Record, Signal
@@ -390,6 +390,8 @@ def part_of(
     key = part_key(plant.model, repr(what))
     part = read_part(cache, key)
     if part is None:
+        from modelica_fmu.cut import cut  # the compiler is loaded where it has to work
+
         part = build_part(cut(plant.model, plant.class_name, outputs, known, fixed), cache, key)
     return part
 
@@ -406,6 +408,8 @@ def _structure(plant: Plant, cache: Path) -> Structure:
     if path.is_file():
         told = json.loads(path.read_text(encoding="utf-8"))
         return Structure(told["roots"], frozenset(told["states"]), told["rates"])
+    from modelica_fmu.cut import structure
+
     shape = structure(plant.model, plant.class_name)
     path.parent.mkdir(parents=True, exist_ok=True)
     told = {"roots": dict(shape.roots), "states": sorted(shape.states), "rates": dict(shape.rates)}

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import pneugantry.engine
 from modelica_fmu.errors import InputError
@@ -95,6 +96,15 @@ def test_what_a_sensor_says_is_led_back_to_the_true_signal(error: str) -> None:
     inside = slice(100, -100)  # a lag and a delay do not know what lies beyond the ends
     half_a_row = 0.5e-3 * 5  # of the fastest signal: a lag is sampled
     np.testing.assert_allclose(back[inside], true[inside], atol=1.1 * half_a_row)
+
+
+def test_a_lag_is_the_recursion_of_a_first_order_filter() -> None:
+    true = 2.0 + np.random.default_rng(0).standard_normal(500).cumsum()
+    record = Record("r", 1e-3, {}, {"own": true}, {})
+    keep = np.exp(-1e-3 / 0.02)
+    expected = lfilter([0.0, 1 - keep], [1.0, -keep], true, zi=[true[0]])[0]
+    said = sensed("own", true, record, {"sensors.own.lag": 0.02})
+    np.testing.assert_allclose(said, expected, atol=1e-9)
 
 
 def test_thinning_keeps_a_ramp_and_leaves_rows_about_an_impact_out() -> None:
