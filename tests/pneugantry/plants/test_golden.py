@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.catalogue import catalogue_of
@@ -41,18 +43,33 @@ def test_a_labelled_campaign_is_answered_as_before(name: str) -> None:
         assert (key, block) == GOLDEN[name][1:]
 
 
-@pytest.mark.parametrize("name", ["nominal", "example_valve_delay_z"])
-def test_a_valve_by_itself_is_answered_as_before(name: str) -> None:
-    """One log of clamped pistons and a handful of effects: what always runs."""
+def valve_steps(name: str, effects: dict[str, Effect]) -> dict[str, Any]:
+    """The answer to one log of clamped pistons with a handful of effects: what always runs."""
     campaign = read_campaign(CAMPAIGNS / name)
     steps = next(n for n in campaign.logs if n.startswith("valve_steps"))
+    one = replace(campaign, logs={steps: campaign.logs[steps]})
+    return to_json(diagnose(one, effects, Rules(rounds=1)).diagnosis)
+
+
+@pytest.mark.parametrize("name", ["nominal", "example_valve_delay_z"])
+def test_a_valve_by_itself_is_answered_as_before(name: str) -> None:
     few = {k: e for k, e in catalogue_of().items() if k in ("valve_delay/z", "valve_lag/z")}
-    found = to_json(
-        diagnose(
-            replace(campaign, logs={steps: campaign.logs[steps]}), few, Rules(rounds=1)
-        ).diagnosis
-    )
-    verdict, key, block = answered(found)
+    verdict, key, block = answered(valve_steps(name, few))
     assert verdict == GOLDEN[name][0]
     if verdict != "none":
         assert (key, block) == GOLDEN[name][1:]
+
+
+def test_an_effect_that_the_catalogue_lacks_is_unknown_in_its_block() -> None:
+    lag = {k: e for k, e in catalogue_of().items() if k == "valve_lag/z"}
+    verdict, _, block = answered(valve_steps("example_valve_delay_z", lag))
+    assert (verdict, block) == ("unknown", "valve_z")
+
+
+def test_two_effects_that_no_log_tells_apart_are_ambiguous() -> None:
+    late = catalogue_of()["valve_delay/z"]
+    other = replace(late, name="late_command")
+    found = valve_steps("example_valve_delay_z", {late.key: late, other.key: other})
+    verdict, _, block = answered(found)
+    assert (verdict, block) == ("ambiguous", "valve_z")
+    assert {tuple(keys) for keys in found["answer_set"]} == {(late.key,), (other.key,)}

@@ -78,7 +78,7 @@ def test_a_library_that_is_absent_is_named_and_the_others_go_on(file: FmuFile) -
 
 def test_costs_and_profile_have_their_columns(file: FmuFile) -> None:
     (runs,) = against_runs(file, 1, (2,))
-    assert 0 < runs["ms_stepping"] < 100
+    assert runs["ms_stepping"] > 0
     assert all(name in file.variables for _, parameters in EFFECTS for name in parameters)
     profile = {row["function"]: row for row in profile_step(file)}
     assert (
