@@ -36,6 +36,7 @@ INPUTS = (
 )
 OUTPUTS = ("json", "html", "out", "plot", "save")
 PICTURES = (".png", ".svg", ".pdf")
+PAGES = (".html", ".json")
 
 
 def out_file(text: str) -> Path:
@@ -44,8 +45,13 @@ def out_file(text: str) -> Path:
 
 
 def out_folder(text: str) -> Path:
-    """The path of a folder to write into. Raises ArgumentTypeError where that cannot be."""
-    return _checked(text, check_folder)
+    """The path of a folder to write into. Raises ArgumentTypeError where that cannot be, and for
+    what reads as a file's name: a new folder `lags.png` is what nobody asks for.
+    """
+    path = _checked(text, check_folder)
+    if path.suffix.lower() in (*PICTURES, *LOGS, *PAGES) and not path.is_dir():
+        raise ArgumentTypeError(f"{path}: names a file, expected a folder; leave out {path.suffix}")
+    return path
 
 
 def _checked(text: str, check: Callable[[Path], None]) -> Path:

@@ -177,3 +177,16 @@ def test_a_result_does_not_replace_what_is_read(capsys: Capture, tmp_path: Path)
     assert main(["run", str(scenario), "--json", str(scenario)]) == 2
     assert "--json: would replace the file that is read" in capsys.readouterr().err
     assert scenario.read_text(encoding="utf-8") == 'workpiece = "straight"\n'
+
+
+@pytest.mark.parametrize(
+    ("command", "option"), [("identify", "--plot"), ("diagnose", "--augmented"), ("demo", "--out")]
+)
+def test_a_folder_that_reads_as_a_file_is_refused(
+    command: str, option: str, capsys: Capture, tmp_path: Path
+) -> None:
+    path = tmp_path / "lags.png"
+    named = [] if command == "demo" else ["a.parquet"]
+    assert main([command, *named, option, str(path)]) == 2
+    assert f"{option}: {path}: names a file, expected a folder" in capsys.readouterr().err
+    assert not path.exists()
