@@ -549,12 +549,34 @@ def logic(m: Model) -> None:
     m.known.append(Expr(f"{y}i", lambda v: v[f"{y}i"], True))
 
 
+def trigger(m: Model) -> None:
+    """A loop under noEvent() whose solution ends: an amplifier fed back to its positive input."""
+    y, v, e, gain = m.name("y"), m.name("v"), drawn(m, 2), m.number(8, 40)
+    back = m.number(0.3, 0.8)
+    d, end = f"{gain!r}*({back!r}*{y} - {v})", back - 1 / gain
+    m.declarations += [f"Real {y}(start = 1);", f"Real {v}(start = 0, fixed = true);"]
+    m.equations += [
+        f"{y} = noEvent(if {d} > 1 then 1 else if {d} < -1 then -1 else {d});",
+        f"der({v}) = 5*({y} - {v}) + 0.5*tanh({e.text});",
+    ]
+    m.discretes[y] = 1.0
+
+    def over(side: float) -> Crossing:
+        return Crossing(
+            lambda now: side * now[v] - end if now[y] == side else -1.0, lambda _: {y: -side}
+        )
+
+    m.crossings += [over(1.0), over(-1.0)]
+    m.state(v, 0.0, lambda now: 5 * (now[y] - now[v]) + 0.5 * math.tanh(e.value(now)))
+    m.show(y, jumps=True)
+
+
 FEATURES: dict[str, Callable[[Model], None]] = {
     f.__name__: f
     for f in (
         algebraic, state, second_order, parameters, arrays, matrices, linear_loop, nonlinear_loop,
         if_equation, algorithm, function, record, components, circuit, sampled, once, sawtooth,
-        coupled, steady_start, delayed, environment, logic,
+        coupled, steady_start, delayed, environment, logic, trigger,
     )
 }  # fmt: skip
 
