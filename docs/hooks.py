@@ -77,6 +77,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "printed": printed,
     "bad_input": recorded.bad_input,
     "blind_nuisance": recorded.blind_nuisance,
+    "blind_sets": recorded.blind_sets,
     "clean_install": recorded.clean_install,
     "code_size": recorded.code_size,
     "replay": recorded.replay,

@@ -11,10 +11,12 @@ from typing import Any
 from benchmarks.code_size import functions, longest_line
 
 DATA = Path(__file__).parent / "results" / "data"
+SETS = ("nofa", "contour", "three", "wide", "random", "faint")  # of `pneugantry blind`
 
 __all__ = [
     "bad_input",
     "blind_nuisance",
+    "blind_sets",
     "clean_install",
     "code_size",
     "compiler_times",
@@ -138,6 +140,25 @@ def blind_nuisance() -> str:
         f"{said}\n\n{_table(('measure', 'target', 'got'), rows)}\n\n"
         f"{_table(('probability', 'share right', 'claims'), claims)}\n\nWrong:\n\n{wrong}"
     )
+
+
+def blind_sets() -> str:
+    """Sealed rigs of other kinds, side by side; a set that is not recorded is left out."""
+    sets = {n: _read(f"blind_{n}") for n in SETS if (DATA / f"blind_{n}.json").is_file()}
+    measures = [m for m in next(iter(sets.values()))[1]["table"] if not m.startswith("seconds")]
+    rows = [
+        (
+            m,
+            *(
+                f"{got:.3g}" if (got := r["table"][m]) is not None else "-"
+                for _, r in sets.values()
+            ),
+        )
+        for m in measures
+    ]
+    wrong = "\n".join(f"- {n}: {t}" for n, (_, r) in sets.items() for t in r["confusions"])
+    said = "\n".join(f"- {text}" for text, _ in sets.values())
+    return f"{said}\n\n{_table(('measure', *sets), rows)}\n\nWrong:\n\n{wrong}"
 
 
 def _target(told: object) -> str:
