@@ -88,6 +88,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "stiff": recorded.stiff,
     "textbook": recorded.textbook,
     "public_models": recorded.public_models,
+    "diagnosis_time": recorded.diagnosis_time,
     "differential": recorded.differential,
     "math_functions": recorded.math_functions,
     "compiler_times": recorded.compiler_times,

@@ -14,6 +14,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "docs" / "results" / "data"
 NOMINAL = "../shared/campaigns/nominal"  # another simulator's recording; not in this repository
+CAMPAIGNS = " ".join(
+    f"../shared/campaigns/{n}"
+    for n in ("nominal", "rig_none_1", "rig_coulomb_level_x", "example_valve_delay_z")
+)
 BOOK = "../ModelicaByExample"  # public sources, not in this repository either
 LIBRARY = "../ModelicaStandardLibrary"  # of version 4.1.0
 RESULTS = "../MAP-LIB_ReferenceResults"  # of the same version
@@ -31,6 +35,7 @@ COMMANDS = {  # name: the command, without --json
     "blind_random": "pneugantry blind --set random --seed 87320 --cases 16",
     "blind_faint": "pneugantry blind --set faint --seed 87350 --cases 16",
     "replay": f"pneugantry replay {NOMINAL}",
+    "diagnosis_time": f"python -m benchmarks.diagnosis_time {CAMPAIGNS}",
     "solver_check": "python -m benchmarks.solver_check",
     "bad_input": "python -m benchmarks.bad_input",
     "clean_install": "python -m benchmarks.clean_install --zig",

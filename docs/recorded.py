@@ -21,6 +21,7 @@ __all__ = [
     "code_size",
     "compiler_times",
     "cross_check",
+    "diagnosis_time",
     "differential",
     "math_functions",
     "motor",
@@ -159,6 +160,42 @@ def blind_sets() -> str:
     wrong = "\n".join(f"- {n}: {t}" for n, (_, r) in sets.items() for t in r["confusions"])
     said = "\n".join(f"- {text}" for text, _ in sets.values())
     return f"{said}\n\n{_table(('measure', *sets), rows)}\n\nWrong:\n\n{wrong}"
+
+
+def diagnosis_time() -> str:
+    """What diagnoses of campaigns cost, beside a version before."""
+    said, found = _read("diagnosis_time")
+    before_said, before = _read("diagnosis_time_before")
+    earlier = {r["campaign"]: r for r in before}
+    heads = (
+        "campaign",
+        "wall s",
+        "CPU s",
+        "fits",
+        "simulated s",
+        "CPU s before",
+        "simulated s before",
+    )
+    rows = []
+    for r in found:
+        old = earlier.get(r["campaign"])
+        rest = (f"{old['cpu']:.1f}", f"{_simulated(old):.0f}") if old else ("-", "-")
+        counts = (f"{r['wall']:.1f}", f"{r['cpu']:.1f}", len(r["pieces"]), f"{_simulated(r):.0f}")
+        rows.append((r["campaign"], *counts, *rest))
+    dear = max(found, key=lambda r: len(r["pieces"]))
+    pieces = sorted(dear["pieces"], key=lambda p: -p["cpu"])[:10]
+    shares = [
+        (f"{p['what']} {p['effects']}", f"{p['cpu']:.2f}", f"{p['simulated']:.0f}") for p in pieces
+    ]
+    return (
+        f"{said} Before: {before_said}\n\n{_table(heads, rows)}\n\n"
+        f"The dearest fits of `{dear['campaign']}`:\n\n"
+        f"{_table(('fit', 'CPU s', 'simulated s'), shares)}"
+    )
+
+
+def _simulated(diagnosis: dict[str, Any]) -> float:
+    return sum(p["simulated"] for p in diagnosis["pieces"])
 
 
 def _target(told: object) -> str:
