@@ -33,7 +33,6 @@ COMMANDS = {  # name: the command, without --json
     "blind_three": "pneugantry blind --set three --seed 87260 --cases 16",
     "blind_wide": "pneugantry blind --set wide --seed 87290 --cases 16",
     "blind_random": "pneugantry blind --set random --seed 87320 --cases 16",
-    "blind_faint": "pneugantry blind --set faint --seed 87350 --cases 16",
     "replay": f"pneugantry replay {NOMINAL}",
     "diagnosis_time": f"python -m benchmarks.diagnosis_time {CAMPAIGNS}",
     "solver_check": "python -m benchmarks.solver_check",

@@ -11,7 +11,7 @@ from typing import Any
 from benchmarks.code_size import functions, longest_line
 
 DATA = Path(__file__).parent / "results" / "data"
-SETS = ("nofa", "contour", "three", "wide", "random", "faint")  # of `pneugantry blind`
+SETS = ("nofa", "contour", "three", "wide", "random")  # of `pneugantry blind`
 
 __all__ = [
     "bad_input",
