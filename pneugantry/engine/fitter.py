@@ -38,6 +38,8 @@ from pneugantry.engine.views import View
 __all__ = ["Fit", "Fitter", "deviations", "fallen"]
 
 SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
+SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
+BESIDE = 0.4  # share of these sizes beside an effect, which takes the rest
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 
 
@@ -283,7 +285,8 @@ class Fitter:
                 {c: r for c, r in start.residuals.items() if c in own},
                 {k: c for k, c in columns.items() if k[0] in own},
             )
-            solution = descend(self._problem(own, known, fine=False), solution, None, ROUGH)
+            problem = self._problem(own, known, fine=False)
+            solution = self._surveyed(problem, descend(problem, solution, None, ROUGH))
             total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
             columns |= solution.columns
         before, least = start.point.theta, total.least()
@@ -293,6 +296,60 @@ class Fitter:
             if all(np.isfinite(r).all() for r in residuals.values()):
                 return Solution(point, residuals, columns)
         return start
+
+    def _surveyed(self, problem: Problem, found: Solution) -> Solution:
+        """The least of a view's descents from where it stands and from the best of many points
+        drawn over its tolerance and effects, where it stands above the noise: stick-slip has many
+        optima.
+        """
+        sim, view = self.simulation, problem.cells[0][0]
+        among = [(i, c) for i, c in enumerate(found.point.coordinates) if view in sim.readers(c)]
+        tolerance = [i for i, c in among if c.scales]
+        effects = [i for i, c in among if c.effect]
+        if not (tolerance or effects) or self._quiet(found.residuals):
+            return found
+        count, draw = self.rules.survey, np.random.default_rng(0)
+        theta = np.tile(found.point.theta, (count, 1))
+        size = np.resize(np.array(SIZES), count)[:, None] * (BESIDE if effects else 1.0)
+        theta[:, tolerance] = size * draw.standard_normal((count, len(tolerance)))
+        theta[:, effects] += draw.standard_normal((count, len(effects)))
+        tried = [inside(found.point.moved(t)) for t in theta]
+        runs = sim.run({c: [t.values(c[1]) for t in tried] for c in problem.cells})
+        costs = [
+            self._standing(problem, Solution(t, {c: runs[c][i] for c in runs}, {}))
+            for i, t in enumerate(tried)
+        ]
+        best, least = found, self._standing(problem, found)
+        for i in np.argsort(costs)[: self.rules.followed]:
+            residuals = {c: runs[c][i] for c in runs}
+            columns = sim.columns(
+                tried[i], residuals, problem.cells, set(problem.prior.names), fine=False
+            )
+            other = descend(problem, Solution(tried[i], residuals, columns), None, ROUGH)
+            if (cost := self._standing(problem, other)) < least:
+                best, least = other, cost
+        return best
+
+    def _quiet(self, residuals: Residuals) -> bool:
+        """Whether residuals are as small as the sensors' noise."""
+        return all(
+            w.sigma < self.rules.quiet * sigma
+            for cell, ws in self.flat(residuals).items()
+            for w, sigma in zip(ws, self.simulation.views[cell[0]].sigmas, strict=True)
+        )
+
+    def _standing(self, problem: Problem, solution: Solution) -> float:
+        """-2 log posterior under white noise of the residuals' own size."""
+        if not all(np.isfinite(r).all() for r in solution.residuals.values()):
+            return FAILED
+        flat = self.flat(solution.residuals)
+        cost = sum(Weighing(flat, self.rules).costs(solution.residuals).values())
+        cost += sum(
+            2 * len(r) * math.log(w.sigma)
+            for cell, r in solution.residuals.items()
+            for w in flat[cell]
+        )
+        return cost + problem.prior.cost(solution.point.theta)
 
     def _jointly(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """All views together, from new columns on."""

@@ -1,0 +1,53 @@
+"""A view above the noise is started from other points as well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneugantry.engine.descent import Solution, prior
+from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.plant import Plant, Record
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.simulation import Point
+from pneugantry.engine.synthetic import Nominal, noisy
+from pneugantry.engine.views import build_views
+
+
+@pytest.fixture
+def fitter(cart: Plant, push: Record, cache: Path) -> Iterator[Fitter]:
+    record = noisy(cart, Nominal(cart, ["f", "v"], cache).record(push))
+    views = build_views(cart, ["force", "speed"], cache, 2e-3, Rules())
+    made = Fitter(cart, views, [replace(record, name="push")], Rules())
+    yield made
+    made.close()
+
+
+def standing(fitter: Fitter, theta: float) -> tuple[Solution, object]:
+    """The speed's view with all coordinates at one value, and its problem."""
+    coordinates = fitter.coordinates(Hypothesis(), 1.0)
+    cells = [c for c in fitter.simulation.cells if "speed" in fitter.simulation.views[c[0]].signals]
+    problem = fitter._problem(cells, prior(coordinates), fine=False)
+    point = Point(coordinates, np.full(len(coordinates), theta), {})
+    return Solution(point, fitter.simulation.residuals(point, cells), {}), problem
+
+
+def test_a_view_at_its_noise_is_not_surveyed(fitter: Fitter) -> None:
+    found, problem = standing(fitter, 0.0)
+    before = fitter.simulation.seconds
+    assert fitter._surveyed(problem, found) is found
+    assert fitter.simulation.seconds == before
+
+
+def test_a_better_optimum_is_found_and_the_same_each_time(fitter: Fitter) -> None:
+    """Where no descent has led: all parameters 15 spreads off."""
+    found, problem = standing(fitter, 15.0)
+    other = fitter._surveyed(problem, found)
+    assert fitter._standing(problem, other) < fitter._standing(problem, found) - 1000
+    again = fitter._surveyed(problem, found)
+    assert np.array_equal(again.point.theta, other.point.theta)
