@@ -30,9 +30,7 @@ class Rules:
     turns: int = 4  # of probing about the end of a fit, at most
     renewals: int = 4  # of colour and columns at the end of a fit, at most
     finalists: int = 3  # effects that are fitted to the end at each step of the search
-    survey: int = (
-        96  # points of a view from the best of which a descent starts, too (decision 0119)
-    )
+    survey: int = 96  # points of a view, from the best of which descents start, too (0119)
     followed: int = 2  # of these points
     quiet: float = 1.05  # times the quoted noise, up to which a view needs no survey
     damping: float = 1.0  # Levenberg-Marquardt's, at the start

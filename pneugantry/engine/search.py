@@ -330,9 +330,7 @@ def _starts(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
 
 FEW = 2  # starts that are screened with all their columns
 SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
-NOTHING = (
-    0.1  # of what an effect has to bring: predicted by the slopes alone, is looked at no closer
-)
+NOTHING = 0.1  # share of `Rules.effect`; a start whose slopes predict less is looked at no closer
 CHUNK = 50  # rows of a residual that are drawn together where a gain is predicted
 
 

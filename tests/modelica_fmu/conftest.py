@@ -1,6 +1,7 @@
 """FMUs for the tests of the build: the stub and the real model, in both FMI versions."""
 
 import sys
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -10,6 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent / "stub"))
 
 from stub_model import stub_fmu
+from tiny import Tiny, library_of
 
 from pyfmi_runner.build import build_fmu
 
@@ -37,3 +39,13 @@ def fmu(request: pytest.FixtureRequest, fmi: str) -> Path:
 @pytest.fixture(params=[stub_fmu, real_fmu], ids=["stub", "real"])
 def fmu2(request: pytest.FixtureRequest) -> Path:
     return request.param("2.0")
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Callable[..., Tiny]:
+    """model(text, name="M"): an instance of a class of a Modelica file, not yet started."""
+
+    def model(text: str, name: str = "M") -> Tiny:
+        return library_of(text, tmp_path, name)
+
+    return model

@@ -13,22 +13,10 @@ import re
 import fmpy
 import numpy as np
 import pytest
-from tiny import Tiny, library_of
 
 from modelica_fmu.compiler import compile_model
 from modelica_fmu.errors import InputError
 from pyfmi_runner.build import build_fmu
-
-
-@pytest.fixture
-def tiny(tmp_path):
-    """model(text) → an instance of its class M, not yet started."""
-
-    def model(text: str) -> Tiny:
-        return library_of(text, tmp_path)
-
-    return model
-
 
 # ---- functions, arrays, enumerations
 # ------------------------------------------------------------------------------------------

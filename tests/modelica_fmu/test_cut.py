@@ -39,11 +39,15 @@ end Toy;
 """
 
 
+def written(text: str, folder: Path) -> Path:
+    path = folder / "Toy.mo"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
 @pytest.fixture(scope="module")
 def cart(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("toy") / "Toy.mo"
-    path.write_text(CART, encoding="utf-8")
-    return path
+    return written(CART, tmp_path_factory.mktemp("toy"))
 
 
 def names(part: CompiledModel, kind: str) -> set[str]:
@@ -139,9 +143,7 @@ end Toy;
 
 @pytest.fixture(scope="module")
 def sled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("toy") / "Toy.mo"
-    path.write_text(SWITCHED, encoding="utf-8")
-    return path
+    return written(SWITCHED, tmp_path_factory.mktemp("toy"))
 
 
 def test_what_fixed_parameters_leave_without_effect_is_no_part(sled: Path) -> None:

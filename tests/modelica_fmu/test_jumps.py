@@ -3,25 +3,13 @@
 import ctypes
 import math
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent / "stub"))
-
-from tiny import Tiny, library_of
+from tiny import Tiny
 
 ERROR = 3
-
-
-@pytest.fixture
-def tiny(tmp_path: Path):
-    def model(text: str) -> Tiny:
-        return library_of(text, tmp_path)
-
-    return model
 
 
 def jumps(m: Tiny) -> list[float]:

@@ -7,18 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import Tiny, library_of
+from tiny import library_of
 
 from modelica_fmu.compiler import compile_model
 from modelica_fmu.errors import InputError
-
-
-@pytest.fixture
-def tiny(tmp_path: Path):
-    def model(text: str, name: str = "M") -> Tiny:
-        return library_of(text, tmp_path, name)
-
-    return model
 
 
 def test_initial_equations_find_a_steady_state(tiny) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import Tiny, library_of
+from tiny import library_of
 
 from modelica_fmu.compiler import compile_model
 from modelica_fmu.errors import InputError
@@ -20,14 +20,6 @@ package Types
 end Types;
 """
 TABLES = "within Modelica.Blocks; package Tables package Internal end Internal; end Tables;"
-
-
-@pytest.fixture
-def tiny(tmp_path: Path):
-    def model(text: str) -> Tiny:
-        return library_of(text, tmp_path)
-
-    return model
 
 
 @pytest.fixture

@@ -1,24 +1,11 @@
 """Which start is taken where the equations have several, and that the log tells of it."""
 
 import math
-import sys
-from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent / "stub"))
-
-from tiny import Tiny, library_of
+from tiny import Tiny
 
 WARNING = 1
-
-
-@pytest.fixture
-def tiny(tmp_path: Path):
-    def model(text: str) -> Tiny:
-        return library_of(text, tmp_path)
-
-    return model
 
 
 def warnings(m: Tiny) -> list[str]:
