@@ -102,24 +102,39 @@ class Diagnosis:
             if term is None or term.after is None or not term.accepted:
                 return write_described(Path(folder), self.found)
             return write_described(Path(folder), term.after, with_base=True)
-        from pneugantry.plants.gantry.augmented import write_augmented
+        return self._write_augmented_gantry(Path(folder), self.fmu)
 
-        remarks = [f"{c.key}: probability {c.probability:.2f}" for c in self.found.diagnosis.causes]
-        return write_augmented(Path(folder), self.fmu, self.found.values, remarks)
+    def _write_augmented_gantry(self, folder: Path, fmu: FmuFile) -> tuple[Path, Path]:
+        from pneugantry.plants.gantry.augmented import write_augmented
+        from pyfmi_runner.build import build_fmu, default_model
+        from pyfmi_runner.fmu import FmuFile
+
+        found, plant, term = self.found, self.found.task.plant, self.learned
+        if term is not None and term.after is not None and term.accepted:
+            found, plant = term.after, term.after.task.plant
+            fmu = FmuFile.read(build_fmu(plant.class_name, plant.model).path)
+        remarks = [f"{c.key}: probability {c.probability:.2f}" for c in found.diagnosis.causes]
+        values = {**plant.parameters, **found.values}
+        own = None if plant.model == default_model() else plant.model
+        return write_augmented(folder, fmu, values, remarks, own)
 
     def with_missing_term(self, say: Say | None = None) -> Diagnosis:
-        """The same with the term that the plant's equations lack, looked for where the verdict is
-        unknown and the plant is one's own with Modelica source; else unchanged. say: told the name
-        of each stage.
+        """The same with the term that the plant's equations lack, looked for where what no
+        catalogue has is likely enough, in a plant with Modelica source; else unchanged. say: told
+        the name of each stage.
         """
         from pneugantry.learn.learn import learn, wanted
         from pneugantry.learn.result import to_json
+        from pneugantry.plants.gantry.diagnosis import at_full_rate
 
-        if self.campaign is not None or self.found.task.epoch is not None:
+        if self.found.task.epoch is not None or not wanted(self.found):
             return self
-        if not wanted(self.found):
-            return self
-        term = learn(self.found, self.rules, say or (lambda stage: None))
+        campaign, rules = self.campaign, self.rules
+
+        def finish(found: Found) -> Found:
+            return found if campaign is None else at_full_rate(found, campaign, rules)
+
+        term = learn(self.found, rules, say or (lambda stage: None), finish)
         json = {
             **self.json,
             "learned": to_json(term),
@@ -135,9 +150,7 @@ class Diagnosis:
         from pneugantry.learn.export import write_catalogue
 
         if self.learned is None:
-            hint = (
-                "it is where the verdict is unknown, in a plant of one's own with Modelica source"
-            )
+            hint = "it is where what no catalogue has is likely, in a plant with Modelica source"
             raise InputError("no missing term was looked for", field="--catalogue-out", hint=hint)
         return write_catalogue(Path(folder), self.learned)
 
@@ -180,16 +193,17 @@ def diagnose(
     """
     from pneugantry.engine.result import to_json
     from pneugantry.plants.described import is_plant_description
-    from pneugantry.plants.gantry.catalogue import catalogue_of
+    from pneugantry.plants.gantry.catalogue import catalogue_of, model_of
     from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
 
     say = say or (lambda stage: None)
     if isinstance(source, str | Path) and is_plant_description(Path(source)):
         return _diagnose_described(Path(source), catalogue, fmu, say)
-    effects = catalogue_of(None if catalogue is None else Path(catalogue))
+    own = None if catalogue is None else Path(catalogue)
+    effects, model = catalogue_of(own), model_of(own)
     campaign = _campaign(source, setup, controller, say)
     nominal = None if fmu is None else fmu_from(fmu)
-    found = diagnose_gantry(campaign, effects, fmu=nominal, say=say)
+    found = diagnose_gantry(campaign, effects, fmu=nominal, say=say, model=model)
     return Diagnosis(to_json(found.diagnosis), found, campaign, fmu_from(nominal))
 
 
@@ -210,7 +224,7 @@ def diagnose_change(
     """
     from pneugantry.engine.result import to_json
     from pneugantry.plants.described import is_plant_description
-    from pneugantry.plants.gantry.catalogue import catalogue_of
+    from pneugantry.plants.gantry.catalogue import catalogue_of, model_of
     from pneugantry.plants.gantry.diagnosis import both
     from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
 
@@ -230,7 +244,9 @@ def diagnose_change(
     campaigns = [_campaign(source, None, controller, say) for source in (before, after)]
     nominal = None if fmu is None else fmu_from(fmu)
     effects = catalogue_of(own)
-    found = diagnose_gantry(campaigns[0], effects, fmu=nominal, say=say, after=campaigns[1])
+    found = diagnose_gantry(
+        campaigns[0], effects, fmu=nominal, say=say, after=campaigns[1], model=model_of(own)
+    )
     return Diagnosis(to_json(found.diagnosis), found, both(*campaigns), fmu_from(nominal))
 
 

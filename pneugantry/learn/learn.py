@@ -44,6 +44,7 @@ BESIDE = 2  # known effects beside which a term is looked for once more
 LEFT = 0.5  # share of the gap's square that a term may leave
 OPEN = 3.0  # standard deviations of a term's values in a diagnosis of the plant that has it
 LOST = 1e6  # -2 log density of a replay that fails
+LIKELY = 0.2  # probability of what no catalogue has, from which on it is looked for
 OUT = 0.3  # share of the worst view's excess from which on a view's equations are tried
 CLOSE = 8.0  # -2 log evidence by which a form may lie behind the closest one to be fitted
 LINE = 0.02  # relative error of a period that a spectrum tells
@@ -112,12 +113,20 @@ class Learned:
 
 
 def wanted(found: Found) -> bool:
-    """Whether there is something to learn: the answer holds what no catalogue explains."""
-    return found.diagnosis.verdict == "unknown" and not isinstance(found.task.plant, ForeignPlant)
+    """Whether there may be something to learn: what no catalogue explains is likely enough."""
+    return found.decision.unknown >= LIKELY and not isinstance(found.task.plant, ForeignPlant)
 
 
-def learn(found: Found, rules: Rules, say: Say = lambda stage: None) -> Learned:
-    """The term that a diagnosed plant lacks. Raises InputError for a plant without source."""
+def learn(
+    found: Found,
+    rules: Rules,
+    say: Say = lambda stage: None,
+    finish: Callable[[Found], Found] = lambda found: found,
+) -> Learned:
+    """The term that a diagnosed plant lacks. finish: what was done to `found` after the engine's
+    run, and is done to that of the plant with the term. Raises InputError for a plant without
+    source.
+    """
     task, began = found.task, time.perf_counter()
     if isinstance(task.plant, ForeignPlant):
         raise InputError(
@@ -126,7 +135,8 @@ def learn(found: Found, rules: Rules, say: Say = lambda stage: None) -> Learned:
             hint="describe the plant by its Modelica source",
         )
     apart = opened(task.plant, task.views, task.data.fitted, task.cache)
-    return replace(_Learning(found, rules, say, apart).run(), seconds=time.perf_counter() - began)
+    made = _Learning(found, rules, say, finish, apart).run()
+    return replace(made, seconds=time.perf_counter() - began)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +144,7 @@ class _Learning:
     found: Found
     rules: Rules
     say: Say
+    finish: Callable[[Found], Found]
     apart: Opened
 
     def reached(self, term: Term) -> list[str]:
@@ -319,7 +330,7 @@ class _Learning:
             nuisances=(*plant.nuisances, *best.nuisances),
         )
         views = _recut(task, plant, self.reached(term))
-        return run(replace(task, plant=plant, views=views), self.rules, self.say)
+        return self.finish(run(replace(task, plant=plant, views=views), self.rules, self.say))
 
     def _judged(self, best: Tried, after: Found) -> tuple[bool, str]:
         """Whether the term stands, and why."""

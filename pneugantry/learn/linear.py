@@ -4,8 +4,9 @@ the columns of everything that was fitted, and the responses to a missing term b
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, reduce
 
 import numpy as np
 
@@ -15,26 +16,37 @@ from pneugantry.engine.noise import Noise, Whitener
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
+from pneugantry.learn.reply import Reply, means
 
-__all__ = ["Answer", "Base", "Stats", "base_of", "solved"]
+__all__ = ["Answer", "Base", "Response", "Trial", "base_of", "response_of", "trial_of"]
 
 
 @dataclass(frozen=True, eq=False)
-class Stats:
-    """Normal equations of some rows: J'J, J'r and r'r; the coordinates of the fit come first."""
+class Sums:
+    """J'J, J'r and r'r of the fit's coordinates over some rows."""
 
     square: Array
     pull: Array
     size: float
-    rows: int
 
-    def __add__(self, other: Stats) -> Stats:
-        return Stats(
-            self.square + other.square,
-            self.pull + other.pull,
-            self.size + other.size,
-            self.rows + other.rows,
-        )
+    def __add__(self, other: Sums) -> Sums:
+        return Sums(self.square + other.square, self.pull + other.pull, self.size + other.size)
+
+
+def sum_of(several: Iterable[Sums]) -> Sums:
+    """Of at least one."""
+    return reduce(Sums.__add__, several)
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """Some folds, the fit's coordinates eliminated."""
+
+    folds: frozenset[str]
+    factor: Array  # lower; of J'J and the prior
+    pull: Array  # of the coordinates, divided by it
+    cost: float  # -2 log evidence without any term
+
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,22 +79,43 @@ class Base:
         told = [self.whitened(cell, columns[:, :, k]) for k in range(columns.shape[2])]
         return np.stack(told, axis=1)
 
-    def stats(self, replies: Mapping[Cell, Array], width: int) -> dict[str, Stats]:
-        """By fold, with whitened replies (rows, width) after the fit's coordinates; a cell that has
-        none does not answer to the term.
-        """
-        n = len(self.fit.point.coordinates)
-        found: dict[str, Stats] = {}
+    @cached_property
+    def sums(self) -> dict[str, Sums]:
+        """By fold, of the fit's coordinates alone."""
+        found: dict[str, Sums] = {}
         for cell, white in self.white.items():
-            own = np.zeros((len(white), n + width))
-            own[:, :n] = self.columns[cell]
-            if cell in replies:
-                own[:, n:] = replies[cell]
             for fold, rows in self.folds[cell]:
-                j, r = own[rows], white[rows]
-                made = Stats(j.T @ j, j.T @ r, float(r @ r), len(r))
+                j, r = self.columns[cell][rows], white[rows]
+                made = Sums(j.T @ j, j.T @ r, float(r @ r))
                 found[fold] = found[fold] + made if fold in found else made
         return found
+
+    @cached_property
+    def kept(self) -> dict[str, Kept]:
+        """What is kept by the fold that is left out, "" for none."""
+        found: dict[str, Kept] = {}
+        own, theta = self.precision, self.fit.point.theta
+        for left_out in ("", *self.sums):
+            total = sum_of(s for name, s in self.sums.items() if name != left_out)
+            factor = np.asarray(np.linalg.cholesky(total.square + np.diag(own)))
+            pull = np.linalg.solve(factor, -total.pull - own * theta)
+            occam = 2 * float(np.log(np.diag(factor)).sum()) - float(np.log(own).sum())
+            cost = total.size + float(theta @ (own * theta)) - float(pull @ pull) + occam
+            folds = frozenset(self.sums) - {left_out}
+            found[left_out] = Kept(folds, factor, np.asarray(pull), cost)
+        return found
+
+    def foretold(self, cost: Callable[[str], float]) -> float:
+        """-2 log density of each fold as foretold by the others, summed. cost: -2 log evidence by
+        the fold that is left out.
+        """
+        whole = cost("")
+        return sum(whole - cost(fold) for fold in self.sums)
+
+    @cached_property
+    def plain(self) -> float:
+        """The same without any term."""
+        return self.foretold(lambda left_out: self.kept[left_out].cost)
 
 
 def base_of(fit: Fit, rules: Rules, parts: int = 4) -> Base:
@@ -134,30 +167,148 @@ def _folds(record: str, rows: int, signals: int, parts: int) -> Iterable[tuple[s
 class Answer:
     """Coefficients of a term, what they are worth, and their covariance."""
 
-    theta: Array  # of the fit's coordinates, changes
     coefficients: Array
-    covariance: Array  # of the coefficients
+    covariance: Array
     cost: float  # -2 log evidence
 
 
-def solved(base: Base, stats: Iterable[Stats], prior: Array) -> Answer:
-    """Joint least squares under priors; prior: precision of the coefficients (width, width)."""
-    total: Stats | None = None
-    for s in stats:
-        total = s if total is None else total + s
-    assert total is not None
-    own, n = base.precision, len(base.fit.point.coordinates)
-    theta = base.fit.point.theta
-    square = total.square.copy()
-    square[np.arange(n), np.arange(n)] += own
-    square[n:, n:] += prior
-    pull = -total.pull
-    pull[:n] -= own * theta
-    factor = np.linalg.cholesky(square)
-    found = np.linalg.solve(factor.T, np.linalg.solve(factor, pull))
-    occam = 2 * float(np.log(np.diag(factor)).sum()) - float(np.log(own).sum())
-    if prior.size:
-        occam -= float(np.linalg.slogdet(prior)[1])
-    cost = total.size + float(theta @ (own * theta)) - float(found @ pull) + occam
-    inverse = np.linalg.solve(factor.T, np.linalg.solve(factor, np.eye(len(found))))
-    return Answer(found[:n], found[n:], inverse[n:, n:], cost)
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Of columns with themselves (n, n), with the fit's (coordinates, n) and with the residuals."""
+
+    square: Array
+    cross: Array
+    pull: Array
+
+    def __add__(self, other: Products) -> Products:
+        return Products(
+            self.square + other.square, self.cross + other.cross, self.pull + other.pull
+        )
+
+    def times(self, factor: float) -> Products:
+        """Of columns so many times as large."""
+        return Products(factor**2 * self.square, factor * self.cross, factor * self.pull)
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Normal equations of a term's coefficients, the fit's coordinates eliminated; cost: without
+    the term.
+    """
+
+    square: Array
+    pull: Array
+    cost: float
+
+    def solved(self, prior: Array) -> Answer:
+        """Least squares under a prior; prior: precision of the coefficients (n, n)."""
+        factor = np.linalg.cholesky(self.square + prior)
+        half = np.linalg.solve(factor, self.pull)
+        inverse = np.linalg.solve(factor, np.eye(len(half)))
+        occam = 2 * float(np.log(np.diag(factor)).sum()) - float(np.linalg.slogdet(prior)[1])
+        covariance = inverse.T @ inverse
+        return Answer(inverse.T @ half, covariance, self.cost - float(half @ half) + occam)
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What residuals reply to each block of rows of an addend, whitened: (rows of all signals,
+    blocks) by cell, and its products with itself, with the fit's columns and with the residuals by
+    cell and fold. Any term of the addend is then a product of small matrices.
+    """
+
+    matrices: Mapping[Cell, Array]
+    blocks: Mapping[Cell, int]  # rows of the record in a block
+    products: Mapping[Cell, Mapping[str, Products]]
+
+    def times(self, factor: float) -> Response:
+        """Of an addend that does so many times as much."""
+        return Response(
+            {c: factor * m for c, m in self.matrices.items()},
+            self.blocks,
+            {
+                c: {f: p.times(factor) for f, p in own.items()} for c, own in self.products.items()
+            },
+        )
+
+    def shapes(self, cell: Cell, series: Mapping[str, Array]) -> Array:
+        """Means (blocks, n) of series by record, (rows, n) or (rows,)."""
+        return means(series[cell[1]], self.blocks[cell])
+
+    def columns(self, series: Mapping[str, Array]) -> dict[Cell, Array]:
+        """Whitened replies (rows of all signals, n)."""
+        return {c: m @ self.shapes(c, series) for c, m in self.matrices.items()}
+
+
+    def pairs(self, shapes: Mapping[Cell, Array]) -> tuple[Array, Array]:
+        """Of pairs of columns one behind the other (blocks, 2 n): products of each pair with itself
+        (n, 2, 2) and with the residuals (n, 2), over all cells.
+        """
+        square: Array | float = 0.0
+        pull: Array | float = 0.0
+        for cell, own in self.products.items():
+            s = shapes[cell]
+            one = s.reshape(len(s), -1, 2)
+            for p in own.values():
+                both = (p.square @ s).reshape(len(s), -1, 2)
+                square = square + np.einsum("bni,bnj->nij", one, both)
+                pull = pull + (s.T @ p.pull).reshape(-1, 2)
+        return np.asarray(square), np.asarray(pull)
+
+
+def response_of(base: Base, replies: Mapping[Cell, Reply]) -> Response:
+    """See `Response`."""
+    matrices = {c: base.whitened_all(c, reply.matrix) for c, reply in replies.items()}
+    products: dict[Cell, dict[str, Products]] = {}
+    for cell, matrix in matrices.items():
+        own: dict[str, Products] = {}
+        for fold, rows in base.folds[cell]:
+            m, j, r = matrix[rows], base.columns[cell][rows], base.white[cell][rows]
+            made = Products(m.T @ m, j.T @ m, m.T @ r)
+            own[fold] = own[fold] + made if fold in own else made
+        products[cell] = own
+    return Response(matrices, {c: r.block for c, r in replies.items()}, products)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Shapes in an addend: what is known of their coefficients, by fold."""
+
+    base: Base
+    sums: Mapping[str, Products]
+
+    def reduced(self, left_out: str = "") -> Reduced:
+        """The fit's coordinates eliminated."""
+        kept = self.base.kept[left_out]
+        none = next(iter(self.sums.values())).times(0.0)
+        own = (p for fold, p in self.sums.items() if fold in kept.folds)
+        total = reduce(Products.__add__, own, none)
+        cross = np.linalg.solve(kept.factor, total.cross)
+        pull = -total.pull - cross.T @ kept.pull
+        return Reduced(total.square - cross.T @ cross, pull, kept.cost)
+
+    def solved(self, prior: Array, left_out: str = "") -> Answer:
+        """Joint least squares with the fit's coordinates under priors; prior: precision (n, n)."""
+        return self.reduced(left_out).solved(prior)
+
+    def best(self, priors: Sequence[Array]) -> tuple[int, Answer]:
+        """The prior of the largest evidence."""
+        reduced = self.reduced()
+        answers = [reduced.solved(p) for p in priors]
+        index = int(np.argmin([a.cost for a in answers]))
+        return index, answers[index]
+
+    def gain(self, prior: Array) -> float:
+        """Fall of -2 log density of each fold as foretold by the others."""
+        return self.base.plain - self.base.foretold(lambda out: self.solved(prior, out).cost)
+
+
+def trial_of(base: Base, response: Response, series: Mapping[str, Array]) -> Trial:
+    """Of shapes over each record (rows, n)."""
+    found: dict[str, Products] = {}
+    for cell, own in response.products.items():
+        s = response.shapes(cell, series)
+        for fold, p in own.items():
+            made = Products(s.T @ p.square @ s, p.cross @ s, s.T @ p.pull)
+            found[fold] = found[fold] + made if fold in found else made
+    return Trial(base, found)

@@ -16,6 +16,7 @@ from pneugantry.learn.points import Opened, Point
 __all__ = ["TIME", "Regressor", "regressors_of"]
 
 TIME = "time"
+SAME = 1 - 1e-9  # correlation from which on two variables are one
 
 
 @dataclass(frozen=True)
@@ -69,10 +70,39 @@ def regressors_of(
         for name in own:
             regressor = Regressor(point.component, name.removeprefix(prefix))
             found[regressor] = {r: made[r][:, names.index(name)] for r in made}
+    found = _distinct(opened, found)
     found |= _against(opened, found)
     found[Regressor("", TIME)] = {
         r.name: np.asarray(np.arange(r.rows) * r.period, dtype=np.float64) for r in records
     }
+    return found
+
+
+def _distinct(
+    opened: Opened, known: Mapping[Regressor, dict[str, Array]]
+) -> dict[Regressor, dict[str, Array]]:
+    """Without what is another one of the component on another scale: states and what is measured
+    stay first, for a reader knows them.
+    """
+    shape, plant = opened.shape, opened.plant
+    measured = {shape.roots.get(v) for v in (*plant.inputs, *(s.variable for s in plant.signals))}
+
+    def rank(regressor: Regressor) -> tuple[bool, bool, str]:
+        root = shape.roots.get(regressor.label)
+        return root not in shape.states, root not in measured, regressor.name
+
+    found: dict[Regressor, dict[str, Array]] = {}
+    kept: dict[str, list[Array]] = {}  # by component, of mean 0 and length 1
+    for regressor in sorted(known, key=rank):
+        whole = np.concatenate(list(known[regressor].values()))
+        whole = whole - whole.mean()
+        size = float(np.linalg.norm(whole))
+        if not 0.0 < size < np.inf:
+            continue  # it does not vary
+        others = kept.setdefault(regressor.component, [])
+        if all(abs(float(whole @ o)) < SAME * size for o in others):
+            others.append(whole / size)
+            found[regressor] = known[regressor]
     return found
 
 

@@ -18,13 +18,13 @@ from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
 from pneugantry.learn.curve import SIZES, Basis, Wave, finer, knots_over
-from pneugantry.learn.linear import Answer, Base, Stats, base_of, solved
+from pneugantry.learn.linear import Answer, Base, Response, base_of, response_of, trial_of
 from pneugantry.learn.points import Opened, OpenedView, Point
 from pneugantry.learn.regressors import TIME, Regressor, regressors_of
-from pneugantry.learn.reply import Pulses, Reply, blocks_of, means, reply_of
+from pneugantry.learn.reply import Pulses, Reply, blocks_of, reply_of
 from pneugantry.learn.waves import periods_of
 
-__all__ = ["Candidate", "Screen", "screened"]
+__all__ = ["Candidate", "Course", "Screen", "screened"]
 
 WAVE = 9.0  # rad/s, of the term that probes an equation
 FIRST = 1e-3  # its size at first
@@ -42,6 +42,20 @@ PAIRS = 256  # waves that are tried at once
 
 
 @dataclass(frozen=True, eq=False)
+class Course:
+    """A regressor over the records."""
+
+    values: Mapping[str, Array]
+    signs: Mapping[str, Array] | None  # by which its term is multiplied
+
+    def shapes(self, *bases: Basis) -> dict[str, Array]:
+        """Shapes (rows, n) of each record."""
+        found = {r: np.column_stack([b.shapes(v) for b in bases]) for r, v in self.values.items()}
+        signs = self.signs
+        return found if signs is None else {r: s * signs[r][:, None] for r, s in found.items()}
+
+
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """A curve of a variable in an equation."""
 
@@ -54,8 +68,14 @@ class Candidate:
     size: float  # of the curve's prior, in the addend's unit
     bend: float  # its further parameter, see `Basis.bends`
     base: Base  # what it was tried beside
-    columns: Mapping[Cell, Array]  # of its coefficients, whitened
+    response: Response
+    course: Course
     alike: tuple[Point, ...] = ()  # equations whose addend does the same
+
+    @property
+    def columns(self) -> dict[Cell, Array]:
+        """Of its coefficients, whitened."""
+        return self.response.columns(self.course.shapes(self.basis))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,23 +107,31 @@ class _Group:
 
     points: list[Point]
     cells: tuple[Cell, ...]
-    answer: Array  # to a slow wave, of length 1
+    answer: Array  # of the first one to a slow wave, of length 1
     unit: float
     seconds: float  # of one simulation
+    factors: list[float]  # times what the first one does
 
+    @property
+    def heads(self) -> list[Point]:
+        """The first equation of each component."""
+        found: dict[str, Point] = {}
+        for point in self.points:
+            found.setdefault(point.component, point)
+        return list(found.values())
 
-@dataclass(frozen=True, eq=False)
-class _Course:
-    """A regressor over the records."""
+    def factor(self, point: Point) -> float:
+        return self.factors[self.points.index(point)]
 
-    values: Mapping[str, Array]
-    signs: Mapping[str, Array] | None  # by which its term is multiplied
-
-    def shapes(self, *bases: Basis) -> dict[str, Array]:
-        """Shapes (rows, n) of each record."""
-        found = {r: np.column_stack([b.shapes(v) for b in bases]) for r, v in self.values.items()}
-        signs = self.signs
-        return found if signs is None else {r: s * signs[r][:, None] for r, s in found.items()}
+    def of(self, point: Point) -> _Group:
+        """The same with another equation first."""
+        rest = [p for p in self.points if p != point]
+        factor = self.factor(point)
+        order = [point, *rest]
+        factors = [self.factor(p) / factor for p in order]
+        return _Group(
+            order, self.cells, self.answer, self.unit / abs(factor), self.seconds, factors
+        )
 
 
 @dataclass(eq=False)
@@ -120,24 +148,34 @@ class _Screening:
         self.quiet = {r.name: self.opened.quiet(r) for r in self.records}
         self.views = {v.name: v for v in self.opened.views}
         self.of_name = {r.name: r for r in self.records}
-        self.plain = self._cost(self.base.stats({}, 0), np.zeros((0, 0)))
 
     def run(self, views: Collection[str] | None) -> Screen:
         groups = self._groups(views)
-        wanted = {g.points[0]: self.opened.variables(g.points[0]) for g in groups}
-        series = regressors_of(self.opened, wanted, self.records, self.values)
+        heads = {p: self.opened.variables(p) for g in groups for p in g.heads}
+        series = regressors_of(self.opened, heads, self.records, self.values)
         found: list[Candidate] = []
         for group in groups:
             replies = {c: self._reply(group, c) for c in group.cells}
             known = {c: r for c, r in replies.items() if r is not None}
-            if not known:
-                continue
-            for regressor, values in series.items():
-                if regressor.within(group.points[0]):
-                    signs = regressor.signs(series)
-                    found += self._of_pair(group, known, regressor, _Course(values, signs))
+            if known:
+                found += self._of_group(group, response_of(self.base, known), series)
         ordered = tuple(sorted(found, key=lambda c: -c.gain))
         return Screen(self.fit, ordered, series, len(found))
+
+    def _of_group(
+        self, group: _Group, response: Response, series: Mapping[Regressor, Mapping[str, Array]]
+    ) -> list[Candidate]:
+        """Every variable of the components whose equations do the same."""
+        found: list[Candidate] = []
+        for head in group.heads:
+            own = group.of(head), response.times(group.factor(head))
+            for regressor, values in series.items():
+                if regressor.name == TIME and head is not group.heads[0]:
+                    continue  # once is enough
+                if regressor.within(head):
+                    signs = regressor.signs(series)
+                    found += self._of_pair(*own, regressor, Course(values, signs))
+        return found
 
     # -- equations
 
@@ -153,8 +191,10 @@ class _Screening:
                 continue
             for other in groups:
                 same = group.cells == other.cells and len(group.answer) == len(other.answer)
-                if same and abs(float(group.answer @ other.answer)) > ALIKE:
+                cosine = float(group.answer @ other.answer) if same else 0.0
+                if abs(cosine) > ALIKE:
                     other.points.append(point)
+                    other.factors.append(float(np.sign(cosine)) * other.unit / group.unit)
                     break
             else:
                 groups.append(group)
@@ -175,7 +215,7 @@ class _Screening:
             if unit > 0:
                 names = {c[0] for c in cells}
                 every = tuple(c for c in sorted(self.base.white) if c[0] in names)
-                return _Group([point], every, answer, unit, seconds)
+                return _Group([point], every, answer, unit, seconds, [1.0])
         return None
 
     def _probe(self, point: Point, record: Record) -> tuple[list[Cell], Array, float, int]:
@@ -233,11 +273,7 @@ class _Screening:
     # -- variables
 
     def _of_pair(
-        self,
-        group: _Group,
-        replies: Mapping[Cell, Reply],
-        regressor: Regressor,
-        course: _Course,
+        self, group: _Group, response: Response, regressor: Regressor, course: Course
     ) -> list[Candidate]:
         """Curves of a variable in an equation: smooth, with narrow features, and waves."""
         knots = knots_over(np.concatenate(list(course.values.values())))
@@ -246,86 +282,75 @@ class _Screening:
         bases: list[Basis] = [knots, finer(knots)]
         if regressor.name == TIME:
             periods = periods_of(self.fit, group.cells, self.opened.period_of)
+        elif self._moves(regressor):
+            periods = self._lines(response, course)
         else:
-            periods = [] if course.signs else self._lines(replies, course)
+            periods = []
         bases += [Wave(p) for p in periods]
-        return [self._candidate(group, replies, regressor, b, course) for b in bases]
+        return [self._candidate(group, response, regressor, b, course) for b in bases]
 
-    def _columns(
-        self, replies: Mapping[Cell, Reply], shapes: Mapping[str, Array]
-    ) -> dict[Cell, Array]:
-        """Whitened replies to shapes (rows, n) of each record."""
-        return {
-            c: self.base.whitened_all(c, reply.to(shapes[c[1]])) for c, reply in replies.items()
-        }
+    def _moves(self, regressor: Regressor) -> bool:
+        """Whether a variable is a state, along which something may repeat."""
+        shape = self.opened.shape
+        return not regressor.speed and shape.roots.get(regressor.label) in shape.states
 
-    def _lines(self, replies: Mapping[Cell, Reply], course: _Course) -> list[float]:
+    def _lines(self, response: Response, course: Course) -> list[float]:
         """The period of a variable along which residuals repeat most, many of which lie in its
         range; it is one that blocks of rows resolve.
         """
         values = list(course.values.values())
         low, high = np.quantile(np.concatenate(values), (0.005, 0.995))
-        block = next(iter(replies.values())).block
-        moved = [np.abs(np.diff(means(v, block)[:, 0])) for v in values]
+        over = {c: response.shapes(c, course.values)[:, 0] for c in response.matrices}
+        moved = [np.abs(np.diff(v)) for v in over.values()]
         step = float(np.median(np.concatenate(moved)))
         span = float(high - low)
         most = min(LINES, span / max(RESOLVED * step, 1e-12))
         if most <= FEWEST:
             return []
         rough = np.arange(FEWEST, most, 0.5)
-        best = float(rough[np.argmax(self._powers(replies, course, span / rough))])
+        best = float(rough[np.argmax(_powers(response, over, span / rough))])
         near = np.arange(best - 0.5, best + 0.5 + FINE, FINE)
-        return [span / float(near[np.argmax(self._powers(replies, course, span / near))])]
-
-    def _powers(self, replies: Mapping[Cell, Reply], course: _Course, periods: Array) -> Array:
-        """Falls of the squares of residuals with a wave of each period."""
-        found: list[float] = []
-        for start in range(0, len(periods), PAIRS):
-            waves = [Wave(float(p)) for p in periods[start : start + PAIRS]]
-            columns = self._columns(replies, course.shapes(*waves))
-            j = np.concatenate([columns[c] for c in columns])
-            r = np.concatenate([self.base.white[c] for c in columns])
-            for k in range(len(waves)):
-                pair = j[:, 2 * k : 2 * k + 2]
-                pull = pair.T @ r
-                found.append(float(pull @ np.linalg.solve(pair.T @ pair + 1e-12 * np.eye(2), pull)))
-        return np.array(found)
+        return [span / float(near[np.argmax(_powers(response, over, span / near))])]
 
     def _candidate(
         self,
         group: _Group,
-        replies: Mapping[Cell, Reply],
+        response: Response,
         regressor: Regressor,
         basis: Basis,
-        course: _Course,
+        course: Course,
     ) -> Candidate:
-        point, unit = group.points[0], group.unit
-        shapes = course.shapes(basis)
-        width = next(iter(shapes.values())).shape[1]
-        columns = self._columns(replies, shapes)
-        stats = self.base.stats(columns, width)
-        tried = [(unit * size, bend) for size in SIZES for bend in basis.bends]
-        answers = [solved(self.base, stats.values(), basis.prior(*t)) for t in tried]
-        best = int(np.argmin([a.cost for a in answers]))
-        gain = self.plain - self._cost(stats, basis.prior(*tried[best]))
+        unit = group.unit
+        trial = trial_of(self.base, response, course.shapes(basis))
+        sizes = [(unit * size, bend) for size in SIZES for bend in basis.bends]
+        plain = {bend: basis.prior(1.0, bend) for bend in basis.bends}
+        priors = [plain[bend] / size**2 for size, bend in sizes]
+        best, answer = trial.best(priors)
         return Candidate(
-            point,
+            group.points[0],
             regressor,
             basis,
-            answers[best],
-            gain,
+            answer,
+            trial.gain(priors[best]),
             unit,
-            *tried[best],
+            *sizes[best],
             base=self.base,
-            columns=columns,
+            response=response,
+            course=course,
             alike=tuple(group.points[1:]),
         )
 
-    def _cost(self, stats: Mapping[str, Stats], prior: Array) -> float:
-        """-2 log density of each fold as foretold by the others, summed."""
-        whole = solved(self.base, stats.values(), prior).cost
-        rest = [
-            solved(self.base, [s for n, s in stats.items() if n != fold], prior).cost
-            for fold in stats
-        ]
-        return sum(whole - r for r in rest)
+
+def _powers(response: Response, over: Mapping[Cell, Array], periods: Array) -> Array:
+    """Falls of the squares of residuals with a wave of each period along a variable; over: its
+    means over blocks of rows.
+    """
+    found: list[Array] = []
+    for start in range(0, len(periods), PAIRS):
+        waves = [Wave(float(p)) for p in periods[start : start + PAIRS]]
+        shapes = {c: np.column_stack([w.shapes(v) for w in waves]) for c, v in over.items()}
+        square, pull = response.pairs(shapes)
+        size = np.trace(square, axis1=1, axis2=2) + 1e-300
+        told = np.linalg.solve(square + 1e-9 * size[:, None, None] * np.eye(2), pull[..., None])
+        found.append((pull[..., None] * told).sum(axis=(1, 2)))
+    return np.concatenate(found)

@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from modelica_fmu.files import write_atomically
 from pneugantry.plants.modelica import Extension, write_extension
 from pyfmi_runner.build import default_model
 from pyfmi_runner.fmu import FmuFile
@@ -59,12 +60,16 @@ def write_augmented(
 ) -> tuple[Path, Path]:
     """Writes AugmentedGantry.mo and the FMU built from it into a folder; returns both paths.
 
-    `model`: the Modelica file of the nominal class (the project's own). Raises InputError where the
-    folder cannot be written.
+    `model`: the Modelica file of the nominal class where it is not the project's own; it is written
+    beside them. Raises InputError where the folder cannot be written.
     """
     starts = {name: float(value) for name, value in values.items() if _is_parameter(gantry, name)}
     extension = augmented_model(gantry, values, remarks)
-    return write_extension(folder, extension, model or default_model(), starts)
+    made = write_extension(folder, extension, model or default_model(), starts)
+    if model is not None:
+        text = model.read_text(encoding="utf-8")
+        write_atomically(folder / model.name, lambda at: at.write_text(text, encoding="utf-8"))
+    return made
 
 
 def _is_parameter(gantry: FmuFile, path: str) -> bool:

@@ -9,10 +9,11 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.catalogue import Effect, read_catalogue
 from pneugantry.engine.sensors import PREFIX, signal_of
 from pneugantry.plants.gantry.timing import DELAYS
+from pyfmi_runner.build import default_model
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import MEASURED
 
-__all__ = ["FOLDER", "QUANTISATION", "catalogue_of", "check_names"]
+__all__ = ["FOLDER", "QUANTISATION", "catalogue_of", "check_names", "model_of"]
 
 FOLDER = Path(__file__).parent / "effects"
 # read off the readings themselves (`converter`): nothing of it is fitted
@@ -27,6 +28,14 @@ def catalogue_of(source: Path | None = None) -> dict[str, Effect]:
         return read_catalogue(FOLDER)
     own = read_catalogue(source)
     return own if source.is_dir() else {**read_catalogue(FOLDER), **own}
+
+
+def model_of(source: Path | None) -> Path | None:
+    """The gantry's Modelica file that lies in a catalogue's folder, as `--catalogue-out` writes it:
+    with the learnt terms that its effects name. None: there is none.
+    """
+    own = None if source is None else source / default_model().name
+    return own if own is not None and own.is_file() else None
 
 
 def check_names(catalogue: Mapping[str, Effect], fmu: FmuFile) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError, RunError
@@ -34,7 +35,7 @@ from pyfmi_runner.enough_rows import long_enough
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import COLUMNS, log_warnings
 
-__all__ = ["both", "diagnose", "task_of"]
+__all__ = ["at_full_rate", "both", "diagnose", "task_of"]
 
 Say = Callable[[str], None]
 ONE_LOG = (
@@ -50,14 +51,16 @@ def diagnose(
     fmu: FmuFile | None = None,
     say: Say = lambda stage: None,
     after: Campaign | None = None,
+    model: Path | None = None,
 ) -> Found:
     """Diagnoses a campaign. fmu: the nominal gantry where its parameters are not the model's own.
     say: told the name of each stage as it begins. after: a second campaign of the same gantry,
-    after a change. Raises InputError where nothing is left to diagnose.
+    after a change. model: the gantry's Modelica file with a learnt term in it. Raises InputError
+    where nothing is left to diagnose.
     """
     began = time.perf_counter()
     rules = rules or Rules()
-    own = FmuFile.read(build_fmu().path)
+    own = FmuFile.read(build_fmu(model=model).path)
     catalogue = catalogue_of() if catalogue is None else catalogue
     check_names(catalogue, own)
     campaigns = [_checked(c) for c in (campaign, after) if c is not None]
@@ -66,7 +69,8 @@ def diagnose(
     grids = [coarse_channels(c) for c in campaigns]
     campaigns = [rounded(c, q) for c, q in zip(campaigns, grids, strict=True)]
     tasks = [
-        task_of(c, catalogue, rules, parameters, q) for c, q in zip(campaigns, grids, strict=True)
+        task_of(c, catalogue, rules, parameters, q, model)
+        for c, q in zip(campaigns, grids, strict=True)
     ]
     task = tasks[0] if after is None else joined(*tasks)
     campaign = campaigns[0] if after is None else both(*campaigns)
@@ -88,9 +92,10 @@ def task_of(
     rules: Rules,
     parameters: Mapping[str, float] | None = None,
     quanta: Mapping[str, float] | None = None,
+    model: Path | None = None,
 ) -> Task:
     """What the engine is given of a campaign. parameters: of the nominal gantry, where they are not
-    the model's own. quanta: steps of coarse converters by channel.
+    the model's own. quanta: steps of coarse converters by channel. model: as of `diagnose`.
     """
     measured = measured_of(campaign)
     if not measured:
@@ -98,6 +103,7 @@ def task_of(
         raise InputError("no log measures anything", file=campaign.path, hint=hint)
     plant = replace(plant_of(measured, rules.thinning), parameters=dict(parameters or {}))
     plant = _coarser(plant, quanta or {})
+    plant = plant if model is None else replace(plant, model=model)
     cache = cache_folder() / "parts"
     views = views_of(plant, campaign, cache, rules)
     data, dull = _judged(data_of(campaign, rules), views, campaign)
@@ -166,13 +172,19 @@ def _with(found: Found, diagnosis: Diagnosis) -> Found:
     return replace(found, diagnosis=diagnosis)
 
 
+def at_full_rate(found: Found, campaign: Campaign, rules: Rules) -> Found:
+    """With the gap as `diagnose` tells it, of a campaign as it was read."""
+    return _at_full_rate(found, rounded(campaign, coarse_channels(campaign)), rules)
+
+
 def _at_full_rate(found: Found, campaign: Campaign, rules: Rules) -> Found:
     """With the gap of the log as it was recorded, so that the sensors' noise alone leaves 1 and
     `pneugantry replay` says the same; the fits see averages of rows. With what changed, where there
     are two campaigns.
     """
     plant = plant_of([s.name for s in found.task.plant.signals], thinning=1)
-    plant = replace(plant, parameters=found.task.plant.parameters)
+    own = found.task.plant
+    plant = replace(plant, parameters=own.parameters, model=own.model)
     finer = replace(found, task=replace(found.task, plant=plant))
     if found.gap is not None:
         made = gap_on(finer, _full_rate(_held(found), campaign), rules)

@@ -14,10 +14,10 @@ from pneugantry.engine.plant import Plant
 from pneugantry.engine.views import part_of
 from pneugantry.learn.curve import Knots, knots_over
 from pneugantry.learn.forms import FORMS, FormLaw, distilled, free_curve
-from pneugantry.learn.linear import Answer, Base
+from pneugantry.learn.linear import Answer, Base, Response
 from pneugantry.learn.points import Point, written
 from pneugantry.learn.regressors import Regressor
-from pneugantry.learn.screen import Candidate
+from pneugantry.learn.screen import Candidate, Course
 from pneugantry.learn.sources import EquationText, equations_of
 from pneugantry.learn.term import Term
 
@@ -42,9 +42,10 @@ def curve_of(form: FormLaw, values: tuple[float, ...]) -> np.ndarray:
 
 
 def candidate(curve: np.ndarray, sigma: float) -> Candidate:
-    answer = Answer(np.zeros(0), curve, sigma**2 * np.eye(len(curve)), 0.0)
-    base = cast(Base, None)  # of no plant
-    return Candidate(HERE, Regressor("", "u"), KNOTS, answer, 100.0, 1.0, 1.0, 1.0, base, {})
+    answer = Answer(curve, sigma**2 * np.eye(len(curve)), 0.0)
+    base, course = cast(Base, None), Course({}, None)  # of no plant
+    response, u = Response({}, {}, {}), Regressor("", "u")
+    return Candidate(HERE, u, KNOTS, answer, 100.0, 1.0, 1.0, 1.0, base, response, course)
 
 
 def values_of(form: FormLaw) -> tuple[float, ...]:
