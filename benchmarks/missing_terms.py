@@ -27,7 +27,7 @@ from pneugantry.learn.learn import Learned, learn, wanted
 from pneugantry.learn.result import to_json
 from pneugantry.plants.described import described_task
 
-__all__ = ["KINDS", "Kind", "main", "rig"]
+__all__ = ["KINDS", "Kind", "main", "print_sums", "rig"]
 
 ROOT = Path(__file__).resolve().parents[1] / "examples" / "motor"
 PERIOD, LENGTH, NOISE = 5e-3, 6.0, 0.02  # s, s, rad/s RMS
@@ -211,7 +211,7 @@ def _judged(kind: Kind, size: float, told: dict[str, Any]) -> dict[str, Any]:
         "regressor": term["regressor"] == kind.regressor,
         "in_set": kind.regressor in [t["regressor"] for t in told["answer_set"]],
         "form": form,
-        "within": form and ends[0] <= abs(size) <= ends[1],
+        **({"within": ends[0] <= abs(size) <= ends[1]} if form else {}),
         "beside": causes,
         "known": causes == ([kind.known] if kind.known else []),
         "shrink": round(gap["shrink"], 4) if gap else None,
@@ -236,14 +236,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for seed in range(options.first, options.first + options.seeds):
             rows.append(_row(name, seed))
             print({k: v for k, v in rows[-1].items() if v not in (None, "", [])}, flush=True)
-    _print_sums(rows)
+    print_sums(rows)
     return 0
 
 
-def _print_sums(rows: Sequence[dict[str, Any]]) -> None:
+def print_sums(rows: Sequence[dict[str, Any]]) -> None:
+    """How many are right, of what was judged."""
     faulty = [r for r in rows if r["kind"] != "sound"]
-    for what in ("accepted", "regressor", "in_set", "form", "within") if faulty else ():
-        print(f"{what}: {sum(bool(r.get(what)) for r in faulty)} of {len(faulty)}")
+    for what in ("accepted", "block", "regressor", "in_set", "form") if faulty else ():
+        if any(what in r for r in faulty):
+            print(f"{what}: {sum(bool(r.get(what)) for r in faulty)} of {len(faulty)}")
+    if sizes := [r["within"] for r in faulty if "within" in r]:
+        print(f"within: {sum(sizes)} of {len(sizes)} coefficients")
     if pairs := [r for r in faulty if "+" in r["kind"]]:
         both = [r for r in pairs if r.get("known") and r.get("regressor")]
         named = [r for r in both if r.get("form")]

@@ -35,6 +35,7 @@ from pneugantry.learn.term import Term, with_term
 __all__ = ["Learned", "Tried", "learn", "wanted"]
 
 Say = Callable[[str], None]
+NEARLY = 0.8  # share of the best curve's fall from which on a curve's forms are fitted
 WORTH = 0.5  # share of the best candidate's gain from which on another one is fitted
 FINALISTS = 3  # pairs of equation and variable that are fitted
 SINGLES = 24  # effects of the catalogue that are tried as part of a curve
@@ -46,6 +47,7 @@ OPEN = 3.0  # standard deviations of a term's values in a diagnosis of the plant
 LOST = 1e6  # -2 log density of a replay that fails
 LIKELY = 0.2  # probability of what no catalogue has, from which on it is looked for
 OUT = 0.3  # share of the worst view's excess from which on a view's equations are tried
+FAR = 100.0  # -2 log evidence behind the likeliest one from which on a term is no rival
 CLOSE = 8.0  # -2 log evidence by which a form may lie behind the closest one to be fitted
 LINE = 0.02  # relative error of a period that a spectrum tells
 FORMS = 3  # forms of a pair that are fitted
@@ -147,6 +149,11 @@ class _Learning:
     finish: Callable[[Found], Found]
     apart: Opened
 
+    @property
+    def quick(self) -> Rules:
+        """Fits start where another one stands: no view is surveyed."""
+        return replace(self.rules, quiet=np.inf)
+
     def reached(self, term: Term) -> list[str]:
         """Views that a term reaches."""
         return [v.name for v in self.apart.readers(term.point)]
@@ -162,8 +169,7 @@ class _Learning:
         self.say("missing term: fits")
         tried: list[Tried] = []
         for screen in screens:
-            for candidate in _worth_fitting(screen, self.rules)[:FINALISTS]:
-                tried += self._forms(screen.fit, candidate)
+            tried += self._fitted(screen, FINALISTS)
         if not tried:
             return Learned(found, None, (), (), _main(screens), False, NOTHING, 0.0)
         made, likely = self._composites(tried)
@@ -171,8 +177,7 @@ class _Learning:
         for fit in likely:
             if fit.keys not in bases:
                 screens.append(self._screened(fit))
-                for candidate in _worth_fitting(screens[-1], self.rules)[:1]:
-                    tried += self._forms(fit, candidate)
+                tried += self._fitted(screens[-1], 1)
         tried.sort(key=lambda t: t.cost)
         answers = self._answers(tried)
         after = self._diagnosed(answers[0])
@@ -184,6 +189,28 @@ class _Learning:
     def _screened(self, fit: Fit) -> Screen:
         fitted, blamed = self.found.task.data.fitted, _blamed(self.found)
         return screened(self.apart, fit, fitted, self.rules, blamed)
+
+    def _worth_fitting(self, screen: Screen) -> list[Candidate]:
+        """The best curve and the best wave of each variable in each block. Of equations that do as
+        well a balance comes first.
+        """
+        least = self.rules.entry
+        if screen.candidates:
+            least = max(least, WORTH * screen.candidates[0].gain)
+        families: dict[tuple[str, str, str, bool], list[Candidate]] = {}
+        for c in screen.candidates:
+            root = self.apart.shape.roots.get(c.regressor.label, c.regressor.plain.label)
+            if c.regressor.speed:
+                root = self.apart.shape.roots.get(c.regressor.plain.label, root)
+            wave = isinstance(c.basis, Wave)
+            key = self.apart.block(c.point), root, c.regressor.speed, wave
+            if c.gain > least:
+                families.setdefault(key, []).append(c)
+        found: list[Candidate] = []
+        for members in families.values():
+            close = [c for c in members if c.gain >= members[0].gain - self.rules.entry]
+            found.append(min(close, key=lambda c: not c.point.balance))
+        return sorted(found, key=lambda c: -c.gain)
 
     def _composites(self, tried: Sequence[Tried]) -> tuple[list[Tried], list[Fit]]:
         """The likeliest free curve as an effect of the catalogue with a form beside it; and the
@@ -212,7 +239,7 @@ class _Learning:
         """
         task, null, reached = self.found.task, self.found.search.null, set(self.reached(term))
         found = {f.keys: f for f in self.found.search.tried if len(f.keys) == 1}
-        fitter = Fitter(task.plant, task.views, task.data.fitted, self.rules)
+        fitter = Fitter(task.plant, task.views, task.data.fitted, self.quick)
         try:
             for key, effect in task.catalogue.items():
                 hypothesis = Hypothesis().plus(effect, effect.forms[0])
@@ -232,7 +259,9 @@ class _Learning:
         pairs: dict[tuple[Point, Regressor], Tried] = {}
         for t in tried:
             pairs.setdefault((t.term.point, t.term.regressor), t)
-        rest = list(pairs.values())[:RIVALS]
+        rest = [self._again(t) for t in list(pairs.values())[:RIVALS]]
+        least = min(t.cost for t in rest)
+        rest = [t for t in rest if t.cost < least + FAR]
         told = {t: self._foretold(t) if len(rest) > 1 else NONE for t in rest}
         likeliest = min(rest, key=lambda t: t.cost + float(told[t].sum()))
         close = [t for t in rest if t is likeliest or not self._tells(likeliest, t, told)]
@@ -284,38 +313,66 @@ class _Learning:
         block, spreads = self.apart.block(candidate.point), _spreads(d, candidate)
         return Term(candidate.point, candidate.regressor, d.law, d.values, spreads, block)
 
-    def _forms(self, base: Fit, candidate: Candidate) -> list[Tried]:
-        """A candidate as a wave; or as a free curve, and in the forms closest to what that is once
-        it has been fitted.
+    def _fitted(self, screen: Screen, count: int) -> list[Tried]:
+        """The best candidates of a screen as waves and free curves; those that explain about as
+        much as the best one also in the forms that are closest to their curve.
         """
+        base = screen.fit
+        first = [self._free(base, c) for c in self._worth_fitting(screen)[:count]]
+        fall = max((base.evidence - t.fit.evidence for t in first), default=0.0)
+        found = list(first)
+        for t in first:
+            if t.free is not None and base.evidence - t.fit.evidence > NEARLY * fall:
+                found += self._forms(base, t)
+        return found
+
+    def _free(self, base: Fit, candidate: Candidate) -> Tried:
+        """A candidate as a wave, or as a free curve."""
         if isinstance(candidate.basis, Wave):
-            wave = wave_of(candidate, candidate.basis)
-            return [self._joint(base, self._term(candidate, wave))]
+            return self._joint(base, self._term(candidate, wave_of(candidate, candidate.basis)))
         assert isinstance(candidate.basis, Knots)
         free = free_curve(candidate, candidate.basis)
         fitted = self._joint(base, self._term(candidate, free.start))
-        fitted = replace(fitted, free=free, candidate=candidate)
+        return replace(fitted, free=free, candidate=candidate)
+
+    def _forms(self, base: Fit, fitted: Tried) -> list[Tried]:
+        """The forms that are closest to a free curve as it has been fitted."""
+        free, candidate = fitted.free, fitted.candidate
+        assert free is not None
+        assert candidate is not None
         forms = distilled(free.knots, *free.curve(fitted.term.values, fitted.covariance))
         near = [d for d in forms if d.cost < forms[0].cost + CLOSE][:FORMS]
-        return [fitted, *(self._joint(base, self._term(candidate, d)) for d in near)]
+        return [self._joint(base, self._term(candidate, d)) for d in near]
 
     def _joint(self, base: Fit, term: Term, starts: Mapping[str, float] | None = None) -> Tried:
         """A term beside the effects of a fit; starts: of their parameters, where not as fitted."""
-        task = self.found.task
-        plant = with_term(task.plant, term, task.cache, blank=True)
-        fitter = Fitter(
-            plant, _recut(task, plant, self.reached(term)), task.data.fitted, self.rules
-        )
-        effect = term.effect
+        fitter, effect = self._fitter(term), term.effect
         try:
             hypothesis = base.hypothesis.plus(effect, effect.forms[0])
             fit = fitter.explore(hypothesis, base, {**(starts or {}), **term.starts})
-            fit = fitter.again(fit)
         finally:
             fitter.close()
+        return self._tried(term, fit)
+
+    def _tried(self, term: Term, fit: Fit) -> Tried:
         values = fit.values(None)
         price = 2 * self.rules.entry * len(fit.keys)
         return Tried(term.at([values[n] for n in term.parameters]), fit, fit.evidence + price)
+
+    def _again(self, tried: Tried) -> Tried:
+        """With all views fitted together."""
+        fitter = self._fitter(tried.term)
+        try:
+            made = self._tried(tried.term, fitter.again(tried.fit))
+        finally:
+            fitter.close()
+        return replace(tried, term=made.term, fit=made.fit, cost=made.cost)
+
+    def _fitter(self, term: Term) -> Fitter:
+        task = self.found.task
+        plant = with_term(task.plant, term, task.cache, blank=True)
+        views = _recut(task, plant, self.reached(term))
+        return Fitter(plant, views, task.data.fitted, self.quick)
 
     def _diagnosed(self, best: Tried) -> Found:
         """The plant with the term in it, its values open as far as their fit leaves them, diagnosed
@@ -377,17 +434,6 @@ def _blamed(found: Found) -> frozenset[str] | None:
 
 
 NOTHING = "no variable of any component foretells what is left of a log that its curve has not seen"
-
-
-def _worth_fitting(screen: Screen, rules: Rules) -> list[Candidate]:
-    """The best curve and the best wave of each pair of equation and variable."""
-    best: dict[tuple[Point, Regressor, bool], Candidate] = {}
-    for c in screen.candidates:
-        best.setdefault((c.point, c.regressor, isinstance(c.basis, Wave)), c)
-    if not best:
-        return []
-    least = max(rules.entry, WORTH * screen.candidates[0].gain)
-    return [c for c in best.values() if c.gain > least]
 
 
 def _spreads(d: Distilled, candidate: Candidate) -> tuple[float, ...]:

@@ -48,7 +48,6 @@ class Kept:
     cost: float  # -2 log evidence without any term
 
 
-
 @dataclass(frozen=True, eq=False)
 class Base:
     """A fit whose residuals are explained further. Folds are what is left out in turn: a record
@@ -226,9 +225,7 @@ class Response:
         return Response(
             {c: factor * m for c, m in self.matrices.items()},
             self.blocks,
-            {
-                c: {f: p.times(factor) for f, p in own.items()} for c, own in self.products.items()
-            },
+            {c: {f: p.times(factor) for f, p in own.items()} for c, own in self.products.items()},
         )
 
     def shapes(self, cell: Cell, series: Mapping[str, Array]) -> Array:
@@ -238,7 +235,6 @@ class Response:
     def columns(self, series: Mapping[str, Array]) -> dict[Cell, Array]:
         """Whitened replies (rows of all signals, n)."""
         return {c: m @ self.shapes(c, series) for c, m in self.matrices.items()}
-
 
     def pairs(self, shapes: Mapping[Cell, Array]) -> tuple[Array, Array]:
         """Of pairs of columns one behind the other (blocks, 2 n): products of each pair with itself

@@ -52,6 +52,11 @@ class Point:
         return f"{self.component}.{self.name}" if self.component else self.name
 
     @property
+    def balance(self) -> bool:
+        """Whether it is solved for no variable of its own: a balance, or a state's rate."""
+        return not NAME.match(self.equation.left)
+
+    @property
     def text(self) -> str:
         """The equation as a reader knows it."""
         return f"{self.equation.left} = {' '.join(self.equation.right.split())}"

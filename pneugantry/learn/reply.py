@@ -21,6 +21,8 @@ __all__ = ["Pulses", "Reply", "blocks_of", "means", "reply_of"]
 Answer = Callable[[Sequence[Array]], Array]  # series of an addend -> replies (n, rows, signals)
 MOST = 600  # blocks of a record
 PLACES = (0.12, 0.4, 0.7)  # of a record, where single pulses tell how long replies last
+TRAIN = 24  # pulses that tell where something answers
+HEARD = 0.2  # share of the largest answer from which on a place is one that answers
 FADED = 0.02  # share of a reply's largest value below which it is over
 ENDED = 0.95  # share of what is left of the record that a reply lasts, if it is cut off
 PEAK = 2.0  # noise levels to which a pulse is brought
@@ -77,7 +79,7 @@ def reply_of(pulses: Pulses, answer: Answer, size: float) -> Reply | None:
     """The reply of a cell; None where nothing answers or simulations fail. size: of a first pulse,
     in the addend's unit.
     """
-    places = sorted({int(s * (pulses.blocks - 1)) for s in PLACES})
+    places = _places(pulses, answer, size)
     singles: dict[int, Array] = {}
     size = _sized(pulses, answer, places, size)
     if size == 0.0:
@@ -98,6 +100,24 @@ def reply_of(pulses: Pulses, answer: Answer, size: float) -> Reply | None:
         for k in at:
             kernels[k] = _after(pulses, made, k)[: apart * pulses.step]
     return Reply(_between(pulses, kernels), pulses.block)
+
+
+def _places(pulses: Pulses, answer: Answer, size: float) -> list[int]:
+    """Blocks where single pulses tell most, by a train of pulses: a carriage that sticks or is
+    clamped answers to none.
+    """
+    train = sorted({int(s * (pulses.blocks - 1)) for s in np.linspace(0.0, 0.97, TRAIN)})
+    told = answer([pulses.series(train, size)])[0] / pulses.sigma
+    peaks = np.array([np.abs(part).max() for part in _between_starts(pulses, told, train)])
+    if not np.isfinite(told).all() or not peaks.any():
+        return sorted({int(s * (pulses.blocks - 1)) for s in PLACES})
+    heard = np.flatnonzero(peaks > HEARD * peaks.max())
+    return sorted({train[heard[int(s * (len(heard) - 1))]] for s in PLACES})
+
+
+def _between_starts(pulses: Pulses, told: Array, train: Sequence[int]) -> list[Array]:
+    """Replies from each pulse of a train to the next one."""
+    return np.split(told, [k * pulses.step for k in train])[1:]
 
 
 def _sized(pulses: Pulses, answer: Answer, places: Sequence[int], size: float) -> float:

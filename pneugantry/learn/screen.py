@@ -37,7 +37,7 @@ FEWEST = 3.0  # periods in the covered range, of a wave along a variable
 LINES = 400  # such periods, at most
 RESOLVED = 4.0  # blocks in a period, at least
 FINE = 0.05  # step of the number of periods about the best one
-ALIKE = 0.999  # cosine of the answers to one term from which on two equations are one
+ALIKE = 0.9  # cosine of the answers to one term from which on two equations are one
 PAIRS = 256  # waves that are tried at once
 
 
@@ -180,9 +180,9 @@ class _Screening:
     # -- equations
 
     def _groups(self, views: Collection[str] | None) -> list[_Group]:
-        """Equations that residuals answer to, those that answer alike together."""
+        """Equations that residuals answer to, those that answer alike together, a balance first."""
         groups: list[_Group] = []
-        for point in self.opened.points:
+        for point in sorted(self.opened.points, key=lambda p: not p.balance):
             reached = {v.name for v in self.opened.readers(point)}
             if views is not None and not reached & set(views):
                 continue  # no need to simulate

@@ -1,0 +1,179 @@
+"""Missing terms of the gantry, learnt from campaigns of the independent truth plant: `python -m
+benchmarks.missing_terms_gantry [--first SEED] [--count N] [--sound]`.
+
+Seeds of the set `unknown12` (see `pneugantry blind`): each rig has tolerance, nuisances and one of
+twelve kinds of effect that no catalogue names, the kind by the seed's remainder of 12, the severity
+by that of its twelfth of 3. `--sound`: rigs of the set `nuisance` without any effect, searched for
+a term all the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.missing_terms import print_sums
+from pneugantry.api.diagnosis import Diagnosis, diagnose
+from pneugantry.blind.sets import SETS
+from pneugantry.learn.learn import Learned
+from pneugantry.truth.campaign import write
+from pneugantry.truth.case import CaseSet, run_case
+
+__all__ = ["form_is", "judged", "main", "same_variable"]
+
+FIRST = 91236  # twelve kinds at the middle severity; 1000 to 1999 are for development
+SEVERITIES = ("small", "middle", "large")
+ROOTS = {  # what the truth calls it -> variable of the model
+    "depth_rate": "contact.delta_dot",
+    "a_x": "axis_x.a",
+    "a_z": "axis_z.a",
+}
+SAME = 0.999  # correlation from which on two variables of the model are one in these logs
+FORMS = {  # formula of the truth -> forms that are it; "": where the variable keeps its sign
+    "r": {"linear"},
+    "r^2": {"square"},
+    "r|r|": {"signed square"},
+    "|r|": {"magnitude"},
+    "sin": {"sine"},
+    "periodic": {"sine"},
+    "1-exp(-r)": {"exponential"},
+}
+ONE_SIGNED = {"r|r|": {"square"}, "r^2": {"signed square"}, "|r|": {"linear"}}
+SIZES = {  # coefficients that stand in the model's own balance as they do in the truth
+    "quadratic_drag": "m*a_free",
+    "vibration": "m*a_free",
+    "rate_damping": "raw",
+}
+
+
+def form_is(formula: str, form: str, ends: Sequence[float]) -> bool:
+    """Whether a learnt form is the truth's formula, over the range that the logs cover."""
+    allowed = FORMS.get(formula, set())
+    if ends[0] >= 0 or ends[1] <= 0:
+        allowed = allowed | ONE_SIGNED.get(formula, set())
+    return form in allowed
+
+
+def same_variable(learned: Learned, regressor: str, truth: str) -> bool:
+    """Whether a learnt regressor is the truth's: the same variable of the model, or one that these
+    logs do not tell from it. What turns round with a speed may turn round in the truth as well.
+    """
+    if truth == "time" or regressor == "time":
+        return truth == regressor
+    plain = regressor.split(" against ")[0]
+    task = learned.before.task
+    wanted = ROOTS.get(truth) or next(
+        (s.variable for s in task.plant.signals if s.name == truth), truth
+    )
+    series = {r.label: values for r, values in learned.screen.series.items()}
+    if plain not in series:
+        return False
+    if plain == wanted or (truth.startswith("u_") and plain == f"valve_{truth[-1]}.u"):
+        return True
+    own = np.concatenate([series[plain][r.name] for r in task.data.fitted])
+    for label, values in series.items():
+        if label == wanted or label.endswith(f".{wanted.rsplit('.', 1)[-1]}"):
+            other = np.concatenate([values[r.name] for r in task.data.fitted])
+            if abs(float(np.corrcoef(own, other)[0, 1])) > SAME:
+                return True
+    record = task.data.fitted[0]
+    if truth in record.signals:
+        other = np.concatenate([r.signals[truth] for r in task.data.fitted])
+        return abs(float(np.corrcoef(own, other)[0, 1])) > SAME
+    return False
+
+
+def judged(cause: Mapping[str, Any], learned: Learned, told: Mapping[str, Any]) -> dict[str, Any]:
+    """Which parts of what was learnt are right. cause: as a case's label lists it."""
+    term, gap = told["term"], told["gap"]
+    formula, truths = cause["formula"], cause["regressors"]
+    answers = told["answer_set"]
+    right = [any(same_variable(learned, a["regressor"], t) for t in truths) for a in answers]
+    form = right[0] and form_is(formula, term["form"], term["range"])
+    found: dict[str, Any] = {
+        "term": f"{term['formula']} in {term['block']}: {term['equation'][:40]}",
+        "accepted": told["accepted"],
+        "block": any(a["block"] in cause["blocks"] for a in answers[:1]),
+        "regressor": right[0],
+        "in_set": any(right),
+        "form": form,
+        "beside": [c["effect"] for c in told["causes"]],
+        "known": not told["causes"],
+        "shrink": round(gap["shrink"], 4) if gap else None,
+        "size": float(f"{cause['parameters']['coefficient']:.4g}"),
+        "why": told["why"],
+    }
+    if form and term["equation"].startswith(SIZES.get(cause["effect"], "\0")):
+        ends = sorted(map(abs, next(iter(term["parameters"].values()))["ci95"]))
+        found["within"] = ends[0] <= abs(cause["parameters"]["coefficient"]) <= ends[1]
+    return found
+
+
+def _diagnosed(folder: Path, forced: bool) -> Diagnosis:
+    """forced: a term is looked for whatever the answer."""
+    found = diagnose(folder)
+    if forced:
+        likely = replace(found.found.decision, unknown=1.0)
+        found = replace(found, found=replace(found.found, decision=likely))
+    return found.with_missing_term()
+
+
+def row(seed: int, sound: bool) -> dict[str, Any]:
+    """One rig, diagnosed and judged."""
+    case_set = SETS["nuisance" if sound else "unknown12"]
+    assert isinstance(case_set, CaseSet)
+    campaign, label = run_case(case_set.plan(seed, "none" if sound else ""))
+    began = _cpu()
+    with tempfile.TemporaryDirectory() as folder:
+        write(Path(folder), campaign)
+        found = _diagnosed(Path(folder), sound)
+    cause = None if sound else label["causes"][0]
+    kind = "sound" if cause is None else f"{cause['effect']}/{cause['axis']}".rstrip("/")
+    made: dict[str, Any] = {"kind": kind, "seed": seed, "verdict": found.verdict, "term": ""}
+    if cause is not None:
+        made["severity"] = SEVERITIES[seed // 12 % 3]
+    told = found.json.get("learned")
+    if told is not None and told["term"] is not None and found.learned is not None:
+        if cause is not None:
+            made |= judged(cause, found.learned, told)
+        else:
+            made |= {"term": told["term"]["formula"], "accepted": told["accepted"]}
+    elif told is not None:
+        made["why"] = told["why"]
+    seconds = {"cpu_s": round(_cpu() - began, 1)}
+    if found.learned is not None:
+        seconds["learn_s"] = round(found.learned.seconds, 1)
+    return made | seconds
+
+
+def _cpu() -> float:
+    """CPU seconds of this process and of the compilers that it has run."""
+    t = os.times()
+    return t.user + t.system + t.children_user + t.children_system
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Prints a row for each rig, and how many are right."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.missing_terms_gantry")
+    parser.add_argument("--first", type=int, default=FIRST, metavar="SEED", help="first seed")
+    parser.add_argument("--count", type=int, default=12, metavar="N", help="number of rigs")
+    parser.add_argument("--step", type=int, default=1, metavar="N", help="between two seeds")
+    parser.add_argument("--sound", action="store_true", help="rigs without any effect")
+    options = parser.parse_args(arguments)
+    rows = []
+    for seed in range(options.first, options.first + options.count * options.step, options.step):
+        rows.append(row(seed, options.sound))
+        print({k: v for k, v in rows[-1].items() if v not in (None, "", [])}, flush=True)
+    print_sums(rows)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
