@@ -36,15 +36,16 @@ ROOTS = {  # what the truth calls it -> variable of the model
     "a_z": "axis_z.a",
 }
 SAME = 0.999  # correlation from which on two variables of the model are one in these logs
-FORMS = {  # formula of the truth -> forms that are it; "": where the variable keeps its sign
+FORMS = {  # formula of the truth -> forms that are it
     "r": {"linear"},
-    "r^2": {"square"},
+    "r^2": {"square", "square beyond"},
     "r|r|": {"signed square"},
     "|r|": {"magnitude"},
     "sin": {"sine"},
     "periodic": {"sine"},
     "1-exp(-r)": {"exponential"},
 }
+# where the variable keeps its sign
 ONE_SIGNED = {"r|r|": {"square"}, "r^2": {"signed square"}, "|r|": {"linear"}}
 SIZES = {  # coefficients that stand in the model's own balance as they do in the truth
     "quadratic_drag": "m*a_free",

@@ -45,8 +45,9 @@ what it cannot excite.
       each one (with a campaign.toml or a plant.toml): diagnosis.json and diagnosis.html beside
       it; the same command goes on
 
-Where the verdict for a plant of your own is "unknown", the term that its equations lack is looked
-for: where it enters, of which variable, in which form. With --augmented it stands in the model."""
+Where what no catalogue explains is likely (from one in five on), the term that the plant's
+equations lack is looked for: where it enters, of which variable, in which form. With --augmented it
+stands in the model. On a campaign of the gantry that takes one to two minutes more."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -94,13 +95,12 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         type=out_folder,
         help="write the learnt term as an effect beside those of the catalogue, and the model that "
-        "has it as a parameter, for the next rig (a plant of your own)",
+        "has it as a parameter, for the next rig: of the gantry with --catalogue FOLDER",
     )
     command.add_argument(
         "--no-learn",
         action="store_true",
-        help="do not look for the term that the catalogue lacks (a plant of your own, verdict "
-        "unknown)",
+        help="do not look for the term that the catalogue lacks",
     )
     command.add_argument(
         "--workers",

@@ -67,6 +67,18 @@ FORMS = (
         ("width",),
     ),
     FormLaw(
+        "ramp",
+        "p1*max(z - p2, 0)",
+        lambda z, p: p[0] * np.maximum(z - p[1], 0),
+        ("place",),
+    ),
+    FormLaw(
+        "square beyond",
+        "p1*max(z - p2, 0)^2",
+        lambda z, p: p[0] * np.maximum(z - p[1], 0) ** 2,
+        ("place",),
+    ),
+    FormLaw(
         "bump",
         "p1*exp(-((z - p3)/p2)^2)",
         lambda z, p: p[0] * np.exp(-(((z - p[2]) / p[1]) ** 2)),

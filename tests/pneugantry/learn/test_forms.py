@@ -28,6 +28,8 @@ TRUE = {  # where each form is most itself
     "fading sign": (-2.0, 1.1),
     "exponential": (1.5, 0.8),
     "dead zone": (3.0, 0.9),
+    "ramp": (1.5, 0.7),
+    "square beyond": (0.8, -0.4),
     "bump": (2.0, 0.8, 1.2),
     "sine": (1.0, 2.3, 0.4),
     "polynomial": (1.0, -0.7, 0.4),

@@ -50,6 +50,23 @@ def test_a_few_pulses_say_what_a_simulation_says(tau: float, most: int, runs: in
         assert told == pytest.approx(exact, abs=0.03 * np.ptp(exact))
 
 
+def test_a_carriage_that_sticks_for_a_while_still_replies() -> None:
+    """Nothing answers at the places that are tried first."""
+
+    def stuck(series: list[np.ndarray]) -> np.ndarray:
+        found = np.zeros((len(series), ROWS // 2, 1))
+        for n, u in enumerate(series):
+            free = np.where(np.arange(ROWS) > 0.75 * ROWS, u, 0.0)
+            found[n, :, 0] = 0.3 * free.reshape(-1, 2).mean(axis=1)
+        return found
+
+    reply = reply_of(pulses(24), stuck, 1.0)
+    assert reply is not None
+    series = np.sin(0.02 * np.arange(ROWS))[:, None]
+    told, exact = reply.to(series)[:, 0, 0], stuck([series[:, 0]])[0, :, 0]
+    assert told == pytest.approx(exact, abs=0.02)
+
+
 def test_what_does_not_answer_has_no_reply() -> None:
     assert reply_of(pulses(8), lambda series: np.zeros((len(series), 300, 1)), 1.0) is None
 

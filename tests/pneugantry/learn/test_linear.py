@@ -1,0 +1,83 @@
+"""A term beside a fit: products of small matrices say what least squares over all rows says."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+import pytest
+
+from pneugantry.engine.descent import Weighing
+from pneugantry.engine.fitter import Fit
+from pneugantry.engine.hypothesis import Coordinate
+from pneugantry.engine.simulation import Point
+from pneugantry.learn.linear import Base, response_of, trial_of
+from pneugantry.learn.reply import Reply
+
+ROWS, BLOCK, CELLS = 240, 4, (("view", "one"), ("view", "two"))
+RNG = np.random.default_rng(3)
+
+
+class Plain:
+    """A weighing without colour."""
+
+    def innovations(self, cell: tuple[str, str], values: np.ndarray) -> np.ndarray:
+        return np.concatenate(list(values.T))
+
+
+def base() -> Base:
+    """Two records with a fit of two coordinates, one of them off its prior."""
+    coordinates = tuple(Coordinate(n, 0.0, 1.0, spread=s) for n, s in (("a", 2.0), ("b", 0.5)))
+    fit = cast(Fit, type("Stub", (), {"point": Point(coordinates, np.array([0.3, 0.0]), {})})())
+    white = {c: RNG.standard_normal(ROWS) for c in CELLS}
+    columns = {c: RNG.standard_normal((ROWS, 2)) for c in CELLS}
+    folds = {c: ((c[1], slice(0, ROWS)),) for c in CELLS}
+    roots = {c: np.ones(ROWS) for c in CELLS}
+    return Base(fit, cast(Weighing, Plain()), roots, white, columns, folds)
+
+
+def test_products_say_what_least_squares_over_all_rows_says() -> None:
+    of, prior = base(), np.diag([0.5, 0.5, 2.0])
+    replies = {c: Reply(RNG.standard_normal((ROWS, 1, ROWS // BLOCK)), BLOCK) for c in CELLS}
+    shapes = {c[1]: RNG.standard_normal((ROWS, 3)) for c in CELLS}
+    trial = trial_of(of, response_of(of, replies), shapes)
+    for left_out in ("", "two"):
+        kept = [c for c in CELLS if c[1] != left_out]
+        j = np.concatenate(
+            [np.column_stack([of.columns[c], replies[c].to(shapes[c[1]])[:, 0]]) for c in kept]
+        )
+        r = np.concatenate([of.white[c] for c in kept])
+        precision = np.zeros((5, 5))
+        precision[:2, :2], precision[2:, 2:] = np.diag(of.precision), prior
+        start = np.append(of.fit.point.theta, np.zeros(3))
+        square = j.T @ j + precision
+        move = np.linalg.solve(square, -(j.T @ r) - precision @ start)
+        least = float(((r + j @ move) ** 2).sum() + (start + move) @ precision @ (start + move))
+        occam = np.linalg.slogdet(square)[1] - np.linalg.slogdet(precision)[1]
+        found = trial.solved(prior, left_out)
+        assert found.coefficients == pytest.approx(move[2:], rel=1e-8)
+        assert found.covariance == pytest.approx(np.linalg.inv(square)[2:, 2:], rel=1e-8)
+        assert found.cost == pytest.approx(least + occam, rel=1e-10)
+
+
+def test_a_term_that_is_there_foretells_what_it_has_not_seen() -> None:
+    of, size = base(), np.array([0.8])
+    shapes = {c[1]: np.repeat(RNG.standard_normal((ROWS // BLOCK, 1)), BLOCK, 0) for c in CELLS}
+    kernel = {
+        c: Reply(np.kron(np.eye(ROWS // BLOCK), np.ones((BLOCK, 1)))[:, None], BLOCK) for c in CELLS
+    }
+    response = response_of(of, kernel)
+    prior = np.eye(1)
+    assert trial_of(of, response, shapes).gain(prior) < 0.0
+    for c in CELLS:
+        of.white[c][:] -= shapes[c[1]][:, 0] * size  # a fit misses what the term brings
+    there = trial_of(base_like(of), response_of(of, kernel), shapes)
+    assert there.gain(prior) > 100.0
+    assert there.solved(prior).coefficients == pytest.approx(size, abs=0.15)
+    twice = trial_of(of, response_of(of, kernel).times(-2.0), shapes)
+    assert twice.solved(prior / 4).coefficients == pytest.approx(-size / 2, abs=0.1)
+
+
+def base_like(of: Base) -> Base:
+    """The same without what was summed before its residuals changed."""
+    return Base(of.fit, of.weighing, of.roots, of.white, of.columns, of.folds)
