@@ -195,6 +195,7 @@ def diagnose(
     from pneugantry.plants.described import is_plant_description
     from pneugantry.plants.gantry.catalogue import catalogue_of, model_of
     from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
+    from pneugantry.plants.gantry.nominal import Nominal
 
     say = say or (lambda stage: None)
     if isinstance(source, str | Path) and is_plant_description(Path(source)):
@@ -202,9 +203,9 @@ def diagnose(
     own = None if catalogue is None else Path(catalogue)
     effects, model = catalogue_of(own), model_of(own)
     campaign = _campaign(source, setup, controller, say)
-    nominal = None if fmu is None else fmu_from(fmu)
-    found = diagnose_gantry(campaign, effects, fmu=nominal, say=say, model=model)
-    return Diagnosis(to_json(found.diagnosis), found, campaign, fmu_from(nominal))
+    given = None if fmu is None else fmu_from(fmu)
+    found = diagnose_gantry(campaign, effects, nominal=Nominal(given, model), say=say)
+    return Diagnosis(to_json(found.diagnosis), found, campaign, given or _gantry(model))
 
 
 def diagnose_change(
@@ -227,6 +228,7 @@ def diagnose_change(
     from pneugantry.plants.gantry.catalogue import catalogue_of, model_of
     from pneugantry.plants.gantry.diagnosis import both
     from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
+    from pneugantry.plants.gantry.nominal import Nominal
 
     say = say or (lambda stage: None)
     described = [
@@ -242,12 +244,19 @@ def diagnose_change(
     if all(described):
         return _described_change((Path(str(before)), Path(str(after))), own, fmu, say)
     campaigns = [_campaign(source, None, controller, say) for source in (before, after)]
-    nominal = None if fmu is None else fmu_from(fmu)
-    effects = catalogue_of(own)
-    found = diagnose_gantry(
-        campaigns[0], effects, fmu=nominal, say=say, after=campaigns[1], model=model_of(own)
-    )
-    return Diagnosis(to_json(found.diagnosis), found, both(*campaigns), fmu_from(nominal))
+    given = None if fmu is None else fmu_from(fmu)
+    effects, nominal = catalogue_of(own), Nominal(given, model_of(own))
+    found = diagnose_gantry(campaigns[0], effects, nominal=nominal, say=say, after=campaigns[1])
+    gantry = given or _gantry(nominal.model)
+    return Diagnosis(to_json(found.diagnosis), found, both(*campaigns), gantry)
+
+
+def _gantry(model: Path | None) -> FmuFile:
+    """The FMU of the gantry's model."""
+    from pyfmi_runner.build import build_fmu
+    from pyfmi_runner.fmu import FmuFile
+
+    return FmuFile.read(build_fmu(model=model).path)
 
 
 def _campaign(

@@ -18,8 +18,9 @@ from pneugantry.jobs.job import Function, Job
 from pneugantry.jobs.run import run_jobs
 from pneugantry.plants.calibrate import stamp_of
 from pneugantry.plants.described import described_task
-from pneugantry.plants.gantry.catalogue import FOLDER, catalogue_of
+from pneugantry.plants.gantry.catalogue import FOLDER, catalogue_of, model_of
 from pneugantry.plants.gantry.diagnosis import diagnose
+from pneugantry.plants.gantry.nominal import Nominal
 from pneugantry.plants.gantry.page import extras_of
 from pneugantry.report.page import Extras, write_page
 from pyfmi_runner.campaign import DRIVEN, read_campaign
@@ -58,7 +59,8 @@ class Diagnoser:
         if not (folder / CAMPAIGN).is_file():
             return self._diagnose_described(folder)
         campaign = read_campaign(folder, strict=self.strict, needs=DRIVEN)
-        found = diagnose(campaign, catalogue, fmu=fmu)
+        model = model_of(self.catalogue)
+        found = diagnose(campaign, catalogue, nominal=Nominal(None if model else fmu, model))
         if self.pages:
             write_page(found, folder / "diagnosis.html", extras_of(campaign, found))
         return json.dumps(to_json(found.diagnosis), default=float)
@@ -143,6 +145,8 @@ def _catalogue_hash(source: Path | None) -> str:
             else []
         ),
     ]
+    own = model_of(source)
+    files += [] if own is None else [own]
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 

@@ -27,7 +27,7 @@ from pneugantry.plants.gantry.converter import coarse_channels, rounded
 from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, record_of, views_of
 from pneugantry.plants.gantry.excitation import not_excited
 from pneugantry.plants.gantry.next_experiment import next_experiment, rivals
-from pneugantry.plants.gantry.nominal import parameters_of
+from pneugantry.plants.gantry.nominal import Nominal, parameters_of
 from pneugantry.plants.gantry.usable import sound_logs
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.campaign import Campaign
@@ -41,6 +41,7 @@ Say = Callable[[str], None]
 ONE_LOG = (
     "one log only: nothing is held out, so the gap before and after is on the fitted log itself"
 )
+SHIPPED = Nominal()
 SEEN = 1.0  # probability of what the readings themselves show
 
 
@@ -48,19 +49,17 @@ def diagnose(
     campaign: Campaign,
     catalogue: Mapping[str, Effect] | None = None,
     rules: Rules | None = None,
-    fmu: FmuFile | None = None,
+    nominal: Nominal = SHIPPED,
     say: Say = lambda stage: None,
     after: Campaign | None = None,
-    model: Path | None = None,
 ) -> Found:
-    """Diagnoses a campaign. fmu: the nominal gantry where its parameters are not the model's own.
-    say: told the name of each stage as it begins. after: a second campaign of the same gantry,
-    after a change. model: the gantry's Modelica file with a learnt term in it. Raises InputError
-    where nothing is left to diagnose.
+    """Diagnoses a campaign. nominal: the gantry that it is compared with. say: told the name of
+    each stage as it begins. after: a second campaign of the same gantry, after a change. Raises
+    InputError where nothing is left to diagnose.
     """
     began = time.perf_counter()
-    rules = rules or Rules()
-    own = FmuFile.read(build_fmu(model=model).path)
+    rules, fmu = rules or Rules(), nominal.fmu
+    own = FmuFile.read(build_fmu(model=nominal.model).path)
     catalogue = catalogue_of() if catalogue is None else catalogue
     check_names(catalogue, own)
     campaigns = [_checked(c) for c in (campaign, after) if c is not None]
@@ -69,7 +68,7 @@ def diagnose(
     grids = [coarse_channels(c) for c in campaigns]
     campaigns = [rounded(c, q) for c, q in zip(campaigns, grids, strict=True)]
     tasks = [
-        task_of(c, catalogue, rules, parameters, q, model)
+        task_of(c, catalogue, rules, parameters, q, nominal.model)
         for c, q in zip(campaigns, grids, strict=True)
     ]
     task = tasks[0] if after is None else joined(*tasks)
@@ -95,7 +94,7 @@ def task_of(
     model: Path | None = None,
 ) -> Task:
     """What the engine is given of a campaign. parameters: of the nominal gantry, where they are not
-    the model's own. quanta: steps of coarse converters by channel. model: as of `diagnose`.
+    the model's own. quanta: steps of coarse converters by channel. model: as of `Nominal`.
     """
     measured = measured_of(campaign)
     if not measured:

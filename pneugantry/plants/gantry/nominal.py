@@ -1,6 +1,9 @@
-"""Another FMU of the gantry as the nominal one: what it says of the parameters."""
+"""The gantry that a campaign is compared with, where it is not the shipped one."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -9,9 +12,19 @@ from pyfmi_runner.campaign import LoggedRun
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.replay import SIGMAS, Replayer
 
-__all__ = ["parameters_of"]
+__all__ = ["Nominal", "parameters_of"]
 
 ALIKE = 0.5  # RMS in units of the sensors' noise by which two FMUs of the same equations may differ
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """fmu: the nominal gantry where its parameters are not the model's own; model: the gantry's
+    Modelica file where a learnt term stands in it.
+    """
+
+    fmu: FmuFile | None = None
+    model: Path | None = None
 
 
 def parameters_of(fmu: FmuFile, own: FmuFile, run: LoggedRun) -> dict[str, float]:
