@@ -20,6 +20,7 @@ from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Array, Nuisance, Plant
+from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
 from pneugantry.engine.views import SubsystemView, View
@@ -258,7 +259,7 @@ class _Learning:
         """
         pairs: dict[tuple[Point, Regressor], Tried] = {}
         for t in tried:
-            pairs.setdefault((t.term.point, t.term.regressor), t)
+            pairs.setdefault((t.term.point, t.term.regressor), self._simplest(t, tried))
         rest = [self._again(t) for t in list(pairs.values())[:RIVALS]]
         least = min(t.cost for t in rest)
         rest = [t for t in rest if t.cost < least + FAR]
@@ -272,6 +273,20 @@ class _Learning:
             return regressor.name == TIME, bool(regressor.speed), total[t]
 
         return tuple(sorted(close, key=rank))
+
+    def _simplest(self, best: Tried, tried: Sequence[Tried]) -> Tried:
+        """The form of fewest parameters of the same variable in the same equation that the fitted
+        records do not tell from the best one.
+        """
+        own = best.term
+        close = [
+            t
+            for t in tried
+            if (t.term.point, t.term.regressor) == (own.point, own.regressor)
+            and len(t.term.values) < len(own.values)
+            and not self._tells(best, t, {best: NONE, t: NONE})
+        ]
+        return min(close, key=lambda t: (len(t.term.values), t.cost), default=best)
 
     def _tells(self, a: Tried, b: Tried, told: Mapping[Tried, Array]) -> bool:
         """Whether the records prefer a term to another by more than their noise."""
@@ -342,6 +357,8 @@ class _Learning:
         assert candidate is not None
         forms = distilled(free.knots, *free.curve(fitted.term.values, fitted.covariance))
         near = [d for d in forms if d.cost < forms[0].cost + CLOSE][:FORMS]
+        if all(d.law.shapes for d in near):
+            near.append(next(d for d in forms if not d.law.shapes))  # it may do as well
         return [self._joint(base, self._term(candidate, d)) for d in near]
 
     def _joint(self, base: Fit, term: Term, starts: Mapping[str, float] | None = None) -> Tried:
@@ -391,19 +408,20 @@ class _Learning:
 
     def _judged(self, best: Tried, after: Found) -> tuple[bool, str]:
         """Whether the term stands, and why."""
-        before = self.found
-        plain = min(
-            f.evidence + 2 * self.rules.entry * len(f.keys)
-            for f in (before.search.null, before.decision.best)
-        )
-        if best.cost > plain - self.rules.entry:
+        before, price = self.found, 2 * self.rules.entry
+        known = (before.search.null, before.decision.best)
+        plain = min(known, key=lambda f: f.evidence + price * len(f.keys))
+        if best.cost > plain.evidence + price * len(plain.keys) - self.rules.entry:
             return False, "the term brings the fitted logs nothing: located, not explained"
         old, new = before.gap, after.gap
         if old is None or new is None or before.augmented is None or after.augmented is None:
             return False, "no log could be replayed: located, not explained"
         fall = f"the gap of {new.record} falls from {old.augmented:.3g} to {new.augmented:.3g}"
         falls = self._loss(before.augmented) - self._loss(after.augmented)
-        if noise.doubted(falls, self.rules.doubt) < self.rules.entry:
+        better = noise.doubted(falls, self.rules.doubt) > self.rules.entry
+        if not better and new.augmented < old.augmented:
+            better = self._foretells(best, plain)
+        if not better:
             return False, (
                 f"{new.record} is replayed no better with the term ({old.augmented:.3g} before, "
                 f"{new.augmented:.3g} with it): located, not explained"
@@ -412,6 +430,25 @@ class _Learning:
         if new.augmented**2 - floor > LEFT * (old.augmented**2 - floor):
             return False, f"{fall}, and more is left than explained: located, not explained"
         return True, fall
+
+    def _foretells(self, best: Tried, plain: Fit) -> bool:
+        """Whether the views foretell the record that no fit saw better with a term, as the search
+        counts it: a whole replay hangs on single events (a carriage that breaks away).
+        """
+        record = self.found.task.data.held_out
+        if record is None:
+            return False
+        fitter = self._fitter(best.term)
+        try:
+            views = list(fitter.simulation.views.values())
+            foretelling = Foretelling(fitter, views, record)
+            try:
+                gain = foretelling.gain(best.fit, foretelling.cost(plain))
+            finally:
+                foretelling.close()
+        finally:
+            fitter.close()
+        return gain > self.rules.effect
 
 
 def _stretches(tried: Tried) -> list[Array]:
