@@ -193,7 +193,7 @@ class _Learning:
 
     def _worth_fitting(self, screen: Screen) -> list[Candidate]:
         """The best curve and the best wave of each variable in each block. Of equations that do as
-        well a balance comes first.
+        well one comes first in which the variable stands already, and a balance.
         """
         least = self.rules.entry
         if screen.candidates:
@@ -210,7 +210,7 @@ class _Learning:
         found: list[Candidate] = []
         for members in families.values():
             close = [c for c in members if c.gain >= members[0].gain - self.rules.entry]
-            found.append(min(close, key=lambda c: not c.point.balance))
+            found.append(min(close, key=_unlikely))
         return sorted(found, key=lambda c: -c.gain)
 
     def _composites(self, tried: Sequence[Tried]) -> tuple[list[Tried], list[Fit]]:
@@ -471,6 +471,12 @@ def _blamed(found: Found) -> frozenset[str] | None:
 
 
 NOTHING = "no variable of any component foretells what is left of a log that its curve has not seen"
+
+
+def _unlikely(candidate: Candidate) -> tuple[bool, bool]:
+    """Where the variable does not stand in the equation, and where that is no balance."""
+    point = candidate.point
+    return not point.reads(candidate.regressor.name), not point.balance
 
 
 def _spreads(d: Distilled, candidate: Candidate) -> tuple[float, ...]:

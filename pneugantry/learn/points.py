@@ -56,6 +56,11 @@ class Point:
         """Whether it is solved for no variable of its own: a balance, or a state's rate."""
         return not NAME.match(self.equation.left)
 
+    def reads(self, variable: str) -> bool:
+        """Whether a variable of the class stands on its right-hand side."""
+        word = rf"(?<![\w.]){re.escape(variable)}(?![\w.])"
+        return re.search(word, self.equation.right) is not None
+
     @property
     def text(self) -> str:
         """The equation as a reader knows it."""

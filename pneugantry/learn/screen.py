@@ -37,7 +37,7 @@ FEWEST = 3.0  # periods in the covered range, of a wave along a variable
 LINES = 400  # such periods, at most
 RESOLVED = 4.0  # blocks in a period, at least
 FINE = 0.05  # step of the number of periods about the best one
-ALIKE = 0.9  # cosine of the answers to one term from which on two equations are one
+ALIKE = 0.97  # cosine of the answers to one term from which on two equations are one
 PAIRS = 256  # waves that are tried at once
 
 
@@ -120,6 +120,11 @@ class _Group:
             found.setdefault(point.component, point)
         return list(found.values())
 
+    def head(self, component: str, variable: str) -> Point:
+        """The first equation of a component in which a variable stands, or else of all of its."""
+        own = [p for p in self.points if p.component == component]
+        return next((p for p in own if p.reads(variable)), own[0])
+
     def factor(self, point: Point) -> float:
         return self.factors[self.points.index(point)]
 
@@ -165,16 +170,21 @@ class _Screening:
     def _of_group(
         self, group: _Group, response: Response, series: Mapping[Regressor, Mapping[str, Array]]
     ) -> list[Candidate]:
-        """Every variable of the components whose equations do the same."""
+        """Every variable of the components whose equations do the same, in the equation in which
+        it stands already, where there is one.
+        """
         found: list[Candidate] = []
-        for head in group.heads:
-            own = group.of(head), response.times(group.factor(head))
+        responses: dict[Point, Response] = {}
+        for component in (p.component for p in group.heads):
             for regressor, values in series.items():
-                if regressor.name == TIME and head is not group.heads[0]:
+                head = group.head(component, regressor.name)
+                if regressor.name == TIME and head.component != group.points[0].component:
                     continue  # once is enough
                 if regressor.within(head):
-                    signs = regressor.signs(series)
-                    found += self._of_pair(*own, regressor, Course(values, signs))
+                    if head not in responses:
+                        responses[head] = response.times(group.factor(head))
+                    course = Course(values, regressor.signs(series))
+                    found += self._of_pair(group.of(head), responses[head], regressor, course)
         return found
 
     # -- equations
