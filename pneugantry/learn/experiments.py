@@ -18,6 +18,16 @@ __all__ = ["Experiment", "Rival", "telling", "variants"]
 
 REST = 2.0  # s before a delayed run
 WEAKER = 0.6  # of the inputs' size
+MANY = 20  # coordinates, beyond which only the effects' directions are told
+SIMULATED = 4000.0  # s of records, for all runs that are compared
+VARIANTS = (
+    "once more",
+    f"after a rest of {REST:g} s",
+    "at half its speed",
+    "at twice its speed",
+    "with its inputs reversed",
+    f"with its inputs at {100 * WEAKER:.0f} %",
+)
 LARGEST = 1e9  # evidence; more is as good
 
 
@@ -41,10 +51,15 @@ class Rival:
 
 def telling(a: Rival, b: Rival, records: Sequence[Record], cache: Path) -> Experiment | None:
     """The run of the largest expected evidence, whichever of both is right; None: none can be
-    simulated.
+    simulated. Runs are made of the shortest records, as long as their simulation is affordable.
     """
     best: Experiment | None = None
-    for record in records:
+    runs = sum(len(_moves(r.fit)) + 2 for r in (a, b)) * len(VARIANTS)
+    left = SIMULATED
+    for record in sorted(records, key=lambda r: r.rows):
+        left -= runs * record.rows * record.period
+        if left < 0 and best is not None:
+            break
         for what, varied in variants(record).items():
             evidence = min(_evidence(a, b, varied, cache), _evidence(b, a, varied, cache))
             if best is None or evidence > best.evidence:
@@ -68,16 +83,10 @@ def variants(record: Record) -> dict[str, Record]:
         return lambda values: np.interp(rows, at, np.asarray(values, dtype=float))
 
     later = np.concatenate([np.zeros(delay), at])
-    found = {
-        "once more": record,
-        f"after a rest of {REST:g} s": _moved(record, read(later)),
-        "at half its speed": _moved(record, read(np.arange(0, record.rows - 1, 0.5))),
-        "at twice its speed": _moved(record, read(at[::2])),
-    }
-    if signed:
-        found["with its inputs reversed"] = scaled(-1.0)
-        found[f"with its inputs at {100 * WEAKER:.0f} %"] = scaled(WEAKER)
-    return found
+    slower, faster = read(np.arange(0, record.rows - 1, 0.5)), read(at[::2])
+    made = [record, _moved(record, read(later)), _moved(record, slower), _moved(record, faster)]
+    made += [scaled(-1.0), scaled(WEAKER)] if signed else []
+    return dict(zip(VARIANTS, made, strict=False))  # the last two: of inputs with a sign
 
 
 def _moved(record: Record, read: Callable[[Array], Array]) -> Record:
@@ -86,16 +95,29 @@ def _moved(record: Record, read: Callable[[Array], Array]) -> Record:
     return replace(record, inputs=inputs, signals=signals, judged=None)
 
 
+def _moves(fit: Fit) -> Array:
+    """Directions (n, coordinates) in which a fit leaves its values open, one standard deviation
+    each; of many coordinates those of its effects, along which the others move.
+    """
+    own = [i for i, c in enumerate(fit.point.coordinates) if c.effect]
+    if len(fit.covariance) <= MANY or not own:
+        level, vectors = np.linalg.eigh(fit.covariance)
+        return np.asarray((vectors * np.sqrt(np.maximum(level, 0.0))).T)
+    among, vectors = np.linalg.eigh(fit.covariance[np.ix_(own, own)])
+    scale = vectors / np.sqrt(np.maximum(among, 1e-12 * among.max()))
+    return np.asarray((fit.covariance[:, own] @ scale).T)
+
+
 def _evidence(right: Rival, wrong: Rival, record: Record, cache: Path) -> float:
     """Expected -2 log evidence against `wrong` where the other is right: its distance, but for what
     its own fit leaves open, in the sensors' noise.
     """
     true = replays(right.plant, record, [values_on(right.fit, record)], cache)[0]
     point, fit = wrong.fit.point, wrong.fit
-    level, vectors = np.linalg.eigh(fit.covariance)
-    moves = (vectors * np.sqrt(np.maximum(level, 0.0))).T
     own = [values_on(fit, record)]
-    own += [values_on(replace(fit, point=point.moved(point.theta + m)), record) for m in moves]
+    own += [
+        values_on(replace(fit, point=point.moved(point.theta + m)), record) for m in _moves(fit)
+    ]
     told = replays(wrong.plant, record, own, cache)
     if true is None or told[0] is None:
         return 0.0
