@@ -285,22 +285,24 @@ class _Screening:
     def _of_pair(
         self, group: _Group, response: Response, regressor: Regressor, course: Course
     ) -> list[Candidate]:
-        """Curves of a variable in an equation: smooth, with narrow features, and waves."""
+        """Curves of a variable in an equation: smooth, and along a state or time also with narrow
+        features, and waves.
+        """
         knots = knots_over(np.concatenate(list(course.values.values())))
         if knots is None:
             return []
-        bases: list[Basis] = [knots, finer(knots)]
+        bases: list[Basis] = [knots]
         if regressor.name == TIME:
+            bases.append(finer(knots))
             periods = periods_of(self.fit, group.cells, self.opened.period_of)
+            bases += [Wave(p) for p in periods]
         elif self._moves(regressor):
-            periods = self._lines(response, course)
-        else:
-            periods = []
-        bases += [Wave(p) for p in periods]
+            bases.append(finer(knots))
+            bases += [Wave(p) for p in self._lines(response, course)]
         return [self._candidate(group, response, regressor, b, course) for b in bases]
 
     def _moves(self, regressor: Regressor) -> bool:
-        """Whether a variable is a state, along which something may repeat."""
+        """Whether a variable is a state, along which something may be narrow or repeat."""
         shape = self.opened.shape
         return not regressor.speed and shape.roots.get(regressor.label) in shape.states
 
