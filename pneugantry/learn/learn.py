@@ -15,7 +15,7 @@ import numpy as np
 
 from modelica_fmu.errors import InputError
 from pneugantry.engine import noise
-from pneugantry.engine.confirm import Replay, replays, values_on
+from pneugantry.engine.confirm import Gap, Replay, replays, values_on
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.hypothesis import Hypothesis
@@ -419,7 +419,8 @@ class _Learning:
         fall = f"the gap of {new.record} falls from {old.augmented:.3g} to {new.augmented:.3g}"
         falls = self._loss(before.augmented) - self._loss(after.augmented)
         better = noise.doubted(falls, self.rules.doubt) > self.rules.entry
-        if not better and new.augmented < old.augmented:
+        hangs = _hangs(old) or _hangs(new)
+        if not better and (hangs or new.augmented < old.augmented):
             better = self._foretells(best, plain)
         if not better:
             return False, (
@@ -427,7 +428,11 @@ class _Learning:
                 f"{new.augmented:.3g} with it): located, not explained"
             )
         floor = min(new.floor, new.augmented) ** 2
-        if new.augmented**2 - floor > LEFT * (old.augmented**2 - floor):
+        left, gap = new.augmented**2 - floor, old.augmented**2 - floor
+        if hangs:  # then the views tell
+            fall += ", a replay that hangs on an event"
+            left, gap = _standing(after), _standing(before)
+        if left > LEFT * gap:
             return False, f"{fall}, and more is left than explained: located, not explained"
         return True, fall
 
@@ -449,6 +454,16 @@ class _Learning:
         finally:
             fitter.close()
         return gain > self.rules.effect
+
+
+def _hangs(gap: Gap) -> bool:
+    """Whether a replay says little of the plant: it hangs on an event that was met or missed."""
+    return gap.bifurcates or gap.parted is not None
+
+
+def _standing(found: Found) -> float:
+    """How far the view that stands out most does so."""
+    return max((found.excess.ratio(c) - 1 for c in found.excess.whole), default=0.0)
 
 
 def _stretches(tried: Tried) -> list[Array]:
