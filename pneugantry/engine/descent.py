@@ -6,7 +6,8 @@ back and a shorter step next time, so that one rough view does not stop the othe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,7 @@ __all__ = [
     "of_view",
     "prior",
     "probed",
+    "standing",
 ]
 
 TRIES = 4  # damped steps from one point
@@ -143,19 +145,25 @@ class Solution:
 
 
 def descend(
-    problem: Problem, start: Solution, of_views: Noise | None, converged: float
+    problem: Problem,
+    start: Solution,
+    of_views: Noise | None,
+    converged: float,
+    hopeless: Callable[[int, Solution], bool] = lambda steps, solution: False,
 ) -> Solution:
     """Least cost from a start on.
 
     of_views: the noise; None: white, as large as the residuals are at each step (the widest basin).
-    converged: fall of the cost that ends it.
+    converged: fall of the cost that ends it. hopeless: told how many steps led where; ends it, too.
     """
     sim, rules, state = problem.simulation, problem.rules, start
     names = set(problem.prior.names)
     damping = np.full(len(names), LEAST if problem.fine else rules.damping)
     views = {c[0] for c in problem.cells}
     old: set[str] = set()  # views whose columns are those of an earlier point
-    for _ in range(rules.iterations):
+    for steps in range(rules.iterations):
+        if hopeless(steps, state):
+            break
         weighing = Weighing(of_views or flat_noise(sim, state.residuals), rules)
         step = _step(problem, state, weighing, damping, converged)
         if step is None:
@@ -236,6 +244,17 @@ def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:
         for name in {c[0] for c in residuals}
     }
     return {cell: of_views[cell[0]] for cell in residuals}
+
+
+def standing(problem: Problem, solution: Solution) -> float:
+    """-2 log posterior under white noise of the residuals' own size."""
+    residuals = {c: solution.residuals[c] for c in problem.cells if c in solution.residuals}
+    if not all(np.isfinite(r).all() for r in residuals.values()):
+        return FAILED
+    flat = flat_noise(problem.simulation, residuals)
+    cost = sum(Weighing(flat, problem.rules).costs(residuals).values())
+    cost += sum(2 * len(r) * math.log(w.sigma) for cell, r in residuals.items() for w in flat[cell])
+    return cost + problem.prior.cost(solution.point.theta)
 
 
 def of_view(residuals: Residuals, view: str) -> list[Array]:

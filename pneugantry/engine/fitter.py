@@ -21,6 +21,7 @@ from pneugantry.engine.descent import (
     inside,
     prior,
     probed,
+    standing,
 )
 from pneugantry.engine.hypothesis import (
     Coordinate,
@@ -33,6 +34,7 @@ from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, neutral
 from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simulation
+from pneugantry.engine.synthetic import changes_of, noisy
 from pneugantry.engine.views import View
 
 __all__ = ["Fit", "Fitter", "deviations", "fallen"]
@@ -40,6 +42,7 @@ __all__ = ["Fit", "Fitter", "deviations", "fallen"]
 SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
 SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
 BESIDE = 0.4  # share of these sizes beside an effect, which takes the rest
+WINNOWED = 8  # of a survey's points one is simulated over all records
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 
 
@@ -104,6 +107,7 @@ class Fitter:
         self.plant, self.rules = plant, rules
         self.simulation = Simulation(views, records, rules)
         self.nominal = _nominal(plant, views)
+        self._floors: dict[Cell, tuple[Whitener, ...]] = {}
 
     def close(self) -> None:
         self.simulation.close()
@@ -174,9 +178,8 @@ class Fitter:
         self.prepare([Hypothesis()])
         start = Point(coordinates, np.zeros(len(coordinates)), {})
         known, cells = prior(coordinates), tuple(self.simulation.cells)
-        self.simulation.forget()
         residuals, columns = self.simulation.linearised(start, cells, set(known.names), fine=False)
-        solution = self._by_view(Solution(start, residuals, columns), known, cells)
+        solution = self._by_view([Solution(start, residuals, columns)], known, cells)
         solution = self._jointly(solution, known, cells)
         scale = self._tolerance(solution.point)
         coordinates = self.coordinates(Hypothesis(), scale)
@@ -198,30 +201,36 @@ class Fitter:
         return math.sqrt((weight + squares) / (weight + len(theta)))
 
     def explore(
-        self, hypothesis: Hypothesis, base: Fit, starts: Mapping[str, float] | None = None
+        self,
+        hypothesis: Hypothesis,
+        base: Fit,
+        starts: Sequence[Mapping[str, float]] = (),
     ) -> Fit:
         """A hypothesis near `base`: views that its effects do not touch are their parabolas there.
-        `starts`: values of effect parameters to start from.
+        starts: values of effect parameters to start from, too.
         """
-        start = self._first(hypothesis, base, starts or {})
+        own = self._first(hypothesis, base, {})
         self.prepare([hypothesis])
         touched = {*self.touched(hypothesis), *self.touched(base.hypothesis)}
         cells = tuple(c for c in self.simulation.cells if c in touched)
-        known = prior(start.coordinates)
+        known = prior(own.coordinates)
         for view, parabola in base.parabolas.items():
             if not any(c[0] == view for c in cells):
                 known = known.plus(parabola)
         columns = {k: c for k, c in base.columns.items() if k[0] in touched}
-        wanted = {c.name for c in start.coordinates if c.effect}
+        wanted = {c.name for c in own.coordinates if c.effect}
         if hypothesis.settings != base.hypothesis.settings:  # other equations, other columns
             columns, wanted = {}, set(known.names)
-            self.simulation.forget()
-        residuals, made = self.simulation.linearised(start, cells, wanted)
-        first = Solution(start, residuals, {**columns, **made})
-        solution = self._by_view(first, known, cells)
-        before, after = (self._beside(s, base, known, cells) for s in (first, solution))
-        if after > before:  # where the views lead apart is worse than where the base stood
-            solution, after = first, before
+        points = [own, *(self._first(hypothesis, base, s) for s in starts)]
+        firsts = []
+        for point in points:
+            residuals, made = self.simulation.linearised(point, cells, wanted)
+            firsts.append(Solution(point, residuals, {**columns, **made}))
+        solution = self._by_view(firsts, known, cells, Solution(own, base.residuals, {}))
+        best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
+        before, after = (self._beside(s, base, known, cells) for s in (best, solution))
+        if after > before:  # where the views lead apart is worse than where one of them stood
+            solution, after = best, before
         if after - self._beside(base, base, known, cells) < self.rules.hopeless:
             solution = self._jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
@@ -239,7 +248,6 @@ class Fitter:
         """The same hypothesis from where a fit ended, all views together. thorough: points about
         the end are tried, too.
         """
-        self.simulation.forget()
         cells = tuple(self.simulation.cells)
         whole = prior(fit.point.coordinates)
         residuals = self.simulation.residuals(fit.point, cells)
@@ -271,85 +279,132 @@ class Fitter:
         costs = Weighing(colour, self.rules).costs(solution.residuals)
         return sum(costs.values()) + known.cost(solution.point.theta)
 
-    def _by_view(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+    def _by_view(
+        self,
+        starts: Sequence[Solution],
+        known: Parabola,
+        cells: Sequence[Cell],
+        rival: Solution | None = None,
+    ) -> Solution:
         """Each view by itself, by steps that look over events, then the least of the sum of their
-        parabolas.
+        parabolas. rival: a solution that is known; a descent far behind it is given up.
         """
-        columns, total = dict(start.columns), known
+        start, total = starts[0], known
+        columns = dict(start.columns)
         for view in dict.fromkeys(c[0] for c in cells):
             own = {c for c in cells if c[0] == view}
             if not any(k[0] in own for k in columns):
                 continue
-            solution = Solution(
-                start.point,
-                {c: r for c, r in start.residuals.items() if c in own},
-                {k: c for k, c in columns.items() if k[0] in own},
-            )
             problem = self._problem(own, known, fine=False)
-            solution = self._surveyed(problem, descend(problem, solution, None, ROUGH))
+            bar = math.inf if rival is None else standing(problem, _only(rival, view))
+            solution, least = start, math.inf
+            for other in starts:
+                other = self._raced(problem, _only(other, view), min(bar, least))
+                if (cost := standing(problem, other)) < least:
+                    solution, least = other, cost
+            points = [s.point for s in starts]
+            solution = self._surveyed(problem, points, solution, min(bar, least))
             total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
             columns |= solution.columns
-        before, least = start.point.theta, total.least()
+        before, least_of_all = start.point.theta, total.least()
         for share in SHARES:
-            point = inside(start.point.moved(before + share * (least - before)))
+            point = inside(start.point.moved(before + share * (least_of_all - before)))
             residuals = self.simulation.residuals(point, cells)
             if all(np.isfinite(r).all() for r in residuals.values()):
                 return Solution(point, residuals, columns)
         return start
 
-    def _surveyed(self, problem: Problem, found: Solution) -> Solution:
-        """The least of a view's descents from where it stands and from the best of many points
-        drawn over its tolerance and effects, where it stands above the noise: stick-slip has many
-        optima.
+    def _raced(self, problem: Problem, start: Solution, bar: float) -> Solution:
+        """A view's descent by steps that look over events, given up where it is farther above a
+        bar than `patience` falls like its last.
         """
-        sim, view = self.simulation, problem.cells[0][0]
-        among = [(i, c) for i, c in enumerate(found.point.coordinates) if view in sim.readers(c)]
-        tolerance = [i for i, c in among if c.scales]
-        effects = [i for i, c in among if c.effect]
-        if not (tolerance or effects) or self._quiet(found.residuals):
-            return found
+        last = math.inf
+
+        def behind(steps: int, solution: Solution) -> bool:
+            nonlocal last
+            before, last = last, standing(problem, solution)
+            return steps > 1 and last - bar > self.rules.patience * (before - last)
+
+        return descend(problem, start, None, ROUGH, behind)
+
+    def _surveyed(
+        self, problem: Problem, starts: Sequence[Point], found: Solution, bar: float
+    ) -> Solution:
+        """The least of a view's descents: found, and those from the best of many points, where it
+        stands above the noise: stick-slip has many optima.
+        """
+        best, least = found, standing(problem, found)
+        if self._quiet(problem, found):
+            return best
+        for start in self._scattered(problem, starts)[: self.rules.followed]:
+            columns = self.simulation.columns(
+                start.point, start.residuals, problem.cells, set(problem.prior.names), fine=False
+            )
+            start = Solution(start.point, start.residuals, columns)
+            other = self._raced(problem, start, min(bar, least))
+            before, cost = least, standing(problem, other)
+            if cost < least:
+                best, least = other, cost
+            if abs(cost - before) < ROUGH:
+                break  # from afar to the same end: there is but one
+        return best
+
+    def _scattered(self, problem: Problem, starts: Sequence[Point]) -> list[Solution]:
+        """Points drawn over a view's tolerance, and over effects about where they start, the best
+        first; without columns. The record that the first start meets worst tells which points are
+        simulated over the others.
+        """
         count, draw = self.rules.survey, np.random.default_rng(0)
-        theta = np.tile(found.point.theta, (count, 1))
+        among = [(i, c) for i, c in enumerate(starts[0].coordinates) if self._in(c, problem)]
+        tolerance, effects = [i for i, c in among if c.scales], [i for i, c in among if c.effect]
+        theta = np.array([starts[k % len(starts)].theta for k in range(count)])
         size = np.resize(np.array(SIZES), count)[:, None] * (BESIDE if effects else 1.0)
         theta[:, tolerance] = size * draw.standard_normal((count, len(tolerance)))
         theta[:, effects] += draw.standard_normal((count, len(effects)))
-        tried = [inside(found.point.moved(t)) for t in theta]
-        runs = sim.run({c: [t.values(c[1]) for t in tried] for c in problem.cells})
-        costs = [
-            self._standing(problem, Solution(t, {c: runs[c][i] for c in runs}, {}))
-            for i, t in enumerate(tried)
+        points = [inside(starts[0].moved(t)) for t in theta]
+        first = self.simulation.residuals(starts[0], problem.cells)
+        telling = max(problem.cells, key=lambda c: float(np.nansum(first[c] ** 2)))
+        few = self._ranked(problem, points, [telling])[: count // WINNOWED]
+        return self._ranked(problem, [s.point for s in few], problem.cells)
+
+    def _ranked(
+        self, problem: Problem, points: Sequence[Point], cells: Sequence[Cell]
+    ) -> list[Solution]:
+        """Points by how they stand in some cells, the best first; without columns."""
+        runs = self.simulation.run({c: [p.values(c[1]) for p in points] for c in cells})
+        made = [
+            Solution(point, {c: own[i] for c, own in runs.items()}, {})
+            for i, point in enumerate(points)
         ]
-        best, least = found, self._standing(problem, found)
-        for i in np.argsort(costs)[: self.rules.followed]:
-            residuals = {c: runs[c][i] for c in runs}
-            columns = sim.columns(
-                tried[i], residuals, problem.cells, set(problem.prior.names), fine=False
+        return sorted(made, key=lambda s: standing(problem, s))
+
+    def _quiet(self, problem: Problem, found: Solution) -> bool:
+        """Whether a view's residuals are no more than the sensors' noise, or nothing that is off by
+        a share or an effect's moves them.
+        """
+        if not any(c.scales or c.effect for c in found.point.coordinates if self._in(c, problem)):
+            return True
+        floors = {c: self._floor(c, found.point) for c in problem.cells}
+        small = all(
+            w.sigma < self.rules.quiet * floor.sigma
+            for cell, ws in self.flat(found.residuals).items()
+            for w, floor in zip(ws, floors[cell], strict=True)
+        )
+        return small and Weighing(floors, self.rules).tails(found.residuals) < self.rules.hopeless
+
+    def _floor(self, cell: Cell, point: Point) -> tuple[Whitener, ...]:
+        """The sensors' quoted noise, brought through a view once, as white noise of its size."""
+        if cell not in self._floors:
+            view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
+            values = point.values(cell[1])
+            changes = changes_of(view, record, [noisy(self.plant, record)], values)
+            self._floors[cell] = tuple(
+                noise.flat([c[:, i] for c in changes], sigma) for i, sigma in enumerate(view.sigmas)
             )
-            other = descend(problem, Solution(tried[i], residuals, columns), None, ROUGH)
-            if (cost := self._standing(problem, other)) < least:
-                best, least = other, cost
-        return best
+        return self._floors[cell]
 
-    def _quiet(self, residuals: Residuals) -> bool:
-        """Whether residuals are as small as the sensors' noise."""
-        return all(
-            w.sigma < self.rules.quiet * sigma
-            for cell, ws in self.flat(residuals).items()
-            for w, sigma in zip(ws, self.simulation.views[cell[0]].sigmas, strict=True)
-        )
-
-    def _standing(self, problem: Problem, solution: Solution) -> float:
-        """-2 log posterior under white noise of the residuals' own size."""
-        if not all(np.isfinite(r).all() for r in solution.residuals.values()):
-            return FAILED
-        flat = self.flat(solution.residuals)
-        cost = sum(Weighing(flat, self.rules).costs(solution.residuals).values())
-        cost += sum(
-            2 * len(r) * math.log(w.sigma)
-            for cell, r in solution.residuals.items()
-            for w in flat[cell]
-        )
-        return cost + problem.prior.cost(solution.point.theta)
+    def _in(self, c: Coordinate, problem: Problem) -> bool:
+        return any(self.simulation.in_cell(c, cell) for cell in problem.cells)
 
     def _jointly(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """All views together, from new columns on."""
@@ -371,18 +426,21 @@ class Fitter:
         """Converged with columns of where it is, on which score tests and the covariance rest; the
         noise's colour follows. times: at most.
         """
-        solution = start
+        solution = self._with_columns(start, known, cells)
         for _ in range(times):
-            columns = self.simulation.columns(
-                solution.point, solution.residuals, cells, set(known.names)
-            )
-            at = Solution(solution.point, solution.residuals, {**solution.columns, **columns})
-            colour = self.coloured(solution.residuals)
+            colour, at = self.coloured(solution.residuals), solution
             solution = descend(self._problem(cells, known), at, colour, self.rules.converged)
+            if solution.point is at.point:
+                break
+            solution = self._with_columns(solution, known, cells)
             before, after = (self._cost(s, known, colour) for s in (at, solution))
             if before - after < self.rules.entry:
                 break
         return solution
+
+    def _with_columns(self, at: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        columns = self.simulation.columns(at.point, at.residuals, cells, set(known.names))
+        return Solution(at.point, at.residuals, {**at.columns, **columns})
 
     def _problem(self, cells: Collection[Cell], known: Parabola, fine: bool = True) -> Problem:
         return Problem(self.simulation, self.rules, tuple(cells), known, fine)

@@ -70,10 +70,17 @@ class Coordinate:
 
 
 def nuisance_coordinate(n: Nuisance, nominal: float, record: str | None) -> Coordinate:
-    """`nominal`: the parameter's value without error."""
+    """`nominal`: the parameter's value without error. What is off by a share is fitted as its
+    logarithm: where factors stand for one another (all forces, and the mass), the line along which
+    nothing changes is straight then, and one step follows it.
+    """
+    if n.relative and nominal > 0:
+        low = 0.05 * nominal
+        return Coordinate(
+            n.parameter, nominal, n.sigma, low, logarithmic=True, record=record, scales=n.scales
+        )
     unit = n.sigma * abs(nominal) if n.relative else n.sigma
-    low = 0.05 * nominal if n.relative and nominal > 0 else -math.inf
-    return Coordinate(n.parameter, nominal, unit, low, record=record, scales=n.scales)
+    return Coordinate(n.parameter, nominal, unit, record=record, scales=n.scales)
 
 
 def effect_coordinate(p: Parameter, nominal: float, spread: float) -> Coordinate:
@@ -83,7 +90,7 @@ def effect_coordinate(p: Parameter, nominal: float, spread: float) -> Coordinate
     factor = abs(nominal) if p.relative else 1.0
     centre = nominal if p.relative else p.neutral
     low, high = p.low * factor, p.high * factor
-    if p.positive:
+    if p.positive or (p.relative and nominal > 0 and p.low > 0):
         return Coordinate(
             p.name,
             centre,

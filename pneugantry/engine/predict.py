@@ -47,7 +47,6 @@ class Foretelling:
         sim, rules = self.fitter.simulation, self.fitter.rules
         cells = tuple(sim.cells)
         point, known = self._start(fit)
-        sim.forget()
         residuals, columns = sim.linearised(point, cells, set(known.names))
         solution = descend(
             Problem(sim, rules, cells, known), Solution(point, residuals, columns), None, ROUGH

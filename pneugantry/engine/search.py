@@ -20,6 +20,7 @@ from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
 from pneugantry.engine.noise import Noise, doubted, loss, weights
 from pneugantry.engine.plant import Array
+from pneugantry.engine.relief import Reliefs
 from pneugantry.engine.simulation import Cell
 
 __all__ = ["Candidate", "Search", "Step", "screen", "search"]
@@ -84,6 +85,9 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
         before, thorough = best, True
         best = _pruned(fitter, fitter.again(top, thorough=True), bar, steps, tried)
         tried.append(best)
+        if top is before and before.evidence - best.evidence < fitter.rules.entry:
+            best = min(before, best, key=lambda f: f.evidence)
+            break  # nothing to be screened that was not
         changed = {*fitter.touched(best.hypothesis), *fitter.touched(before.hypothesis)}
         traces = {k: c for k, c in traces.items() if k[2] not in changed}
     null = min((f for f in tried if not f.keys), key=lambda f: f.evidence)
@@ -127,12 +131,10 @@ def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list
 
 
 def _added(fitter: Fitter, base: Fit, c: Candidate) -> Fit:
-    """From the start of the largest predicted gain; from the base where that ends worse."""
+    """From the base, from the start of the largest predicted gain, and from the others."""
     hypothesis = base.hypothesis.plus(c.effect, c.form)
-    fit = fitter.explore(hypothesis, base, c.starts)
-    if c.starts and fit.evidence > base.evidence:
-        return min(fit, fitter.explore(hypothesis, base), key=lambda f: f.evidence)
-    return fit
+    listed = [c.starts, *(s for s in _starts(fitter, base, c.form) if s != c.starts)]
+    return fitter.explore(hypothesis, base, [s for s in listed if s][:STARTS])
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
@@ -145,12 +147,8 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
             if form.name == main.name or not fitter.readable(form):
                 continue
             hypothesis = base.hypothesis.plus(effect, form)
-            made.append(
-                min(
-                    (fitter.explore(hypothesis, base, s) for s in _starts(fitter, base, form)[:2]),
-                    key=lambda f: f.evidence,
-                )
-            )
+            starts = [s for s in _starts(fitter, base, form) if s]
+            made.append(fitter.explore(hypothesis, base, starts[:STARTS]))
     return made
 
 
@@ -230,7 +228,14 @@ def screen(
     first = {id(t): gains(t) for own in many for t in own}
     best = [max(own, key=lambda t: first[id(t)][k]) for own in many for k in range(len(tests))]
     _trace(fitter, base, best, known)
-    return [Candidate(t.effect, t.form, t.starts, *gains(t)) for own in by_effect for t in own]
+    made = [Candidate(t.effect, t.form, t.starts, *gains(t)) for own in by_effect for t in own]
+    reliefs = Reliefs(fitter, base)
+    for own in by_effect:
+        effect, form = own[0].effect, own[0].form
+        relief = reliefs.of(form)
+        if relief is not None:
+            made.append(Candidate(effect, form, relief.starts, relief.gain, relief.gain))
+    return made
 
 
 Job = tuple[dict[str, float], float]  # values to simulate, step in theta
@@ -287,7 +292,8 @@ def _points(
     points = [(dict(at), 1.0 if starts or form.settings else 0.0)]
     for c in coordinates:
         theta = c.theta(at[c.parameter])
-        step = 0.5 if c.value(theta + 0.5) != c.value(theta) else -0.5
+        size = 0.5 if starts or form.settings else NEAR
+        step = size if c.value(theta + size) != c.value(theta) else -size
         points.append(({**at, c.parameter: c.value(theta + step)}, step))
     return points
 
@@ -325,9 +331,11 @@ def _starts(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
 
     listed = [[(p.name, value(p, s)) for s in p.starts] for p in form.parameters if p.starts]
     found = [dict(chosen) for chosen in itertools.product(*listed)]
-    return [{}, *found] if found[0] and _shared(fitter, base, form) else found
+    return [{}, *found] if found[0] and not form.settings else found
 
 
+NEAR = 0.05  # usual sizes off the base, where its own slopes are taken
+STARTS = 2  # from which a form is fitted, beside the base
 FEW = 2  # starts that are screened with all their columns
 SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
 NOTHING = 0.1  # share of `Rules.effect`; a start whose slopes predict less is looked at no closer

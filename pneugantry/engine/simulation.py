@@ -9,6 +9,8 @@ from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numpy as np
+
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
@@ -16,6 +18,9 @@ from pneugantry.engine.views import View
 
 __all__ = ["Cell", "Columns", "Point", "Residuals", "Simulation"]
 
+SHARES = 4  # of a cell's runs, so that both threads end together
+SHARE = 4  # runs at least: more of them share what they do not differ in
+USUAL = 0.1  # a tolerance's spread, in an effect's usual sizes
 Cell = tuple[str, str]  # view, record
 Residuals = dict[Cell, Array]  # (rows, signals), in the signals' units
 Columns = dict[tuple[Cell, str], Array]  # d residual / d theta, by the coordinate's name
@@ -51,7 +56,6 @@ class Simulation:
         self.cells = [(v.name, r.name) for v in views for r in records if v.shows(r)]
         self.rules = rules
         self.seconds = 0.0  # of records, simulated so far
-        self._idle: set[tuple[Cell, str]] = set()
         self._pool = ThreadPoolExecutor(2)
 
     def close(self) -> None:
@@ -85,14 +89,27 @@ class Simulation:
     def run(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> Residuals:
         """Residuals (values, rows, signals) of each cell."""
 
-        def one(cell: Cell) -> Array:
-            return self.views[cell[0]].residuals(self.records[cell[1]], jobs[cell])
+        def one(part: tuple[Cell, Sequence[Mapping[str, float]]]) -> Array:
+            cell, own = part
+            return self.views[cell[0]].residuals(self.records[cell[1]], own)
 
-        cells = sorted(jobs, key=lambda c: -len(jobs[c]) * self.records[c[1]].rows)
-        for cell in cells:
-            record = self.records[cell[1]]
-            self.seconds += len(jobs[cell]) * record.rows * record.period
-        return dict(zip(cells, self._pool.map(one, cells), strict=True))
+        for (_, name), own in jobs.items():
+            record = self.records[name]
+            self.seconds += len(own) * record.rows * record.period
+        shares = {c: max(SHARE, -(-len(own) // SHARES)) for c, own in jobs.items()}
+        parts = [
+            (cell, own[at : at + shares[cell]])
+            for cell, own in jobs.items()
+            for at in range(0, len(own), shares[cell])
+        ]
+        order = sorted(
+            range(len(parts)), key=lambda i: -len(parts[i][1]) * self.records[parts[i][0][1]].rows
+        )
+        made = dict(zip(order, self._pool.map(one, [parts[i] for i in order]), strict=True))
+        found: dict[Cell, list[Array]] = {}
+        for i, (cell, _) in enumerate(parts):
+            found.setdefault(cell, []).append(made[i])
+        return {cell: np.concatenate(rows) for cell, rows in found.items()}
 
     def residuals(self, point: Point, cells: Sequence[Cell]) -> Residuals:
         """At a point."""
@@ -114,39 +131,28 @@ class Simulation:
         wanted: set[str],
         fine: bool = True,
     ) -> Columns:
-        """Columns of the coordinates named, about the residuals at a point; a nuisance that once
-        changed no bit of a cell (it acts through an effect that is not there) is left out there
-        until `forget`.
-        """
+        """Columns of the coordinates named, about the residuals at a point."""
         jobs: dict[Cell, list[dict[str, float]]] = {}
         moved: dict[Cell, list[tuple[Coordinate, float]]] = {}
         for cell in cells:
             base = point.values(cell[1])
             jobs[cell], moved[cell] = [], []
             for c, theta in zip(point.coordinates, point.theta, strict=True):
-                if c.name in wanted and self.in_cell(c, cell) and (cell, c.name) not in self._idle:
+                if c.name in wanted and self.in_cell(c, cell):
                     step = self.step(c, theta, fine)
                     jobs[cell].append({**base, c.parameter: c.value(theta + step)})
                     moved[cell].append((c, step))
         found = self.run({cell: job for cell, job in jobs.items() if job})
-        columns = {
+        return {
             (cell, c.name): (found[cell][i] - residuals[cell]) / step
             for cell, steps in moved.items()
             for i, (c, step) in enumerate(steps)
         }
-        nuisances = {c.name for c in point.coordinates if not c.effect}
-        idle = {key for key, c in columns.items() if key[1] in nuisances and not c.any()}
-        self._idle |= idle
-        return {key: c for key, c in columns.items() if key not in idle}
-
-    def forget(self) -> None:
-        """Nuisances that changed no bit of a view are simulated again from now on."""
-        self._idle.clear()
 
     def step(self, c: Coordinate, theta: float, fine: bool) -> float:
         """Step of a difference quotient, away from a bound."""
         if fine:
-            size = self.rules.difference * self.rules.fine
+            size = self.rules.difference * self.rules.fine * (USUAL if c.effect else 1.0)
         else:
             size = self.rules.stride if c.effect else self.rules.difference
         return size if c.value(theta + size) != c.value(theta) else -size

@@ -366,7 +366,7 @@ class _Learning:
         fitter, effect = self._fitter(term), term.effect
         try:
             hypothesis = base.hypothesis.plus(effect, effect.forms[0])
-            fit = fitter.explore(hypothesis, base, {**(starts or {}), **term.starts})
+            fit = fitter.explore(hypothesis, base, [{**(starts or {}), **term.starts}])
         finally:
             fitter.close()
         return self._tried(term, fit)

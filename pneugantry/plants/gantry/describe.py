@@ -55,9 +55,9 @@ def plant_of(measured: Sequence[str] = MEASURED, thinning: int = 2) -> Plant:
             Nuisance(f"axis_{axis}.friction.v_th", 0.05, relative=True, scales=True),
             Nuisance(f"axis_{axis}.s_start", 5e-4, per_record=True),
             Nuisance(f"sensors.f_{axis}.bias", 0.1),
-            *(Nuisance(f"sensors.{c}_{axis}.scale", 0.003) for c in ("v", "f")),
-            Nuisance(f"sensors.{axis}.scale", 0.003),
-            Nuisance(f"sensors.f_a{axis}.scale", 0.003),
+            *(Nuisance(f"sensors.{c}_{axis}.scale", 0.003, relative=True) for c in ("v", "f")),
+            Nuisance(f"sensors.{axis}.scale", 0.003, relative=True),
+            Nuisance(f"sensors.f_a{axis}.scale", 0.003, relative=True),
             Nuisance(f"sensors.f_a{axis}.bias", 0.3),
         ]
     nuisances += [

@@ -132,4 +132,6 @@ def test_a_null_fit_of_the_whole_campaign_comes_to_the_noise(tmp_path: Path) -> 
     campaign = read_campaign(lacking(tmp_path, FORCES), needs=DRIVEN)
     for signal, size in fitted(campaign, data_of(campaign, Rules())).items():
         if signal not in ("u_x", "u_z"):  # whose residual is a quantum of the converter
-            assert 0.75 < size < 1.25, (signal, size)  # orders of few rows predict some of it
+            # the positions' noise, through the stiff contact, is one of the force that wanders
+            most = 1.6 if signal.startswith("f_") else 1.25
+            assert 0.75 < size < most, (signal, size)  # orders of few rows predict some of it

@@ -187,7 +187,7 @@ def test_a_better_point_about_an_end_is_found_where_residuals_stand_out(
     assert probed(problem, ended, null.noise) is None
     at = [c.name for c in null.point.coordinates].index("F_c")
     theta = null.point.theta.copy()
-    theta[at] += 5.0  # spreads: 10 % of the friction
+    theta[at] -= 5.0  # spreads: 10 % of the friction
     away = null.point.moved(theta)
     start = Solution(away, *fitter.simulation.linearised(away, cells, set(known.names)))
     better = probed(problem, start, null.noise)

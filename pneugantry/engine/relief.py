@@ -1,0 +1,105 @@
+"""What tolerance bears and an effect would bear as well.
+
+A level and the factors that it multiplies are one factor told twice: no record tells them apart,
+only the priors do. Along such a direction the columns add up to nothing. At the end of
+a fit they need not: it may stand at the edge of an event, where a step to either side is another
+matter. So they are taken a little beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneugantry.engine.catalogue import Form
+from pneugantry.engine.descent import inside
+from pneugantry.engine.fitter import Fit, Fitter, deviations
+from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
+from pneugantry.engine.plant import Array
+from pneugantry.engine.simulation import Columns, Point
+
+__all__ = ["Relief", "Reliefs"]
+
+STRAINED = 3.0  # spreads of the rig's tolerance from which on a deviation is much
+BESIDE = 0.3  # prior spreads by which all is moved before columns are taken
+
+
+@dataclass(frozen=True)
+class Relief:
+    """Where an effect takes over what tolerance bears."""
+
+    starts: Mapping[str, float]  # values of its parameters, and of the nuisances that it relieves
+    gain: float  # of -2 log prior, less what the residuals change
+
+
+class Reliefs:
+    """Steps from a fit that leave the residuals as they are, where tolerance is strained."""
+
+    def __init__(self, fitter: Fitter, base: Fit) -> None:
+        self.fitter, self.base = fitter, base
+        self.strained = {n for n, d in deviations(base.point).items() if abs(d) > STRAINED}
+        sim = fitter.simulation
+        self.cells = [
+            c for c in sim.cells if any(sim.views[c[0]].depends_on(n) for n in self.strained)
+        ]
+        if not self.cells:
+            return
+        self.own = [c for c in base.point.coordinates if any(sim.in_cell(c, x) for x in self.cells)]
+        self.known = {c.parameter for c in self.own}
+        at = dict(zip(base.point.coordinates, base.point.theta, strict=True))
+        self.theta = np.array([at[c] for c in self.own])
+        spread = np.array([c.spread for c in self.own])
+        worth = np.array([fitter.rules.tolerated if c.scales else 1.0 for c in self.own])
+        self.weight = worth / spread**2
+        drawn = np.random.default_rng(0).standard_normal(len(self.own))
+        theta = self.theta + BESIDE * spread * drawn
+        self.beside = inside(Point(tuple(self.own), theta, base.point.settings))
+        names = {c.name for c in self.own}
+        self.residuals, found = sim.linearised(self.beside, self.cells, names)
+        self.columns = self._stacked(found, self.own)
+        self.idle, _ = self._step(self.columns, self.theta, self.weight)
+
+    def of(self, form: Form) -> Relief | None:
+        """The one that a form of an effect brings; None where it brings none."""
+        sim, rules = self.fitter.simulation, self.fitter.rules
+        names = [p.name for p in form.parameters]
+        if not self.cells or form.settings or any(n in self.known for n in names):
+            return None
+        cells = [c for c in self.cells if any(sim.views[c[0]].depends_on(n) for n in names)]
+        if not cells:
+            return None
+        effects = [
+            effect_coordinate(p, self.fitter.neutral(p.name), rules.effect_prior)
+            for p in form.parameters
+        ]
+        neutral = np.array([c.theta(c.value(0.0)) for c in effects])
+        theta = np.concatenate([self.beside.theta, neutral])
+        point = Point((*self.own, *effects), theta, self.base.point.settings)
+        residuals = {c: self.residuals[c] for c in cells}
+        found = sim.columns(point, residuals, cells, {c.name for c in effects})
+        columns = np.column_stack([self.columns, self._stacked(found, effects)])
+        weight = np.concatenate([self.weight, np.full(len(effects), rules.effect_prior**-2.0)])
+        gain, moved = self._step(columns, np.concatenate([self.theta, neutral]), weight)
+        pairs = zip((*self.own, *effects), moved, strict=True)
+        starts = {c.parameter: c.value(t) for c, t in pairs if c.effect or c.name in self.strained}
+        return Relief(starts, gain - self.idle)
+
+    def _stacked(self, columns: Columns, coordinates: Sequence[Coordinate]) -> Array:
+        """Columns in the quoted noise, over all cells: (rows, coordinates)."""
+        parts = []
+        for cell in self.cells:
+            sigmas = np.array(self.fitter.simulation.views[cell[0]].sigmas)
+            nothing = np.zeros_like(self.residuals[cell])
+            own = [(columns.get((cell, c.name), nothing) / sigmas).ravel() for c in coordinates]
+            parts.append(np.nan_to_num(np.column_stack(own)))
+        return np.concatenate(parts)
+
+    @staticmethod
+    def _step(columns: Array, theta: Array, weight: Array) -> tuple[float, Array]:
+        """Fall of -2 log prior less what the residuals change, and where the step leads."""
+        square = columns.T @ columns
+        step = np.linalg.solve(square + np.diag(weight), -weight * theta)
+        moved = theta + step
+        return float(weight @ (theta**2 - moved**2) - step @ square @ step), moved

@@ -1,0 +1,43 @@
+"""A sensor's scale, and all that it makes look off by one share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from test_search import CATALOGUE, TRUTH, fitter_of, parts, plant
+
+from pneugantry.engine.plant import Plant
+from pneugantry.engine.relief import Reliefs
+
+__all__ = ["parts", "plant"]  # fixtures
+SHARE = 1.25
+
+
+def test_what_tolerance_bears_is_offered_to_the_effect_that_would_bear_it_alone(
+    plant: Plant,
+    parts: Path,
+) -> None:
+    """The current reads 1.25 of what it is: gain, mass and both frictions look 25 % off."""
+    fitter = fitter_of(plant, parts, **{n: SHARE * TRUTH[n] for n in ("K", "m", "C", "F_c")})
+    null = fitter.null()
+    reliefs = Reliefs(fitter, null)
+    assert {"K", "m", "C", "F_c"} <= reliefs.strained
+    forms = {key: effect.forms[0] for key, effect in CATALOGUE.items()}
+    found, other = reliefs.of(forms["current_scale"]), reliefs.of(forms["drag"])
+    fitter.close()
+    assert found is not None
+    assert other is not None
+    assert found.gain > 100 > other.gain
+    assert found.starts["sensors.i.scale"] == pytest.approx(SHARE, rel=0.05)
+    assert found.starts["m"] == pytest.approx(1.5, rel=0.05)
+    assert reliefs.of(forms["mass"]) is None  # which tolerance has already
+
+
+def test_a_rig_within_its_tolerance_needs_none(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    reliefs = Reliefs(fitter, fitter.null())
+    found = reliefs.of(CATALOGUE["current_scale"].forms[0])
+    fitter.close()
+    assert not reliefs.strained
+    assert found is None
