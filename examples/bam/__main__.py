@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from examples.bam import learnt
-from examples.bam.convert import description, read_raw, write_logs, write_planted
+from examples.bam import learnt, planted
+from examples.bam.convert import description, read_raw, write_logs
 from examples.bam.servo import (
     FITTED_GAINS,
     HELD_GAINS,
@@ -90,13 +90,34 @@ def printed(table: dict[str, dict]) -> str:
     return "\n".join(lines)
 
 
+def _planted(options: argparse.Namespace) -> dict:
+    """The study of planted errors. Raises InputError for a number of cases below 1."""
+    if options.cases is not None and options.cases < 1:
+        raise InputError(f"is {options.cases}, expected >= 1", field="--cases", hint="give 1 to 24")
+    right = tomllib.loads(REFITTED.read_text(encoding="utf-8"))["parameters"]
+    return planted.figures(
+        options.raw,
+        options.out / ("planted_encoder" if options.encoder else "planted"),
+        right,
+        cases=options.cases,
+        encoder=options.encoder,
+        say=lambda name: print(name, file=sys.stderr, flush=True),
+    )
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m examples.bam", description=__doc__)
     parser.add_argument("what", choices=("rungs", "convert", "planted", "learnt"))
     parser.add_argument("--raw", type=Path, default=RAW, metavar="DIR", help="recorded CSV files")
     parser.add_argument("--out", type=Path, default=Path("out/bam"), metavar="DIR")
     parser.add_argument(
-        "--json", type=Path, metavar="FILE", help="the table of rungs or learnt as JSON"
+        "--json", type=Path, metavar="FILE", help="the table of rungs, learnt or planted as JSON"
+    )
+    parser.add_argument("--cases", type=int, metavar="N", help="planted: so many of the 24")
+    parser.add_argument(
+        "--encoder",
+        action="store_true",
+        help="planted: judge by the encoder's noise, not by what the right plant leaves",
     )
     options = parser.parse_args(arguments)
     try:
@@ -116,9 +137,10 @@ def main(arguments: list[str] | None = None) -> int:
             (options.out / "plant.toml").write_text(text, encoding="utf-8")
             print(f"{len(logs)} logs and plant.toml in {options.out}")
         else:
-            right = tomllib.loads(REFITTED.read_text(encoding="utf-8"))["parameters"]
-            folders = write_planted(options.raw, options.out, right)
-            print(f"{len(folders)} planted errors in {options.out}")
+            table = _planted(options)
+            print(planted.printed(table))
+            if options.json:
+                options.json.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
     except InputError as wrong:
         print(wrong, file=sys.stderr)
         return 2

@@ -7,7 +7,8 @@ was resampled; it is read back as -885..885.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -19,6 +20,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.blind.description import relocated
 
 PLANT = Path(__file__).parent / "plant.toml"
+SIGMA = re.compile(r"^sigma = .*$", re.MULTILINE)
 FULL = 885  # reading of `load` at full duty
 PARAMETER = {  # effect: parameter of the model that a wrong value is put into
     "mass": "pendulum.m",
@@ -48,7 +50,8 @@ class Planted:
     @property
     def name(self) -> str:
         """Folder of the case."""
-        return "+".join(f"{effect}_{factor:g}" for effect, factor in self.factors.items())
+        told = "+".join(f"{effect}_{factor:g}" for effect, factor in self.factors.items())
+        return told or "sound"
 
 
 def planted_errors() -> list[Planted]:
@@ -105,26 +108,40 @@ def description(
     return "\n".join(lines) + "\n"
 
 
-def write_planted(raw: Path, out: Path, right: Mapping[str, float]) -> list[Path]:
+def write_planted(
+    raw: Path,
+    out: Path,
+    right: Mapping[str, float],
+    sigma: float | None = None,
+    cases: Sequence[Planted] | None = None,
+) -> list[Path]:
     """Writes one folder per planted error, beside the logs that all share: plant.toml with the
     wrong values and truth.json, which no diagnosis reads. `right`: parameters of the model that
-    fits.
+    fits; sigma: to how many rad it is known to fit, instead of the encoder's noise.
     """
     logs = write_logs(raw, out / "logs")
     folders = []
-    for case in planted_errors():
+    for case in planted_errors() if cases is None else cases:
         folder = out / case.name
         folder.mkdir(parents=True, exist_ok=True)
         wrong = dict(right)
         for effect, factor in case.factors.items():
             wrong[PARAMETER[effect]] = right[PARAMETER[effect]] * factor
         text = description(folder, logs, wrong, "../logs/")
+        if sigma is not None:
+            text = SIGMA.sub(f"sigma = {sigma!r}  # rad, what the right plant leaves", text)
         (folder / "plant.toml").write_text(text, encoding="utf-8")
         causes = [
-            {"effect": effect, "axis": "", "parameter": PARAMETER[effect], "factor": 1.0 / factor}
+            {
+                "effect": effect,
+                "axis": "",
+                "block": PARAMETER[effect].partition(".")[0],
+                "parameter": PARAMETER[effect],
+                "factor": 1.0 / factor,
+            }
             for effect, factor in case.factors.items()
         ]
-        kind = "one" if len(causes) == 1 else "two"
+        kind = {0: "none", 1: "one", 2: "two"}[len(causes)]
         truth = {"schema": "truth/1", "plant": "servo", "kind": kind, "causes": causes}
         (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
         folders.append(folder)

@@ -15,10 +15,12 @@ from examples.bam.convert import (
     FULL,
     PARAMETER,
     PLANT,
+    Planted,
     planted_errors,
     read_raw,
     write_planted,
 )
+from examples.bam.planted import COLUMNS, OF_MODEL, accuracy, counted, tally
 from examples.bam.servo import (
     FIELDS,
     PERIOD,
@@ -36,27 +38,7 @@ from pyfmi_runner.fmu import FmuFile, FmuSession
 
 recorded = pytest.mark.skipif(not RAW.is_dir(), reason="../shared/real is not on this machine")
 RIGHT = tomllib.loads(REFITTED.read_text())["parameters"]
-MODEL = {  # name here: parameter of the model
-    "k_t": "motor.k_t",
-    "R": "motor.R",
-    "armature": "armature",
-    "q_offset": "pendulum.q_offset",
-    "m": "pendulum.m",
-    "l": "pendulum.l",
-    "V": "motor.V",
-    "gain": "firmware.gain",
-    "T_c": "gearbox.T_c",
-    "d": "gearbox.d",
-    "T_s": "gearbox.T_s",
-    "w_s": "gearbox.w_s",
-    "alpha": "gearbox.alpha",
-    "load_motor": "gearbox.load_motor",
-    "load_external": "gearbox.load_external",
-    "load_external_rest": "gearbox.load_external_rest",
-    "load_motor_square": "gearbox.load_motor_square",
-    "load_external_square": "gearbox.load_external_square",
-}
-VALUES = {field: float(RIGHT.get(MODEL.get(field, ""), 0.0)) for field in FIELDS}
+VALUES = {field: float(RIGHT.get(OF_MODEL.get(field, ""), 0.0)) for field in FIELDS}
 
 
 def made_up(gain: int, start: float = 0.1) -> pd.DataFrame:
@@ -142,6 +124,58 @@ def test_24_planted_errors_one_and_two_at_a_time(tmp_path: Path) -> None:
         assert (folder / described["log"]["sin_sin_kp100"]["file"]).is_file()
         assert (folder / described["plant"]["model"]).is_file()
     assert described["log"]["sin_sin_kp200"]["use"] == "held out"
+
+
+def test_the_description_says_to_how_much_the_right_plant_fits(tmp_path: Path) -> None:
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    for name in log_names():
+        log = made_up(int(setting(name)))
+        log["position"] = positions(VALUES, name, log) + 0.02 * (-1.0) ** np.arange(len(log))
+        log.to_csv(raw / f"{name}.csv", index=False)
+    sigma = accuracy(raw, RIGHT)
+    assert 0.02 <= sigma < 0.1
+    (folder,) = write_planted(raw, tmp_path / "out", RIGHT, sigma, [Planted({"mass": 1.2})])
+    assert tomllib.loads((folder / "plant.toml").read_text())["outputs"]["q"]["sigma"] == sigma
+
+
+def answered(verdict: str, **causes: float) -> dict:
+    return {
+        "verdict": verdict,
+        "where": [],
+        "causes": [{"effect": k, "axis": "", "probability": p} for k, p in causes.items()],
+        "answer_set": [sorted(causes)],
+        "gap": None,
+        "seconds": 1.0,
+    }
+
+
+def truth_of(*effects: str) -> dict:
+    kind = {1: "one", 2: "two"}[len(effects)]
+    causes = [{"effect": e, "axis": "", "block": "b", "factor": 0.8} for e in effects]
+    return {"kind": kind, "causes": causes}
+
+
+@pytest.mark.parametrize(
+    ("planted", "answer", "counts"),
+    [
+        (("mass",), answered("identified", mass=0.9), "right named first alike held"),
+        (("mass",), answered("unknown", mass=0.9), "named first alike held unknown"),
+        (("mass",), answered("identified", arm_length=0.9), "alike wrong"),
+        (("mass",), answered("ambiguous", mass=0.6, stribeck=0.6), "first ambiguous"),
+        (("mass",), answered("none"), "none"),
+        (("mass", "supply_level"), answered("identified", mass=0.9, firmware_gain=0.8),
+         "first alike wrong"),
+        (("mass", "supply_level"), answered("identified", mass=0.9), "first"),
+    ],
+)  # fmt: skip
+def test_what_counts_as_named(planted: tuple[str, ...], answer: dict, counts: str) -> None:
+    row = counted("case", truth_of(*planted), answer)
+    assert {name for name, so in row["counts"].items() if so} == set(counts.split())
+    group = {1: "one", 2: "two"}[len(planted)]
+    table = tally([row, row])
+    assert table[group] == table["all"]
+    assert {c for c in COLUMNS if table["all"][c] == 2} == set(counts.split())
 
 
 def test_every_planted_effect_is_in_the_catalogue() -> None:

@@ -1,0 +1,172 @@
+"""Errors planted into the description of the servo, and which of them a diagnosis of the real logs
+names.
+
+What is counted was fixed before the first diagnosis. Mass and length act through m*l (gravity) and
+m*l^2 (inertia); gain and supply are the same wherever the duty does not saturate. Where logs do not
+part such a pair, the right answer is a set that holds the planted one.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from examples.bam.convert import Planted, planted_errors, read_raw, write_planted
+from examples.bam.servo import FIELDS, FITTED_GAINS, error, log_names
+from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
+from pneugantry.blind.score import NAMED, Judged, judged, key
+from pyfmi_runner.build import build_fmu
+
+__all__ = ["COLUMNS", "OF_MODEL", "accuracy", "counted", "figures", "printed", "tally"]
+
+Say = Callable[[str], None]
+ALIKE = (frozenset({"mass", "arm_length"}), frozenset({"firmware_gain", "supply_level"}))
+OF_MODEL = {  # name of a parameter in `servo`: in the model
+    "k_t": "motor.k_t",
+    "R": "motor.R",
+    "armature": "armature",
+    "q_offset": "pendulum.q_offset",
+    "m": "pendulum.m",
+    "l": "pendulum.l",
+    "V": "motor.V",
+    "gain": "firmware.gain",
+    "T_c": "gearbox.T_c",
+    "d": "gearbox.d",
+    "T_s": "gearbox.T_s",
+    "w_s": "gearbox.w_s",
+    "alpha": "gearbox.alpha",
+    "load_motor": "gearbox.load_motor",
+    "load_external": "gearbox.load_external",
+    "load_external_rest": "gearbox.load_external_rest",
+    "load_motor_square": "gearbox.load_motor_square",
+    "load_external_square": "gearbox.load_external_square",
+}
+COLUMNS = {  # of the tally
+    "right": "all planted named, nothing else, not called unknown",
+    "named": "all planted named and nothing else, whatever the verdict",
+    "first": "the likeliest cause is planted",
+    "alike": "as `named`, an alike one counting for the planted one",
+    "held": "the answer set holds the planted ones",
+    "ambiguous": "verdict ambiguous",
+    "unknown": "verdict unknown",
+    "none": "verdict none",
+    "wrong": "verdict identified, and something is named that is not planted",
+}
+
+
+def accuracy(raw: Path, right: Mapping[str, float]) -> float:
+    """RMS position error [rad] that the right plant leaves on the logs it was fitted to, to two
+    digits.
+    """
+    values = {field: float(right.get(OF_MODEL.get(field, ""), 0.0)) for field in FIELDS}
+    left = [error(values, name, read_raw(raw, name)) for name in log_names(FITTED_GAINS)]
+    return float(f"{np.sqrt(np.mean(np.square(left))):.2g}")
+
+
+def figures(
+    raw: Path,
+    out: Path,
+    right: Mapping[str, float],
+    *,
+    cases: int | None = None,
+    encoder: bool = False,
+    say: Say = lambda name: None,
+) -> dict[str, Any]:
+    """Diagnoses the right description and those with planted errors, one after the other; what is
+    on disk in `out` is taken from there. cases: so many, spread over the list (None: all); encoder:
+    judge by the encoder's noise, not by what the right plant is known to leave.
+    """
+    chosen = [Planted({}), *_spread(planted_errors(), cases)]
+    sigma = None if encoder else accuracy(raw, right)
+    folders = write_planted(raw, out, right, sigma, chosen)
+    found = diagnose_campaigns(folders, Diagnoser(build_fmu().path), workers=1, done=say)
+    rows = [counted(f.name, _truth(f), answer) for f, answer in found.items()]
+    return {"sigma": sigma, "rows": rows, "tally": tally(rows[1:])}
+
+
+def _spread(errors: Sequence[Planted], count: int | None) -> list[Planted]:
+    """`count` of them, evenly over the list."""
+    least = len(errors) if count is None else min(count, len(errors))
+    return [errors[i * len(errors) // least] for i in range(least)]
+
+
+def _truth(folder: Path) -> dict[str, Any]:
+    truth: dict[str, Any] = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+    return truth
+
+
+def counted(name: str, truth: Mapping[str, Any], answer: Mapping[str, Any]) -> dict[str, Any]:
+    """What was planted, what was found, and how that counts."""
+    case = judged(name, truth, answer)
+    planted = {key(c): float(c["factor"]) for c in truth["causes"]}
+    causes = [c for c in answer["causes"] if c["effect"] != "unknown"]
+    told = {key(c): float(c["probability"]) for c in causes}
+    gap = answer.get("gap") or {}
+    return {
+        "case": name,
+        "planted": planted,
+        "verdict": case.verdict,
+        "causes": told,
+        "gap": {k: gap[k] for k in ("nominal", "augmented") if k in gap},
+        "seconds": case.seconds,
+        "counts": _counts(case, set(planted), told),
+    }
+
+
+def _counts(case: Judged, planted: set[str], told: Mapping[str, float]) -> dict[str, bool]:
+    named = {k for k, probability in told.items() if probability >= NAMED}
+    likeliest = max(told, key=lambda k: told[k], default="")
+    return {
+        "right": case.right,
+        "named": named == planted,
+        "first": likeliest in planted,
+        "alike": len(named) == len(planted) and _kinds(named) == _kinds(planted),
+        "held": case.held,
+        "ambiguous": case.verdict == "ambiguous",
+        "unknown": case.verdict == "unknown",
+        "none": case.verdict == "none",
+        "wrong": case.verdict == "identified" and case.wrong_cause,
+    }
+
+
+def _kinds(effects: set[str]) -> list[str]:
+    """Effects with alike ones under one name, sorted."""
+    return sorted(next((min(a) for a in ALIKE if e in a), e) for e in effects)
+
+
+def tally(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
+    """Cases by column of `COLUMNS`: with one error, with two, all."""
+    groups = {
+        "one": [r for r in rows if len(r["planted"]) == 1],
+        "two": [r for r in rows if len(r["planted"]) == 2],
+        "all": list(rows),
+    }
+    return {
+        name: {"cases": len(of), **{c: sum(r["counts"][c] for r in of) for c in COLUMNS}}
+        for name, of in groups.items()
+    }
+
+
+def printed(found: Mapping[str, Any]) -> str:
+    """The counts and each case, in Markdown."""
+    sigma = found["sigma"]
+    judged_by = f"{sigma:g} rad, what the right plant leaves" if sigma else "the encoder's noise"
+    lines = [f"Judged by {judged_by}.", "", "| errors | cases | " + " | ".join(COLUMNS) + " |"]
+    lines += ["|---" * (len(COLUMNS) + 2) + "|"]
+    for name, row in found["tally"].items():
+        lines.append(f"| {name} | " + " | ".join(str(n) for n in row.values()) + " |")
+    lines += ["", *(f"- {name}: {words}" for name, words in COLUMNS.items()), ""]
+    lines += ["| case | planted (rig / description) | verdict | causes | gap | s |"]
+    lines += ["|---|---|---|---|---|---|"]
+    for r in found["rows"]:
+        planted = ", ".join(f"{k} {v:.2f}" for k, v in r["planted"].items())
+        causes = ", ".join(f"{k} {v:.2f}" for k, v in r["causes"].items())
+        gap = " to ".join(f"{v:.2f}" for v in r["gap"].values())
+        lines.append(
+            f"| {r['case']} | {planted} | {r['verdict']} | {causes} | {gap} | {r['seconds']:.0f} |"
+        )
+    return "\n".join(lines)
