@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import math
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
@@ -78,7 +79,7 @@ def as_json(truths: Answers, answers: Answers, chances: Chances) -> dict[str, An
     }
     return {
         "schema": "drive_blind/1",
-        "table": found.table,
+        "table": {k: v if math.isfinite(v) else None for k, v in found.table.items()},
         "targets": TARGETS,
         "kinds": {k: sum(t["kind"] == k for t in truths.values()) for k in _kinds(truths)},
         "confusions": found.confusions,
@@ -97,7 +98,7 @@ def _printed(found: Mapping[str, Any]) -> str:
     lines += [
         f"| {name} | {found['targets'][name]} | {got:.3g} |"
         for name, got in found["table"].items()
-        if got == got
+        if got is not None
     ]
     lines += ["", "calibration error of all claims: "]
     lines[-1] += ", ".join(f"{value:.3f} {name}" for name, value in found["errors"].items())
