@@ -21,6 +21,7 @@ from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simula
 
 __all__ = [
     "FAILED",
+    "LARGE",
     "Parabola",
     "Problem",
     "Solution",

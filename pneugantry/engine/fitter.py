@@ -12,6 +12,7 @@ from pneugantry.engine import noise
 from pneugantry.engine.catalogue import Form
 from pneugantry.engine.descent import (
     FAILED,
+    LARGE,
     Parabola,
     Problem,
     Solution,
@@ -42,6 +43,7 @@ __all__ = ["Fit", "Fitter", "deviations", "fallen"]
 SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
 SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
 BESIDE = 0.4  # share of these sizes beside an effect, which takes the rest
+FRESH = 2  # times as large is a survey where other equations hold: nothing is known of their optima
 WINNOWED = 8  # of a survey's points one is simulated over all records
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 
@@ -108,6 +110,7 @@ class Fitter:
         self.simulation = Simulation(views, records, rules)
         self.nominal = _nominal(plant, views)
         self._floors: dict[Cell, tuple[Whitener, ...]] = {}
+        self._level = 1.0  # how much noisier the rig's sensors are than quoted
 
     def close(self) -> None:
         self.simulation.close()
@@ -226,7 +229,10 @@ class Fitter:
         for point in points:
             residuals, made = self.simulation.linearised(point, cells, wanted)
             firsts.append(Solution(point, residuals, {**columns, **made}))
-        solution = self._by_view(firsts, known, cells, Solution(own, base.residuals, {}))
+        another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
+        solution = self._by_view(
+            firsts, known, cells, Solution(own, base.residuals, {}), FRESH if another else 1
+        )
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
         before, after = (self._beside(s, base, known, cells) for s in (best, solution))
         if after > before:  # where the views lead apart is worse than where one of them stood
@@ -285,34 +291,50 @@ class Fitter:
         known: Parabola,
         cells: Sequence[Cell],
         rival: Solution | None = None,
+        share: int = 1,
     ) -> Solution:
         """Each view by itself, by steps that look over events, then the least of the sum of their
-        parabolas. rival: a solution that is known; a descent far behind it is given up.
+        parabolas. rival: a solution that is known; a descent far behind it is given up. share: of
+        surveys, how much larger they are.
         """
         start, total = starts[0], known
         columns = dict(start.columns)
+        ends: list[tuple[Problem, Solution, float]] = []
         for view in dict.fromkeys(c[0] for c in cells):
             own = {c for c in cells if c[0] == view}
             if not any(k[0] in own for k in columns):
                 continue
             problem = self._problem(own, known, fine=False)
             bar = math.inf if rival is None else standing(problem, _only(rival, view))
-            solution, least = start, math.inf
+            solution, least = _only(start, view), math.inf
             for other in starts:
                 other = self._raced(problem, _only(other, view), min(bar, least))
                 if (cost := standing(problem, other)) < least:
                     solution, least = other, cost
+            ends.append((problem, solution, min(bar, least)))
+        if rival is None:
+            self._level = self._loudness([s.residuals for _, s, _ in ends])
+        for problem, solution, bar in ends:
             points = [s.point for s in starts]
-            solution = self._surveyed(problem, points, solution, min(bar, least))
+            solution = self._surveyed(problem, points, solution, bar, share)
             total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
             columns |= solution.columns
         before, least_of_all = start.point.theta, total.least()
-        for share in SHARES:
-            point = inside(start.point.moved(before + share * (least_of_all - before)))
+        for part in SHARES:
+            point = inside(start.point.moved(before + part * (least_of_all - before)))
             residuals = self.simulation.residuals(point, cells)
             if all(np.isfinite(r).all() for r in residuals.values()):
                 return Solution(point, residuals, columns)
         return start
+
+    def _loudness(self, of_views: Sequence[Residuals]) -> float:
+        """How much noisier the rig's sensors are than quoted: that of most of them."""
+        sizes = [
+            noise.spread([w])
+            for residuals in of_views
+            for w in self._white(residuals, {c: self.floor(c) for c in residuals}).values()
+        ]
+        return min(max(float(np.median(sizes)), 1.0), noise.NOISIEST) if sizes else 1.0
 
     def _raced(self, problem: Problem, start: Solution, bar: float) -> Solution:
         """A view's descent by steps that look over events, given up where it is farther above a
@@ -328,7 +350,7 @@ class Fitter:
         return descend(problem, start, None, ROUGH, behind)
 
     def _surveyed(
-        self, problem: Problem, starts: Sequence[Point], found: Solution, bar: float
+        self, problem: Problem, starts: Sequence[Point], found: Solution, bar: float, share: int = 1
     ) -> Solution:
         """The least of a view's descents: found, and those from the best of many points, where it
         stands above the noise: stick-slip has many optima.
@@ -336,7 +358,7 @@ class Fitter:
         best, least = found, standing(problem, found)
         if self._quiet(problem, found):
             return best
-        for start in self._scattered(problem, starts)[: self.rules.followed]:
+        for start in self._scattered(problem, starts, share)[: share * self.rules.followed]:
             columns = self.simulation.columns(
                 start.point, start.residuals, problem.cells, set(problem.prior.names), fine=False
             )
@@ -349,12 +371,12 @@ class Fitter:
                 break  # from afar to the same end: there is but one
         return best
 
-    def _scattered(self, problem: Problem, starts: Sequence[Point]) -> list[Solution]:
+    def _scattered(self, problem: Problem, starts: Sequence[Point], share: int) -> list[Solution]:
         """Points drawn over a view's tolerance, and over effects about where they start, the best
         first; without columns. The record that the first start meets worst tells which points are
         simulated over the others.
         """
-        count, draw = self.rules.survey, np.random.default_rng(0)
+        count, draw = share * self.rules.survey, np.random.default_rng(0)
         among = [(i, c) for i, c in enumerate(starts[0].coordinates) if self._in(c, problem)]
         tolerance, effects = [i for i, c in among if c.scales], [i for i, c in among if c.effect]
         theta = np.array([starts[k % len(starts)].theta for k in range(count)])
@@ -384,24 +406,52 @@ class Fitter:
         """
         if not any(c.scales or c.effect for c in found.point.coordinates if self._in(c, problem)):
             return True
-        floors = {c: self._floor(c, found.point) for c in problem.cells}
-        small = all(
-            w.sigma < self.rules.quiet * floor.sigma
-            for cell, ws in self.flat(found.residuals).items()
-            for w, floor in zip(ws, floors[cell], strict=True)
+        floors = {c: self.floor(c) for c in problem.cells}
+        return all(
+            noise.spread([w]) < self.rules.quiet * self._level
+            and noise.loss(w[np.abs(w) > LARGE] / self._level, self.rules.tails).sum()
+            < self.rules.hopeless
+            for w in self._white(found.residuals, floors).values()
         )
-        return small and Weighing(floors, self.rules).tails(found.residuals) < self.rules.hopeless
 
-    def _floor(self, cell: Cell, point: Point) -> tuple[Whitener, ...]:
-        """The sensors' quoted noise, brought through a view once, as white noise of its size."""
+    def floor(self, cell: Cell) -> tuple[Whitener, ...]:
+        """Colour and size of the sensors' quoted noise, brought through a view once."""
         if cell not in self._floors:
             view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
-            values = point.values(cell[1])
+            values: dict[str, float] = dict(record.parameters)
             changes = changes_of(view, record, [noisy(self.plant, record)], values)
             self._floors[cell] = tuple(
-                noise.flat([c[:, i] for c in changes], sigma) for i, sigma in enumerate(view.sigmas)
+                noise.coloured([c[:, i] for c in changes], sigma, math.inf)
+                for i, sigma in enumerate(view.sigmas)
             )
         return self._floors[cell]
+
+    @staticmethod
+    def _white(residuals: Residuals, floors: Noise) -> dict[tuple[Cell, int], Array]:
+        """Residuals in units of the noise that is brought through, whitened by its colour."""
+        return {
+            (cell, c): w(r[:, c])
+            for cell, r in residuals.items()
+            if np.isfinite(r).all()
+            for c, w in enumerate(floors[cell])
+        }
+
+    def plain(self, residuals: Residuals) -> Noise:
+        """Noise of the colour that the sensors' has behind the views, in each view of its
+        residuals' own size: what is missing is no noise.
+        """
+        floors = {c: self.floor(c) for c in residuals}
+        white, found = self._white(residuals, floors), {}
+        for cell, own in floors.items():
+            rows = [
+                [w for (other, k), w in white.items() if (other[0], k) == (cell[0], c)]
+                for c in range(len(own))
+            ]
+            sizes = [max(noise.spread(r), 1.0) for r in rows]
+            found[cell] = tuple(
+                Whitener(w.coefficients, w.sigma * size) for w, size in zip(own, sizes, strict=True)
+            )
+        return found
 
     def _in(self, c: Coordinate, problem: Problem) -> bool:
         return any(self.simulation.in_cell(c, cell) for cell in problem.cells)

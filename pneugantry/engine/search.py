@@ -140,7 +140,9 @@ def _added(fitter: Fitter, base: Fit, c: Candidate) -> Fit:
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     """The best effects in their other forms."""
     made = []
-    near = [f for f in sorted(fits, key=lambda f: f.evidence) if f.evidence < base.evidence]
+    gains = {id(f): base.evidence - f.evidence for f in fits}
+    least = max(gains.values(), default=0.0) * NEARLY
+    near = sorted((f for f in fits if gains[id(f)] > max(least, 0.0)), key=lambda f: f.evidence)
     for fit in near[: fitter.rules.reformed]:
         effect, main = fit.hypothesis.effects[-1]
         for form in effect.forms:
@@ -213,7 +215,7 @@ def screen(
         fitter.prepare([base.hypothesis.plus(own[0].effect, own[0].form) for own in by_effect])
     tests = (
         _Test(fitter, base, base.noise),
-        _Test(fitter, base, fitter.flat(base.residuals)),
+        _Test(fitter, base, fitter.plain(base.residuals)),
     )
     cells = fitter.simulation.cells
 
@@ -335,6 +337,7 @@ def _starts(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
 
 
 NEAR = 0.05  # usual sizes off the base, where its own slopes are taken
+NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
 STARTS = 2  # from which a form is fitted, beside the base
 FEW = 2  # starts that are screened with all their columns
 SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
