@@ -404,7 +404,7 @@ class _Learning:
             nuisances=(*plant.nuisances, *best.nuisances),
         )
         views = _recut(task, plant, self.reached(term))
-        return self.finish(run(replace(task, plant=plant, views=views), self.rules, self.say))
+        return self.finish(run(replace(task, plant=plant, views=views), self.quick, self.say))
 
     def _judged(self, best: Tried, after: Found) -> tuple[bool, str]:
         """Whether the term stands, and why."""
