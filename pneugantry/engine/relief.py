@@ -22,7 +22,7 @@ from pneugantry.engine.simulation import Columns, Point
 
 __all__ = ["Relief", "Reliefs"]
 
-STRAINED = 3.0  # spreads of the rig's tolerance from which on a deviation is much
+FAR_OFF = 3.0  # spreads of the rig's tolerance from which on a deviation is much
 BESIDE = 0.3  # prior spreads by which all is moved before columns are taken
 
 
@@ -35,14 +35,14 @@ class Relief:
 
 
 class Reliefs:
-    """Steps from a fit that leave the residuals as they are, where tolerance is strained."""
+    """Steps from a fit that leave the residuals as they are, where deviations are large."""
 
     def __init__(self, fitter: Fitter, base: Fit) -> None:
         self.fitter, self.base = fitter, base
-        self.strained = {n for n, d in deviations(base.point).items() if abs(d) > STRAINED}
+        self.far_off = {n for n, d in deviations(base.point).items() if abs(d) > FAR_OFF}
         sim = fitter.simulation
         self.cells = [
-            c for c in sim.cells if any(sim.views[c[0]].depends_on(n) for n in self.strained)
+            c for c in sim.cells if any(sim.views[c[0]].depends_on(n) for n in self.far_off)
         ]
         if not self.cells:
             return
@@ -83,7 +83,7 @@ class Reliefs:
         weight = np.concatenate([self.weight, np.full(len(effects), rules.effect_prior**-2.0)])
         gain, moved = self._step(columns, np.concatenate([self.theta, neutral]), weight)
         pairs = zip((*self.own, *effects), moved, strict=True)
-        starts = {c.parameter: c.value(t) for c, t in pairs if c.effect or c.name in self.strained}
+        starts = {c.parameter: c.value(t) for c, t in pairs if c.effect or c.name in self.far_off}
         return Relief(starts, gain - self.idle)
 
     def _stacked(self, columns: Columns, coordinates: Sequence[Coordinate]) -> Array:

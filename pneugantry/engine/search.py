@@ -88,15 +88,27 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
         if top is before and before.evidence - best.evidence < fitter.rules.entry:
             best = min(before, best, key=lambda f: f.evidence)
             break  # nothing to be screened that was not
-        changed = {*fitter.touched(best.hypothesis), *fitter.touched(before.hypothesis)}
-        traces = {k: c for k, c in traces.items() if k[2] not in changed}
+        traces = _kept(fitter, traces, before, best)
     null = min((f for f in tried if not f.keys), key=lambda f: f.evidence)
     return Search(null, best, tuple(steps), tuple(tried), tuple(screened))
 
 
+def _kept(fitter: Fitter, traces: Traces, before: Fit, after: Fit) -> Traces:
+    """Traces that still serve: of starts, in cells that no effect of either fit touches; of the
+    base's own slopes, in cells where nothing moved: beside columns of another point they would not
+    add up.
+    """
+    changed = {*fitter.touched(after.hypothesis), *fitter.touched(before.hypothesis)}
+    moved = {
+        c for c, r in after.residuals.items() if not np.array_equal(r, before.residuals[c])
+    } | changed
+    alone = {k[:3] for k in traces if k[3] == 0}  # of starts that differ from the base
+    return {k: v for k, v in traces.items() if k[2] not in (changed if k[:3] in alone else moved)}
+
+
 def _fits(fitter: Fitter, base: Fit, screened: Sequence[Candidate], bar: float) -> list[Fit]:
     """What is predicted to gain most, with the best in their other forms."""
-    rough = [_added(fitter, base, c) for c in _chosen(fitter, screened, bar)]
+    rough = [_added(fitter, base, own) for own in _chosen(fitter, screened, bar)]
     return rough + _other_forms(fitter, base, rough)
 
 
@@ -130,11 +142,13 @@ def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list
     return fit
 
 
-def _added(fitter: Fitter, base: Fit, c: Candidate) -> Fit:
-    """From the base, from the start of the largest predicted gain, and from the others."""
-    hypothesis = base.hypothesis.plus(c.effect, c.form)
-    listed = [c.starts, *(s for s in _starts(fitter, base, c.form) if s != c.starts)]
-    return fitter.explore(hypothesis, base, [s for s in listed if s][:STARTS])
+def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate]) -> Fit:
+    """An effect from the base, from its candidates' starts, and from the others."""
+    effect, form = own[0].effect, own[0].form
+    candidates = [c.starts for c in own]
+    listed = [*candidates, *(s for s in _starts(fitter, base, form) if s not in candidates)]
+    starts = [s for s in listed if s][:STARTS]
+    return fitter.explore(base.hypothesis.plus(effect, form), base, starts)
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
@@ -149,22 +163,24 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
             if form.name == main.name or not fitter.readable(form):
                 continue
             hypothesis = base.hypothesis.plus(effect, form)
-            starts = [s for s in _starts(fitter, base, form) if s]
+            starts = [fit.values(None), *(s for s in _starts(fitter, base, form) if s)]
             made.append(fitter.explore(hypothesis, base, starts[:STARTS]))
     return made
 
 
-def _chosen(fitter: Fitter, screened: Sequence[Candidate], bar: float) -> list[Candidate]:
-    """The best start of the effects of the largest predicted gain, in either order: the two may
-    differ in the start.
+def _chosen(fitter: Fitter, screened: Sequence[Candidate], bar: float) -> list[list[Candidate]]:
+    """The effects of the largest predicted gain, in either order, each with its best starts: the
+    two orders may differ in them.
     """
-    chosen: dict[tuple[str, str, tuple[float, ...]], Candidate] = {}
+    chosen: dict[str, list[Candidate]] = {}
     for measure in ("gain", "plain"):
         ranked = sorted(screened, key=lambda c: -getattr(c, measure))
         least = max(bar, fitter.rules.hopeful * getattr(ranked[0], measure)) if ranked else bar
         best = {c.effect.key: c for c in reversed(ranked) if getattr(c, measure) > least}
         for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[: fitter.rules.screened]:
-            chosen.setdefault((c.effect.key, c.form.name, tuple(c.starts.values())), c)
+            own = chosen.setdefault(c.effect.key, [])
+            if c not in own:
+                own.append(c)
     return list(chosen.values())
 
 

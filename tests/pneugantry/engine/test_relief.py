@@ -22,7 +22,7 @@ def test_what_tolerance_bears_is_offered_to_the_effect_that_would_bear_it_alone(
     fitter = fitter_of(plant, parts, **{n: SHARE * TRUTH[n] for n in ("K", "m", "C", "F_c")})
     null = fitter.null()
     reliefs = Reliefs(fitter, null)
-    assert {"K", "m", "C", "F_c"} <= reliefs.strained
+    assert {"K", "m", "C", "F_c"} <= reliefs.far_off
     forms = {key: effect.forms[0] for key, effect in CATALOGUE.items()}
     found, other = reliefs.of(forms["current_scale"]), reliefs.of(forms["drag"])
     fitter.close()
@@ -39,5 +39,5 @@ def test_a_rig_within_its_tolerance_needs_none(plant: Plant, parts: Path) -> Non
     reliefs = Reliefs(fitter, fitter.null())
     found = reliefs.of(CATALOGUE["current_scale"].forms[0])
     fitter.close()
-    assert not reliefs.strained
+    assert not reliefs.far_off
     assert found is None
