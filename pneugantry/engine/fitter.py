@@ -356,7 +356,7 @@ class Fitter:
         stands above the noise: stick-slip has many optima.
         """
         best, least = found, standing(problem, found)
-        if self._quiet(problem, found):
+        if not self.rules.followed or self._quiet(problem, found):
             return best
         for start in self._scattered(problem, starts, share)[: share * self.rules.followed]:
             columns = self.simulation.columns(

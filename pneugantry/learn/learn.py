@@ -153,7 +153,7 @@ class _Learning:
     @property
     def quick(self) -> Rules:
         """Fits start where another one stands: no view is surveyed."""
-        return replace(self.rules, quiet=np.inf)
+        return replace(self.rules, followed=0)
 
     def reached(self, term: Term) -> list[str]:
         """Views that a term reaches."""
