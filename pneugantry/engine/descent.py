@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneugantry.engine import noise
 from pneugantry.engine.hypothesis import Coordinate
@@ -36,6 +37,7 @@ __all__ = [
 ]
 
 TRIES = 4  # damped steps from one point
+BACKS = 3  # steps back to the valley that the first of them left
 FAILED = 1e12  # stands for a simulation that failed
 LEAST = 1e-9  # damping; more would keep combinations that the data leave open from their priors
 LARGE = 5.0  # standard deviations of what stands out
@@ -305,16 +307,22 @@ def _step(
     free = np.diag(curved) > 0
     best: _Step | None = None
     worst: set[str] = set()  # views that spoilt the last try: the next one runs them first
-    for _ in range(TRIES):
-        step = np.zeros(len(theta))
-        damped = normal + np.diag(damping * np.diag(normal))
-        step[free] = -np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
-        trial = inside(point.moved(theta + step))
-        made = trial.theta - theta
-        predicted = -float(made @ (2 * gradient + normal @ made))
-        if predicted < WORTH * converged:
-            break
-        by_view = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in parts.items()}
+    bent: Array | None = None  # where a first try that failed leads back to the valley
+    backs: list[float] = []  # falls of the tries that led there
+    tries = 0
+    while tries < TRIES:
+        if bent is None:
+            step = np.zeros(len(theta))
+            damped = normal + np.diag(damping * np.diag(normal))
+            step[free] = -np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
+            trial = inside(point.moved(theta + step))
+            made = trial.theta - theta
+            predicted = -float(made @ (2 * gradient + normal @ made))
+            if predicted < WORTH * converged:
+                break
+            by_view = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in parts.items()}
+        else:
+            trial = inside(point.moved(bent))
         falls, tried = dict(by_view), dict(state.residuals)
         for views in (worst, set(costs) - worst):
             cells = [c for c in problem.cells if c[0] in views]
@@ -333,10 +341,39 @@ def _step(
         if fall > TAKEN * predicted:
             damping[:] = np.maximum(0.1 * damping, LEAST)
             break
+        if (
+            tries == 0
+            and problem.fine
+            and len(backs) < BACKS
+            and fall > max(backs, default=-FAILED)
+        ):
+            backs.append(fall)
+            at = Solution(trial, tried, state.columns)
+            bent = _back(weighing, at, damped, free, known)
+            if bent is not None:
+                continue
+        bent, tries = None, tries + 1
         worst = {v for v in costs if missed[v] > SHARED * (predicted - fall)}
         short = np.diag(sum((parts[v][0] for v in worst or costs), np.zeros_like(normal))) > 0
         damping[short] = np.maximum(LONGER * damping[short], FIRST)
     return best
+
+
+def _back(
+    weighing: Weighing, at: Solution, damped: Array, free: NDArray[np.bool_], known: Parabola
+) -> Array | None:
+    """From where a step failed back to the valley that it left, by the same columns: a valley is
+    bent where some of what may grow together is fitted as its logarithm. None where a simulation
+    failed.
+    """
+    if not all(np.isfinite(r).all() for r in at.residuals.values()):
+        return None
+    theta = at.point.theta
+    _, slope = weighing.normal(at.point, at.residuals, at.columns)
+    slope = slope + known.square @ theta - known.pull
+    back = np.zeros(len(theta))
+    back[free] = -np.linalg.solve(damped[np.ix_(free, free)], slope[free])
+    return np.asarray(theta + back)
 
 
 def _of(state: Solution, view: str) -> tuple[Residuals, Columns]:
