@@ -18,7 +18,6 @@ from pneugantry.engine.descent import (
     Solution,
     Weighing,
     descend,
-    flat_noise,
     inside,
     prior,
     probed,
@@ -516,10 +515,6 @@ class Fitter:
             name: tuple(Whitener(np.zeros(0), s) for s in view.sigmas)
             for name, view in self.simulation.views.items()
         }
-
-    def flat(self, residuals: Residuals) -> Noise:
-        """White noise of the residuals' own size."""
-        return flat_noise(self.simulation, residuals)
 
     def coloured(self, residuals: Residuals) -> Noise:
         return {

@@ -72,14 +72,6 @@ class Simulation:
         for done in told:
             done.result()
 
-    def readers(self, c: Coordinate) -> set[str]:
-        """Views that read a coordinate."""
-        return {
-            v
-            for v, r in self.cells
-            if c.record in (None, r) and self.views[v].depends_on(c.parameter)
-        }
-
     def reads(self, parameter: str, record: str | None = None) -> bool:
         """Whether any view reads a parameter, in a record or at all."""
         return any(
