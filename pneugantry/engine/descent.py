@@ -312,10 +312,8 @@ def _step(
     tries = 0
     while tries < TRIES:
         if bent is None:
-            step = np.zeros(len(theta))
             damped = normal + np.diag(damping * np.diag(normal))
-            step[free] = -np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
-            trial = inside(point.moved(theta + step))
+            trial = inside(point.moved(theta + _newton(damped, gradient, free)))
             made = trial.theta - theta
             predicted = -float(made @ (2 * gradient + normal @ made))
             if predicted < WORTH * converged:
@@ -371,9 +369,14 @@ def _back(
     theta = at.point.theta
     _, slope = weighing.normal(at.point, at.residuals, at.columns)
     slope = slope + known.square @ theta - known.pull
-    back = np.zeros(len(theta))
-    back[free] = -np.linalg.solve(damped[np.ix_(free, free)], slope[free])
-    return np.asarray(theta + back)
+    return np.asarray(theta + _newton(damped, slope, free))
+
+
+def _newton(square: Array, slope: Array, free: NDArray[np.bool_]) -> Array:
+    """The step to where a slope ends, of the coordinates that are free."""
+    step = np.zeros(len(slope))
+    step[free] = -np.linalg.solve(square[np.ix_(free, free)], slope[free])
+    return step
 
 
 def _of(state: Solution, view: str) -> tuple[Residuals, Columns]:

@@ -314,8 +314,7 @@ class Fitter:
         if rival is None:
             self._level = self._loudness([s.residuals for _, s, _ in ends])
         for problem, solution, bar in ends:
-            points = [s.point for s in starts]
-            solution = self._surveyed(problem, points, solution, bar, share)
+            solution = self._surveyed(problem, starts, solution, bar, share)
             total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
             columns |= solution.columns
         before, least_of_all = start.point.theta, total.least()
@@ -349,7 +348,12 @@ class Fitter:
         return descend(problem, start, None, ROUGH, behind)
 
     def _surveyed(
-        self, problem: Problem, starts: Sequence[Point], found: Solution, bar: float, share: int = 1
+        self,
+        problem: Problem,
+        starts: Sequence[Solution],
+        found: Solution,
+        bar: float,
+        share: int = 1,
     ) -> Solution:
         """The least of a view's descents: found, and those from the best of many points, where it
         stands above the noise: stick-slip has many optima.
@@ -370,21 +374,22 @@ class Fitter:
                 break  # from afar to the same end: there is but one
         return best
 
-    def _scattered(self, problem: Problem, starts: Sequence[Point], share: int) -> list[Solution]:
+    def _scattered(
+        self, problem: Problem, starts: Sequence[Solution], share: int
+    ) -> list[Solution]:
         """Points drawn over a view's tolerance, and over effects about where they start, the best
         first; without columns. The record that the first start meets worst tells which points are
         simulated over the others.
         """
         count, draw = share * self.rules.survey, np.random.default_rng(0)
-        among = [(i, c) for i, c in enumerate(starts[0].coordinates) if self._in(c, problem)]
+        among = [(i, c) for i, c in enumerate(starts[0].point.coordinates) if self._in(c, problem)]
         tolerance, effects = [i for i, c in among if c.scales], [i for i, c in among if c.effect]
-        theta = np.array([starts[k % len(starts)].theta for k in range(count)])
+        theta = np.array([starts[k % len(starts)].point.theta for k in range(count)])
         size = np.resize(np.array(SIZES), count)[:, None] * (BESIDE if effects else 1.0)
         theta[:, tolerance] = size * draw.standard_normal((count, len(tolerance)))
         theta[:, effects] += draw.standard_normal((count, len(effects)))
-        points = [inside(starts[0].moved(t)) for t in theta]
-        first = self.simulation.residuals(starts[0], problem.cells)
-        telling = max(problem.cells, key=lambda c: float(np.nansum(first[c] ** 2)))
+        points = [inside(starts[0].point.moved(t)) for t in theta]
+        telling = max(problem.cells, key=lambda c: float(np.nansum(starts[0].residuals[c] ** 2)))
         few = self._ranked(problem, points, [telling])[: count // WINNOWED]
         return self._ranked(problem, [s.point for s in few], problem.cells)
 
@@ -457,10 +462,7 @@ class Fitter:
 
     def _jointly(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """All views together, from new columns on."""
-        columns = self.simulation.columns(start.point, start.residuals, cells, set(known.names))
-        return self._descended(
-            Solution(start.point, start.residuals, {**start.columns, **columns}), known, cells
-        )
+        return self._descended(self._with_columns(start, known, cells), known, cells)
 
     def _descended(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """All views together, under the colour that their residuals have."""

@@ -30,9 +30,9 @@ class Rules:
     turns: int = 4  # of probing about the end of a fit, at most
     renewals: int = 4  # of colour and columns at the end of a fit, at most
     finalists: int = 3  # effects that are fitted to the end at each step of the search
-    survey: int = 192  # points of a view, from the best of which descents start, too (0119)
+    survey: int = 192  # points of a view, from the best of which descents start, too (0119, 0120)
     followed: int = 4  # of these points
-    quiet: float = 1.05  # times the quoted noise, up to which a view needs no survey
+    quiet: float = 1.05  # times its sensors' noise, up to which a view needs no survey (0120)
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
     difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
     fine: float = 5e-5  # share of it near an end, an effect's too (measured: decisions 0104, 0120)
@@ -43,7 +43,7 @@ class Rules:
     hopeless: float = (
         500.0  # rise of -2 log likelihood after which a fit stops (measured: decision 0106)
     )
-    patience: float = 4.0  # falls like its last that a descent may be behind what is known (0119)
+    patience: float = 4.0  # falls like its last that a descent may be behind what is known (0120)
     reformed: int = 2  # effects that are then tried in their other forms
     entry: float = 10.0  # fall of -2 log evidence that is worth a step (field: very strong)
     effect: float = 22.0  # and that an effect must bring, beside what the catalogue's size costs
