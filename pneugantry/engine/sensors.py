@@ -8,7 +8,7 @@ another signal's reading that leaks in).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -38,9 +38,8 @@ def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]
     if not own:
         return true
     result = true * own.get("scale", 1.0)
-    for key, share in own.items():
-        if key.startswith("from.") and share:
-            result = result + share * record.signals[key.removeprefix("from.")]
+    for other in _crosstalk(own, record):
+        result = result + other
     if lag := own.get("lag", 0.0):
         keep = np.exp(-record.period / lag)
         first, late = result[0], np.append(0.0, result[:-1] - result[0])
@@ -71,9 +70,8 @@ def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Arr
         result = shifted(result, -delay / record.period)
     if lag := own.get("lag", 0.0):
         result = result + lag * slope(result, record.period)
-    for key, share in own.items():
-        if key.startswith("from.") and share:
-            result = result - share * record.signals[key.removeprefix("from.")]
+    for other in _crosstalk(own, record):
+        result = result - other
     return np.asarray(result / own.get("scale", 1.0))
 
 
@@ -85,6 +83,16 @@ def slope(values: Array, period: float, window: int = SLOPE) -> Array:
 def _own(signal: str, values: Mapping[str, float]) -> dict[str, float]:
     prefix = f"{PREFIX}{signal}."
     return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
+
+
+def _crosstalk(own: Mapping[str, float], record: Record) -> Iterator[Array]:
+    """What other channels add to one, (N,) each; a record that lacks a channel shows nothing of
+    it.
+    """
+    for key, share in own.items():
+        source = key.removeprefix("from.")
+        if source != key and share and source in record.signals:
+            yield share * record.signals[source]
 
 
 def shifted(values: Array, rows: float) -> Array:
