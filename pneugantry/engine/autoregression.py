@@ -52,15 +52,16 @@ def whitener_of(
     best, cost = Whitener(np.zeros(0), 1.0), math.inf
     for order in range(LONGEST + 1):
         raw = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.zeros(0)
-        tried = Whitener(_bounded(np.asarray(raw), lags / max(n, 1), slow), 1.0)
+        tried = Whitener(_bounded(np.asarray(raw), lags / max(n, 1), least, slow), 1.0)
         square = sum(float(e @ e) for e in map(tried, residuals)) / n
-        price = n * math.log(max(square, least**2)) + order * math.log(n)
+        size = max(math.sqrt(square), least)
+        price = n * (2 * math.log(size) + square / size**2) + order * math.log(n)
         if price < cost - 1e-9:
-            best, cost = Whitener(tried.coefficients, max(math.sqrt(square), least)), price
+            best, cost = Whitener(tried.coefficients, size), price
     return best
 
 
-def _bounded(coefficients: Array, lags: Array, slow: float) -> Array:
+def _bounded(coefficients: Array, lags: Array, least: float, slow: float) -> Array:
     """Coefficients with their roots drawn inwards as far as the noise at frequency 0 needs to be
     `slow`. lags: autocovariance.
     """
@@ -70,7 +71,7 @@ def _bounded(coefficients: Array, lags: Array, slow: float) -> Array:
     def held(share: float) -> tuple[Array, bool]:
         drawn = coefficients * share ** np.arange(1, order + 1)
         kernel = np.concatenate([[1.0], -drawn])
-        sigma = math.sqrt(max(float(kernel @ lags[among] @ kernel), 0.0))
+        sigma = max(math.sqrt(max(float(kernel @ lags[among] @ kernel), 0.0)), least)
         return drawn, sigma <= slow * float(kernel.sum())
 
     if order == 0 or math.isinf(slow) or held(1.0)[1]:
