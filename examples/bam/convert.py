@@ -112,12 +112,12 @@ def write_planted(
     raw: Path,
     out: Path,
     right: Mapping[str, float],
-    sigma: float | None = None,
+    left: tuple[float, float] | None = None,
     cases: Sequence[Planted] | None = None,
 ) -> list[Path]:
     """Writes one folder per planted error, beside the logs that all share: plant.toml with the
     wrong values and truth.json, which no diagnosis reads. `right`: parameters of the model that
-    fits; sigma: to how many rad it is known to fit, instead of the encoder's noise.
+    fits; left: what it is known to leave, RMS in rad and for how many s.
     """
     logs = write_logs(raw, out / "logs")
     folders = []
@@ -128,8 +128,9 @@ def write_planted(
         for effect, factor in case.factors.items():
             wrong[PARAMETER[effect]] = right[PARAMETER[effect]] * factor
         text = description(folder, logs, wrong, "../logs/")
-        if sigma is not None:
-            text = SIGMA.sub(f"sigma = {sigma!r}  # rad, what the right plant leaves", text)
+        if left is not None:
+            said = "\\g<0>\nerror = {!r}  # rad, what the right plant leaves\nlasting = {!r}  # s"
+            text = SIGMA.sub(said.format(*left), text)
         (folder / "plant.toml").write_text(text, encoding="utf-8")
         causes = [
             {

@@ -9,6 +9,7 @@ part such a pair, the right answer is a set that holds the planted one.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from examples.bam.convert import Planted, planted_errors, read_raw, write_planted
-from examples.bam.servo import FIELDS, FITTED_GAINS, error, log_names
+from examples.bam.servo import FIELDS, FITTED_GAINS, PERIOD, log_names, positions
 from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
 from pneugantry.blind.score import NAMED, Judged, judged, key
 from pyfmi_runner.build import build_fmu
@@ -24,6 +25,7 @@ from pyfmi_runner.build import build_fmu
 __all__ = ["COLUMNS", "OF_MODEL", "accuracy", "counted", "figures", "printed", "tally"]
 
 Say = Callable[[str], None]
+LONGEST = 200  # rows over which the correlation of an error is followed
 ALIKE = (frozenset({"mass", "arm_length"}), frozenset({"firmware_gain", "supply_level"}))
 OF_MODEL = {  # name of a parameter in `servo`: in the model
     "k_t": "motor.k_t",
@@ -58,13 +60,23 @@ COLUMNS = {  # of the tally
 }
 
 
-def accuracy(raw: Path, right: Mapping[str, float]) -> float:
-    """RMS position error [rad] that the right plant leaves on the logs it was fitted to, to two
-    digits.
+def accuracy(raw: Path, right: Mapping[str, float]) -> tuple[float, float]:
+    """What the right plant leaves of the position on the logs it was fitted to, to two digits: RMS
+    [rad], and in how many s its correlation falls to 1/e.
     """
     values = {field: float(right.get(OF_MODEL.get(field, ""), 0.0)) for field in FIELDS}
-    left = [error(values, name, read_raw(raw, name)) for name in log_names(FITTED_GAINS)]
-    return float(f"{np.sqrt(np.mean(np.square(left))):.2g}")
+    logs = {name: read_raw(raw, name) for name in log_names(FITTED_GAINS)}
+    left = [positions(values, n, log) - log["position"].to_numpy() for n, log in logs.items()]
+    square = float(np.mean([np.mean(e**2) for e in left]))
+    rows = 1
+    while rows < LONGEST and _correlation(left, rows) > square / math.e:
+        rows += 1
+    return float(f"{math.sqrt(square):.2g}"), float(f"{rows * PERIOD:.2g}")
+
+
+def _correlation(left: Sequence[np.ndarray], rows: int) -> float:
+    """Mean product of errors [rad^2] so many rows apart."""
+    return float(np.mean([np.mean(e[rows:] * e[:-rows]) for e in left]))
 
 
 def figures(
@@ -81,11 +93,11 @@ def figures(
     judge by the encoder's noise, not by what the right plant is known to leave.
     """
     chosen = [Planted({}), *_spread(planted_errors(), cases)]
-    sigma = None if encoder else accuracy(raw, right)
-    folders = write_planted(raw, out, right, sigma, chosen)
+    left = None if encoder else accuracy(raw, right)
+    folders = write_planted(raw, out, right, left, chosen)
     found = diagnose_campaigns(folders, Diagnoser(build_fmu().path), workers=1, done=say)
     rows = [counted(f.name, _truth(f), answer) for f, answer in found.items()]
-    return {"sigma": sigma, "rows": rows, "tally": tally(rows[1:])}
+    return {"left": left, "rows": rows, "tally": tally(rows[1:])}
 
 
 def _spread(errors: Sequence[Planted], count: int | None) -> list[Planted]:
@@ -153,8 +165,10 @@ def tally(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
 
 def printed(found: Mapping[str, Any]) -> str:
     """The counts and each case, in Markdown."""
-    sigma = found["sigma"]
-    judged_by = f"{sigma:g} rad, what the right plant leaves" if sigma else "the encoder's noise"
+    left = found["left"]
+    judged_by = "the encoder's noise"
+    if left:
+        judged_by = f"what the right plant leaves, {left[0]:g} rad that last {left[1]:g} s"
     lines = [f"Judged by {judged_by}.", "", "| errors | cases | " + " | ".join(COLUMNS) + " |"]
     lines += ["|---" * (len(COLUMNS) + 2) + "|"]
     for name, row in found["tally"].items():

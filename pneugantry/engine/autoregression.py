@@ -11,13 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 
-__all__ = ["LONGEST", "Whitener", "whitener_of"]
+__all__ = ["LONGEST", "Whitener", "quoted", "whitener_of"]
 
 Array = NDArray[np.float64]
 LONGEST = (
     12  # samples; every order leaves out as many rows at a log's start, so that orders compare
 )
+TINY = 1e-9  # share of a process's power that is taken as white, so that its order is bounded
 BISECTIONS = 12  # until a bound is met
 
 
@@ -32,6 +34,10 @@ class Whitener:
         """Innovations of a residual (N,), from row LONGEST on."""
         kernel = np.concatenate([[1.0], -self.coefficients])
         return np.asarray(np.convolve(residual, kernel)[LONGEST : len(residual)] / self.sigma)
+
+    def drawn(self, innovations: Array) -> Array:
+        """Noise (N,) of which these are the innovations."""
+        return np.asarray(lfilter([self.sigma], np.r_[1.0, -self.coefficients], innovations))
 
 
 def whitener_of(
@@ -59,6 +65,16 @@ def whitener_of(
         if price < cost - 1e-9:
             best, cost = Whitener(tried.coefficients, size), price
     return best
+
+
+def quoted(sigma: float, error: float, rows: float) -> Whitener:
+    """Of white noise `sigma` and, added to it, an error of that RMS whose correlation falls to 1/e
+    within so many rows (first order).
+    """
+    lags = error**2 * np.exp(-np.arange(LONGEST + 1) / rows)
+    lags[0] += sigma**2 + TINY * error**2
+    coefficients = np.asarray(solve_toeplitz(lags[:-1], lags[1:]))
+    return Whitener(coefficients, math.sqrt(float(lags[0] - coefficients @ lags[1:])))
 
 
 def _bounded(coefficients: Array, lags: Array, least: float, slow: float) -> Array:

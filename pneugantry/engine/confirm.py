@@ -252,7 +252,7 @@ def _parted(squares: Array, length: int, floor: float) -> int | None:
 def noise_levels(plant: Plant, record: Record, rules: Rules) -> dict[str, float]:
     """Size of each sensor's white noise in units of the quoted one: of fourth differences, which
     hardly show the motion, in the middle one of all stretches. Not less than a sensor may have, nor
-    more than noise can be.
+    more than noise can be; with what even a right model leaves.
     """
     length = max(16, round(rules.block / record.period))
     found = {}
@@ -263,7 +263,8 @@ def noise_levels(plant: Plant, record: Record, rules: Rules) -> dict[str, float]
         parts = np.array_split(fourth, max(1, len(fourth) // length))
         sizes = [np.sqrt(np.mean(p**2)) / s.sigma for p in parts]
         level = float(np.median(sizes))
-        found[s.name] = min(max(level, rules.quietest), NOISIEST)
+        level = min(max(level, rules.quietest), NOISIEST)
+        found[s.name] = float(np.hypot(level, s.error / s.sigma))
     return found
 
 

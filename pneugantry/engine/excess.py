@@ -46,6 +46,7 @@ def floors_of(fitter: Fitter, fit: Fit) -> Floors:
     found: Floors = {}
     for name, record in fitter.simulation.cells:
         view, read = fitter.simulation.views[name], fitter.simulation.records[record]
+        erring = fitter.erring((name, record))
         others = [
             noisy(fitter.plant, replace(read, name=f"{record}, draw {k}")) for k in range(DRAWS)
         ]
@@ -60,7 +61,7 @@ def floors_of(fitter: Fitter, fit: Fit) -> Floors:
             bound = CLIPPED * max(spread([r[:, c] for r in changes]), sigma) if changes else 0.0
             clipped = [np.clip(r[:, c], -bound, bound) for r in changes]
             if clipped:
-                found[(name, signal), record] = whitener_of(clipped, sigma)
+                found[(name, signal), record] = erring[c] or whitener_of(clipped, sigma)
     return found
 
 

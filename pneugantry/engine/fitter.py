@@ -109,6 +109,7 @@ class Fitter:
         self.simulation = Simulation(views, records, rules)
         self.nominal = _nominal(plant, views)
         self._floors: dict[Cell, tuple[Whitener, ...]] = {}
+        self._erring = {cell: self._quoted_errors(cell) for cell in self.simulation.cells}
         self._level = 1.0  # how much noisier the rig's sensors are than quoted
 
     def close(self) -> None:
@@ -425,10 +426,27 @@ class Fitter:
             values: dict[str, float] = dict(record.parameters)
             changes = changes_of(view, record, [noisy(self.plant, record)], values)
             self._floors[cell] = tuple(
-                noise.coloured([c[:, i] for c in changes], sigma, math.inf)
-                for i, sigma in enumerate(view.sigmas)
+                known or noise.coloured([c[:, i] for c in changes], sigma, math.inf)
+                for i, (sigma, known) in enumerate(
+                    zip(view.sigmas, self.erring(cell), strict=True)
+                )
             )
         return self._floors[cell]
+
+    def erring(self, cell: Cell) -> tuple[Whitener | None, ...]:
+        """Of each signal of a cell's view: noise with the quoted error of a right model; None where
+        none is quoted.
+        """
+        return self._erring[cell]
+
+    def _quoted_errors(self, cell: Cell) -> tuple[Whitener | None, ...]:
+        view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
+        row = record.period * view.decimation
+        signals = {s.name: s for s in self.plant.signals}
+        return tuple(
+            noise.quoted(sigma, own.error, own.lasting / row) if own and own.error > 0 else None
+            for sigma, own in zip(view.sigmas, map(signals.get, view.signals), strict=True)
+        )
 
     @staticmethod
     def _white(residuals: Residuals, floors: Noise) -> dict[tuple[Cell, int], Array]:
@@ -519,17 +537,18 @@ class Fitter:
         }
 
     def coloured(self, residuals: Residuals) -> Noise:
-        return {
-            cell: tuple(
-                noise.coloured(
-                    [r[:, c]] if np.isfinite(r).all() else [],
-                    self.rules.quietest * sigma,
-                    self.rules.slowest * sigma,
-                )
-                for c, sigma in enumerate(self.simulation.views[cell[0]].sigmas)
-            )
-            for cell, r in residuals.items()
-        }
+        return {cell: self._colour(cell, r) for cell, r in residuals.items()}
+
+    def _colour(self, cell: Cell, residual: Array) -> tuple[Whitener, ...]:
+        finite, found = bool(np.isfinite(residual).all()), []
+        for c, sigma in enumerate(self.simulation.views[cell[0]].sigmas):
+            known, own = self.erring(cell)[c], residual[:, c]
+            if known is not None:
+                found.append(noise.grown(known, own) if finite else known)
+                continue
+            least, slow = self.rules.quietest * sigma, self.rules.slowest * sigma
+            found.append(noise.coloured([own] if finite else [], least, slow))
+        return tuple(found)
 
     def _parabola(self, solution: Solution, of_views: Noise) -> Parabola:
         """-2 log likelihood of some cells about where a descent ended."""

@@ -10,6 +10,7 @@ the joint misfit counts.
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -111,17 +112,19 @@ def floor_below(fitter: Fitter, fit: Fit, levels: Mapping[str, float] | None = N
 
     levels: noise by signal, in units of the quoted one (1 where not given).
     """
-    rules, drawn = fitter.rules, _drawn(fitter, fit, levels or {})
+    rules, sim, drawn = fitter.rules, fitter.simulation, _drawn(fitter, fit, levels or {})
     whiteners: dict[str, tuple[Whitener, ...]] = {}
     per_row: dict[str, Array] = {}
     quiet: dict[str, Array] = {}
-    for name, view in fitter.simulation.views.items():
+    for name, view in sim.views.items():
         own = {cell: r for cell, r in drawn.items() if cell[0] == name}
+        erring = next((fitter.erring(c) for c in sim.cells if c[0] == name), (None,) * len(view.sigmas))
         whiteners[name] = tuple(
-            noise.coloured(
+            known
+            or noise.coloured(
                 [r[:, c] for r in own.values()], rules.quietest * sigma, rules.slowest * sigma
             )
-            for c, sigma in enumerate(view.sigmas)
+            for c, (sigma, known) in enumerate(zip(view.sigmas, erring, strict=True))
         )
         terms = {cell: _terms(r, whiteners[name], rules.tails) for cell, r in own.items()}
         if terms:
@@ -143,8 +146,19 @@ def _drawn(fitter: Fitter, fit: Fit, levels: Mapping[str, float]) -> dict[Cell, 
     for cell in sim.cells:
         view, record = sim.views[cell[0]], sim.records[cell[1]]
         for change in changes_of(view, record, [noisy(plant, record)], fit.values(record.name)):
-            drawn[cell] = change
+            drawn[cell] = change + _errors(fitter, cell, len(change))
     return drawn
+
+
+def _errors(fitter: Fitter, cell: Cell, rows: int) -> Array:
+    """One draw (rows, signals) of what a right model is quoted to leave, the sensor's noise in it."""
+    draw = np.random.default_rng(zlib.crc32("".join(cell).encode()))
+    return np.column_stack(
+        [
+            np.zeros(rows) if w is None else w.drawn(draw.standard_normal(rows))
+            for w in fitter.erring(cell)
+        ]
+    )
 
 
 def _stretches(fitter: Fitter, cell: Cell, rows: int) -> int:

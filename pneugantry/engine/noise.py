@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pneugantry.engine.autoregression import LONGEST, Whitener, whitener_of
+from pneugantry.engine.autoregression import LONGEST, Whitener, quoted, whitener_of
 from pneugantry.engine.plant import Array
 
 __all__ = [
@@ -21,7 +21,9 @@ __all__ = [
     "coloured",
     "doubted",
     "flat",
+    "grown",
     "loss",
+    "quoted",
     "spread",
     "weights",
     "whitener_of",
@@ -61,6 +63,14 @@ def spread(residuals: Sequence[Array]) -> float:
 def flat(residuals: Sequence[Array], sigma: float) -> Whitener:
     """White noise of the residuals' own size, at least `sigma`."""
     return Whitener(np.zeros(0), max(spread(residuals), sigma) if residuals else sigma)
+
+
+def grown(whitener: Whitener, residual: Array) -> Whitener:
+    """Noise of a known colour, as large as the bulk of a residual (N,) has it, at least as known."""
+    white = whitener(residual)
+    bound = CLIPPED * max(spread([white]), 1.0)
+    size = float(np.sqrt(np.mean(np.clip(white, -bound, bound) ** 2)))
+    return Whitener(whitener.coefficients, whitener.sigma * max(size, 1.0))
 
 
 def coloured(residuals: Sequence[Array], least: float, slow: float) -> Whitener:

@@ -26,6 +26,8 @@ class Signal:
     variable: str  # of the model
     sigma: float  # RMS of the sensor's noise as quoted, white
     unit: str = "1"
+    error: float = 0.0  # RMS of what even a right model leaves besides, in the unit of sigma
+    lasting: float = 1.0  # s, in which the correlation of that falls to 1/e
 
 
 @dataclass(frozen=True)

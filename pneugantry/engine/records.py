@@ -16,6 +16,7 @@ from pyfmi_runner.scenario import Fields
 __all__ = ["Logs", "free", "signals_of", "variables_of"]
 
 COLUMN_KEYS = ("column", "unit", "recorded", "scale", "offset")
+OUTPUT_KEYS = ("sigma", "error", "lasting", "variable")
 Source = Column | float
 
 
@@ -23,7 +24,7 @@ def variables_of(top: Fields) -> dict[str, str]:
     """Variable of the model by signal."""
     outputs = free(top, "outputs")
     return {
-        name: Fields(outputs.table[name], (*COLUMN_KEYS, "sigma", "variable")).of_type(
+        name: Fields(outputs.table[name], (*COLUMN_KEYS, *OUTPUT_KEYS)).of_type(
             "variable", str, name
         )
         for name in outputs.table
@@ -38,7 +39,7 @@ class Logs:
         self.inputs = {n: _source(free(top, "inputs"), n) for n in free(top, "inputs").table}
         outputs = free(top, "outputs")
         self.signals = {
-            n: _column(outputs.sub(n, (*COLUMN_KEYS, "sigma", "variable")), n)
+            n: _column(outputs.sub(n, (*COLUMN_KEYS, *OUTPUT_KEYS)), n)
             for n in outputs.table
         }
         self.skip = own.number("skip", 0.0, 0.0)
@@ -124,7 +125,7 @@ def signals_of(logs: Logs, records: Sequence[Record]) -> tuple[list[Signal], lis
         if not measured:
             notes.append(f"no log has a column {column.name!r}: {name} is taken as not measured")
             continue
-        entry = outputs.sub(name, (*COLUMN_KEYS, "sigma", "variable"))
+        entry = outputs.sub(name, (*COLUMN_KEYS, *OUTPUT_KEYS))
         unit = entry.of_type("unit", str, "1")
         sigma = entry.number("sigma", None)
         if sigma is None:
@@ -133,7 +134,10 @@ def signals_of(logs: Logs, records: Sequence[Record]) -> tuple[list[Signal], lis
         if sigma <= 0:
             hint = "give the RMS of the sensor's noise"
             entry.refuse("sigma", f"must be > 0, got {sigma:g}", hint)
-        found.append(Signal(name, variables[name], sigma, unit))
+        error, lasting = entry.number("error", 0.0, 0.0), entry.number("lasting", 1.0, 0.0)
+        if lasting == 0:
+            entry.refuse("lasting", "must be > 0 s", "leave out error where the model has none")
+        found.append(Signal(name, variables[name], sigma, unit, error, lasting))
     if not found:
         logs.top.refuse("outputs", "no log has any of the columns", "correct their names")
     return found, notes
