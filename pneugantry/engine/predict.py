@@ -48,12 +48,16 @@ class Foretelling:
         cells = tuple(sim.cells)
         point, known = self._start(fit)
         residuals, columns = sim.linearised(point, cells, set(known.names))
-        solution = descend(
-            Problem(sim, rules, cells, known), Solution(point, residuals, columns), None, ROUGH
-        )
+        start, problem = Solution(point, residuals, columns), Problem(sim, rules, cells, known)
+        rough = descend(problem, start, None, ROUGH)
         if self._noise is None:
-            self._noise = self.fitter.coloured(solution.residuals)
+            self._noise = self.fitter.coloured(rough.residuals)
         weighing = Weighing(self._noise, rules)
+        ends = [descend(problem, s, self._noise, rules.converged) for s in (start, rough)]
+        solution = min(
+            ends,
+            key=lambda s: sum(weighing.costs(s.residuals).values()) + known.cost(s.point.theta),
+        )
         normal, _ = weighing.normal(solution.point, solution.residuals, solution.columns)
         change = solution.point.theta - known.least()
         prior = float(change @ known.square @ change)
