@@ -7,7 +7,6 @@ was resampled; it is read back as -885..885.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -20,7 +19,6 @@ from modelica_fmu.errors import InputError
 from pneugantry.blind.description import relocated
 
 PLANT = Path(__file__).parent / "plant.toml"
-SIGMA = re.compile(r"^sigma = .*$", re.MULTILINE)
 FULL = 885  # reading of `load` at full duty
 PARAMETER = {  # effect: parameter of the model that a wrong value is put into
     "mass": "pendulum.m",
@@ -37,6 +35,14 @@ LARGE = {
     "friction_level": (0.4, 2.5),
 }
 SMALLER = {"mass": 1.2, "firmware_gain": 1.4, "supply_level": 0.88, "friction_level": 1.7}
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a right model leaves of a signal."""
+
+    rms: float  # in the signal's unit
+    lasting: float  # s, in which its correlation falls to 1/e
 
 
 @dataclass(frozen=True)
@@ -112,12 +118,12 @@ def write_planted(
     raw: Path,
     out: Path,
     right: Mapping[str, float],
-    left: tuple[float, float] | None = None,
+    left: Mapping[str, Left] | None = None,
     cases: Sequence[Planted] | None = None,
 ) -> list[Path]:
     """Writes one folder per planted error, beside the logs that all share: plant.toml with the
     wrong values and truth.json, which no diagnosis reads. `right`: parameters of the model that
-    fits; left: what it is known to leave, RMS in rad and for how many s.
+    fits; left: what it is known to leave of each signal.
     """
     logs = write_logs(raw, out / "logs")
     folders = []
@@ -128,9 +134,9 @@ def write_planted(
         for effect, factor in case.factors.items():
             wrong[PARAMETER[effect]] = right[PARAMETER[effect]] * factor
         text = description(folder, logs, wrong, "../logs/")
-        if left is not None:
-            said = "\\g<0>\nerror = {!r}  # rad, what the right plant leaves\nlasting = {!r}  # s"
-            text = SIGMA.sub(said.format(*left), text)
+        for signal, own in (left or {}).items():
+            said = f"error = {own.rms!r}  # what the right plant leaves\nlasting = {own.lasting!r}\n"
+            text = text.replace(f"[outputs.{signal}]\n", f"[outputs.{signal}]\n{said}")
         (folder / "plant.toml").write_text(text, encoding="utf-8")
         causes = [
             {

@@ -11,13 +11,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from examples.bam.convert import Planted, planted_errors, read_raw, write_planted
-from examples.bam.servo import FIELDS, FITTED_GAINS, PERIOD, log_names, positions
+from examples.bam.convert import FULL, Left, Planted, planted_errors, read_raw, write_planted
+from examples.bam.servo import FIELDS, FITTED_GAINS, PERIOD, duties, log_names, positions
 from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
 from pneugantry.blind.score import NAMED, Judged, judged, key
 from pyfmi_runner.build import build_fmu
@@ -60,22 +62,28 @@ COLUMNS = {  # of the tally
 }
 
 
-def accuracy(raw: Path, right: Mapping[str, float]) -> tuple[float, float]:
-    """What the right plant leaves of the position on the logs it was fitted to, to two digits: RMS
-    [rad], and in how many s its correlation falls to 1/e.
-    """
+def accuracy(raw: Path, right: Mapping[str, float]) -> dict[str, Left]:
+    """What the right plant leaves of each signal on the logs it was fitted to."""
     values = {field: float(right.get(OF_MODEL.get(field, ""), 0.0)) for field in FIELDS}
     logs = {name: read_raw(raw, name) for name in log_names(FITTED_GAINS)}
-    left = [positions(values, n, log) - log["position"].to_numpy() for n, log in logs.items()]
+    return {
+        "q": _lasting([log["position"] - positions(values, n, log) for n, log in logs.items()]),
+        "load": _lasting([log["load"] - FULL * duties(values, n, log) for n, log in logs.items()]),
+    }
+
+
+def _lasting(found: Sequence[pd.Series]) -> Left:
+    """RMS of errors, and the time in which their correlation falls to 1/e, to two digits."""
+    left = [e.to_numpy() for e in found]
     square = float(np.mean([np.mean(e**2) for e in left]))
     rows = 1
     while rows < LONGEST and _correlation(left, rows) > square / math.e:
         rows += 1
-    return float(f"{math.sqrt(square):.2g}"), float(f"{rows * PERIOD:.2g}")
+    return Left(float(f"{math.sqrt(square):.2g}"), float(f"{rows * PERIOD:.2g}"))
 
 
 def _correlation(left: Sequence[np.ndarray], rows: int) -> float:
-    """Mean product of errors [rad^2] so many rows apart."""
+    """Mean product of errors so many rows apart."""
     return float(np.mean([np.mean(e[rows:] * e[:-rows]) for e in left]))
 
 
@@ -97,7 +105,8 @@ def figures(
     folders = write_planted(raw, out, right, left, chosen)
     found = diagnose_campaigns(folders, Diagnoser(build_fmu().path), workers=1, done=say)
     rows = [counted(f.name, _truth(f), answer) for f, answer in found.items()]
-    return {"left": left, "rows": rows, "tally": tally(rows[1:])}
+    told = left and {name: asdict(own) for name, own in left.items()}
+    return {"left": told, "rows": rows, "tally": tally(rows[1:])}
 
 
 def _spread(errors: Sequence[Planted], count: int | None) -> list[Planted]:
@@ -168,7 +177,8 @@ def printed(found: Mapping[str, Any]) -> str:
     left = found["left"]
     judged_by = "the encoder's noise"
     if left:
-        judged_by = f"what the right plant leaves, {left[0]:g} rad that last {left[1]:g} s"
+        told = (f"{v['rms']:g} of {n} that last {v['lasting']:g} s" for n, v in left.items())
+        judged_by = "what the right plant leaves, " + ", ".join(told)
     lines = [f"Judged by {judged_by}.", "", "| errors | cases | " + " | ".join(COLUMNS) + " |"]
     lines += ["|---" * (len(COLUMNS) + 2) + "|"]
     for name, row in found["tally"].items():

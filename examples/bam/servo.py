@@ -112,6 +112,13 @@ def positions(
     return _positions(p, goal, enable, scale, float(log["position"].iloc[0]), parts)
 
 
+def duties(values: Mapping[str, float], name: str, log: pd.DataFrame) -> np.ndarray:
+    """Duty [1] at each row of a log, by the law of the firmware from its goals and positions."""
+    apart = (log["goal_position"] - log["position"]).to_numpy()
+    duty = np.clip(values["gain"] * setting(name) * GAIN_UNIT * apart, -1.0, 1.0)
+    return np.where(log["torque_enable"] > 0.5, duty, 0.0)
+
+
 def error(values: Mapping[str, float], name: str, log: pd.DataFrame) -> float:
     """RMS position error [rad] of a log."""
     difference = positions(values, name, log) - log["position"].to_numpy()
