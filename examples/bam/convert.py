@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from examples.bam.servo import HELD_GAINS, log_names, setting
@@ -20,6 +21,7 @@ from pneugantry.blind.description import relocated
 
 PLANT = Path(__file__).parent / "plant.toml"
 FULL = 885  # reading of `load` at full duty
+EARLIER = 2.5e-3  # s, by which the position of a row is read before `load`: the law leaves least so
 PARAMETER = {  # effect: parameter of the model that a wrong value is put into
     "mass": "pendulum.m",
     "arm_length": "pendulum.l",
@@ -84,10 +86,16 @@ def read_raw(folder: Path, name: str) -> pd.DataFrame:
     return log
 
 
+def aligned(log: pd.DataFrame) -> pd.DataFrame:
+    """The log with its position at the instant of the duty, which follows by `EARLIER`."""
+    time, position = (log[c].to_numpy(float) for c in ("time", "position"))
+    return log.assign(position=np.interp(time + EARLIER, time, position))
+
+
 def write_logs(raw: Path, out: Path) -> dict[str, pd.DataFrame]:
-    """Writes the 16 logs to `out` and returns them."""
+    """Writes the 16 logs to `out`, `aligned`, and returns them."""
     out.mkdir(parents=True, exist_ok=True)
-    logs = {name: read_raw(raw, name) for name in log_names()}
+    logs = {name: aligned(read_raw(raw, name)) for name in log_names()}
     for name, log in logs.items():
         log.to_csv(out / f"{name}.csv", index=False)
     return logs

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from examples.bam.convert import FULL, Left, Planted, planted_errors, read_raw, write_planted
+from examples.bam.convert import FULL, Left, Planted, aligned, planted_errors, read_raw, write_planted
 from examples.bam.servo import FIELDS, FITTED_GAINS, PERIOD, duties, log_names, positions
 from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
 from pneugantry.blind.score import NAMED, Judged, judged, key
@@ -65,7 +65,7 @@ COLUMNS = {  # of the tally
 def accuracy(raw: Path, right: Mapping[str, float]) -> dict[str, Left]:
     """What the right plant leaves of each signal on the logs it was fitted to."""
     values = {field: float(right.get(OF_MODEL.get(field, ""), 0.0)) for field in FIELDS}
-    logs = {name: read_raw(raw, name) for name in log_names(FITTED_GAINS)}
+    logs = {name: aligned(read_raw(raw, name)) for name in log_names(FITTED_GAINS)}
     return {
         "q": _lasting([log["position"] - positions(values, n, log) for n, log in logs.items()]),
         "load": _lasting([log["load"] - FULL * duties(values, n, log) for n, log in logs.items()]),
