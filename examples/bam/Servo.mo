@@ -77,6 +77,7 @@ package Servo "Position servo with a pendulum: firmware, motor, gearbox with fri
     input Real enable(start = 1, unit = "1") "Torque enabled";
     output Real q(start = q_start, fixed = true, unit = "rad") "Position, 0 hangs down";
     output Real load(unit = "1") "The servo's own reading: 885 times the duty";
+    output Real volts(unit = "V") "Supply at the servo";
     Firmware firmware;
     Motor motor;
     Gearbox gearbox;
@@ -96,5 +97,6 @@ package Servo "Position servo with a pendulum: firmware, motor, gearbox with fri
     der(q) = w;
     (pendulum.J + armature)*der(w) = motor.T + pendulum.T - gearbox.T;
     load = noEvent(if enable > 0.5 then 885*firmware.duty else 0);
+    volts = motor.V - motor.R_s*firmware.duty*motor.T/motor.k_t;
   end Plant;
 end Servo;

@@ -69,6 +69,7 @@ def accuracy(raw: Path, right: Mapping[str, float]) -> dict[str, Left]:
     return {
         "q": _lasting([log["position"] - positions(values, n, log) for n, log in logs.items()]),
         "load": _lasting([log["load"] - FULL * duties(values, n, log) for n, log in logs.items()]),
+        "volts": _lasting([log["input_volts"] - values["V"] for log in logs.values()]),
     }
 
 
