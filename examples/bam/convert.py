@@ -143,8 +143,9 @@ def write_planted(
             wrong[PARAMETER[effect]] = right[PARAMETER[effect]] * factor
         text = description(folder, logs, wrong, "../logs/")
         for signal, own in (left or {}).items():
-            said = f"error = {own.rms!r}  # what the right plant leaves\nlasting = {own.lasting!r}\n"
-            text = text.replace(f"[outputs.{signal}]\n", f"[outputs.{signal}]\n{said}")
+            table = f"[outputs.{signal}]\n"
+            said = f"error = {own.rms!r}  # the right plant leaves it\nlasting = {own.lasting!r}\n"
+            text = text.replace(table, table + said)
         (folder / "plant.toml").write_text(text, encoding="utf-8")
         causes = [
             {

@@ -18,7 +18,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from examples.bam.convert import FULL, Left, Planted, aligned, planted_errors, read_raw, write_planted
+from examples.bam.convert import (
+    FULL,
+    Left,
+    Planted,
+    aligned,
+    planted_errors,
+    read_raw,
+    write_planted,
+)
 from examples.bam.servo import FIELDS, FITTED_GAINS, PERIOD, duties, log_names, positions
 from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
 from pneugantry.blind.score import NAMED, Judged, judged, key
@@ -106,7 +114,7 @@ def figures(
     folders = write_planted(raw, out, right, left, chosen)
     found = diagnose_campaigns(folders, Diagnoser(build_fmu().path), workers=1, done=say)
     rows = [counted(f.name, _truth(f), answer) for f, answer in found.items()]
-    told = left and {name: asdict(own) for name, own in left.items()}
+    told = None if left is None else {name: asdict(own) for name, own in left.items()}
     return {"left": told, "rows": rows, "tally": tally(rows[1:])}
 
 

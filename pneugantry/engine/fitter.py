@@ -427,9 +427,7 @@ class Fitter:
             changes = changes_of(view, record, [noisy(self.plant, record)], values)
             self._floors[cell] = tuple(
                 known or noise.coloured([c[:, i] for c in changes], sigma, math.inf)
-                for i, (sigma, known) in enumerate(
-                    zip(view.sigmas, self.erring(cell), strict=True)
-                )
+                for i, (sigma, known) in enumerate(zip(view.sigmas, self.erring(cell), strict=True))
             )
         return self._floors[cell]
 

@@ -118,7 +118,8 @@ def floor_below(fitter: Fitter, fit: Fit, levels: Mapping[str, float] | None = N
     quiet: dict[str, Array] = {}
     for name, view in sim.views.items():
         own = {cell: r for cell, r in drawn.items() if cell[0] == name}
-        erring = next((fitter.erring(c) for c in sim.cells if c[0] == name), (None,) * len(view.sigmas))
+        shown = [c for c in sim.cells if c[0] == name]
+        erring = fitter.erring(shown[0]) if shown else (None,) * len(view.sigmas)
         whiteners[name] = tuple(
             known
             or noise.coloured(
@@ -151,7 +152,7 @@ def _drawn(fitter: Fitter, fit: Fit, levels: Mapping[str, float]) -> dict[Cell, 
 
 
 def _errors(fitter: Fitter, cell: Cell, rows: int) -> Array:
-    """One draw (rows, signals) of what a right model is quoted to leave, the sensor's noise in it."""
+    """One draw (rows, signals) of what a right model is quoted to leave, sensors' noise in it."""
     draw = np.random.default_rng(zlib.crc32("".join(cell).encode()))
     return np.column_stack(
         [

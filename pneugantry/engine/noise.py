@@ -66,7 +66,7 @@ def flat(residuals: Sequence[Array], sigma: float) -> Whitener:
 
 
 def grown(whitener: Whitener, residual: Array) -> Whitener:
-    """Noise of a known colour, as large as the bulk of a residual (N,) has it, at least as known."""
+    """Noise of a known colour, as large as a residual's (N,) bulk has it, at least as known."""
     white = whitener(residual)
     bound = CLIPPED * max(spread([white]), 1.0)
     size = float(np.sqrt(np.mean(np.clip(white, -bound, bound) ** 2)))

@@ -39,8 +39,7 @@ class Logs:
         self.inputs = {n: _source(free(top, "inputs"), n) for n in free(top, "inputs").table}
         outputs = free(top, "outputs")
         self.signals = {
-            n: _column(outputs.sub(n, (*COLUMN_KEYS, *OUTPUT_KEYS)), n)
-            for n in outputs.table
+            n: _column(outputs.sub(n, (*COLUMN_KEYS, *OUTPUT_KEYS)), n) for n in outputs.table
         }
         self.skip = own.number("skip", 0.0, 0.0)
         self.period: float | None = own.number("period", None, FINEST, COARSEST)
