@@ -75,13 +75,34 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors) -> Excess:
     }
     own = {ch: [w for (other, _), w in white.items() if other == ch] for ch, _ in white}
     bulk = {ch: spread(rows) for ch, rows in own.items()}
-    level = min(float(np.median(list(bulk.values()))), NOISIEST) if bulk else 1.0
+    level = _level(bulk, _erring(fitter))
     return Excess(
         level,
         bulk,
         {ch: _size(np.concatenate(rows), level) for ch, rows in own.items()},
         {key: _size(rows, level) for key, rows in white.items()},
     )
+
+
+def _erring(fitter: Fitter) -> set[Channel]:
+    """Channels of which an error of the model is quoted."""
+    return {
+        (cell[0], signal)
+        for cell in fitter.simulation.cells
+        for signal, known in zip(
+            fitter.simulation.views[cell[0]].signals, fitter.erring(cell), strict=True
+        )
+        if known is not None
+    }
+
+
+def _level(bulk: Mapping[Channel, float], erring: set[Channel]) -> float:
+    """Of the sensors, as most channels have it; one of which an error of the model is quoted says
+    nothing of it, and must not stand out because the others are quiet.
+    """
+    told = [size for channel, size in bulk.items() if channel not in erring]
+    level = min(float(np.median(told)), NOISIEST) if told else 1.0
+    return max(level, 1.0) if erring else level
 
 
 def _size(rows: Array, level: float) -> float:
