@@ -7,7 +7,7 @@ was resampled; it is read back as -885..885.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -19,7 +19,9 @@ from examples.bam.servo import HELD_GAINS, log_names, setting
 from modelica_fmu.errors import InputError
 from pneugantry.blind.description import relocated
 
+Change = Callable[[pd.DataFrame], pd.DataFrame]
 PLANT = Path(__file__).parent / "plant.toml"
+READINGS = Path(__file__).parent / "readings.toml"  # further signals, beside the position
 FULL = 885  # reading of `load` at full duty
 EARLIER = 2.5e-3  # s, by which the position of a row is read before `load`: the law leaves least so
 PARAMETER = {  # effect: parameter of the model that a wrong value is put into
@@ -92,10 +94,10 @@ def aligned(log: pd.DataFrame) -> pd.DataFrame:
     return log.assign(position=np.interp(time + EARLIER, time, position))
 
 
-def write_logs(raw: Path, out: Path) -> dict[str, pd.DataFrame]:
-    """Writes the 16 logs to `out`, `aligned`, and returns them."""
+def write_logs(raw: Path, out: Path, change: Change = lambda log: log) -> dict[str, pd.DataFrame]:
+    """Writes the 16 logs, changed, to `out` and returns them."""
     out.mkdir(parents=True, exist_ok=True)
-    logs = {name: aligned(read_raw(raw, name)) for name in log_names()}
+    logs = {name: change(read_raw(raw, name)) for name in log_names()}
     for name, log in logs.items():
         log.to_csv(out / f"{name}.csv", index=False)
     return logs
@@ -130,10 +132,10 @@ def write_planted(
     cases: Sequence[Planted] | None = None,
 ) -> list[Path]:
     """Writes one folder per planted error, beside the logs that all share: plant.toml with the
-    wrong values and truth.json, which no diagnosis reads. `right`: parameters of the model that
-    fits; left: what it is known to leave of each signal.
+    wrong values and truth.json, which no diagnosis reads. All that the servo measures is told.
+    `right`: parameters of the model that fits; left: what it is known to leave of each signal.
     """
-    logs = write_logs(raw, out / "logs")
+    logs = write_logs(raw, out / "logs", aligned)
     folders = []
     for case in planted_errors() if cases is None else cases:
         folder = out / case.name
@@ -141,7 +143,11 @@ def write_planted(
         wrong = dict(right)
         for effect, factor in case.factors.items():
             wrong[PARAMETER[effect]] = right[PARAMETER[effect]] * factor
-        text = description(folder, logs, wrong, "../logs/")
+        text = (
+            description(folder, logs, wrong, "../logs/")
+            + "\n"
+            + READINGS.read_text(encoding="utf-8")
+        )
         for signal, own in (left or {}).items():
             table = f"[outputs.{signal}]\n"
             said = f"error = {own.rms!r}  # the right plant leaves it\nlasting = {own.lasting!r}\n"
