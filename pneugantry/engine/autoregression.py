@@ -69,7 +69,8 @@ def whitener_of(
 
 def quoted(sigma: float, error: float, rows: float) -> Whitener:
     """Of white noise `sigma` and, added to it, an error of that RMS whose correlation falls to 1/e
-    within so many rows (first order).
+    within so many rows (first order). Under white noise that is larger than the error, LONGEST rows
+    tell it less: it then lasts shorter.
     """
     lags = error**2 * np.exp(-np.arange(LONGEST + 1) / rows)
     lags[0] += sigma**2 + TINY * error**2

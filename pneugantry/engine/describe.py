@@ -11,7 +11,9 @@
 [inputs]     "name in the model" = "column", a number, or { column, unit, recorded, scale, offset }
 [outputs.u]  column = "vir", sigma = 0.005 (RMS of the sensor's noise in `unit`; estimated if it is
              not given), unit = "V" (of the model), recorded = "mV" (of the column), scale, offset,
-             variable = "motor.u" (of the model; else the part's name)
+             variable = "motor.u" (of the model; else the part's name), error = 0.02 (RMS of what
+             even a right model leaves besides, in `unit`), lasting = 0.3 (s, in which its
+             correlation falls to 1/e)
 [blocks]     "motor" = "drive": component path of the model = name in the answer
 [tolerance]  "M" = 0.05: share (RMS) by which a rig's parameter may be off; that is no cause
 [parameters] "gtau" = 35.15: what is known and differs from the model's own value

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pneugantry.engine.autoregression import LONGEST, whitener_of
+from pneugantry.engine.autoregression import LONGEST, quoted, whitener_of
 
 NOISE = np.random.default_rng(5).normal(0, 3.0, (3, 4000))
 
@@ -44,3 +44,32 @@ def test_a_bound_that_is_kept_changes_nothing() -> None:
         whitener_of(list(NOISE), 0.1, slow=20.0).coefficients,
         whitener_of(list(NOISE), 0.1).coefficients,
     )
+
+
+@pytest.mark.parametrize("size", [0.01, 1.0, 10.0])
+def test_the_bound_holds_for_the_size_that_is_used(size: float) -> None:
+    """A smooth error has innovations far below the least size: its roots would be as good as 1."""
+    smooth = [size * np.sin(np.arange(4000) / 300 + k) for k in range(3)]
+    whiten = whitener_of(smooth, 1.0, slow=20.0)
+    assert whiten.sigma >= 1.0
+    assert whiten.sigma / (1 - whiten.coefficients.sum()) <= 20.0 * (1 + 1e-6)
+
+
+def test_a_larger_smooth_error_costs_more() -> None:
+    """Though either could be predicted from its own past."""
+    costs = []
+    for size in (3.0, 10.0, 30.0):
+        error = size * np.sin(np.arange(4000) / 60)
+        whiten = whitener_of([error], 1.0, slow=20.0)
+        costs.append(float(np.sum(whiten(error) ** 2)) + 2 * 4000 * np.log(whiten.sigma))
+    assert costs[1] > costs[0] + 100
+    assert costs[2] > costs[1] + 100
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.1, 0.5])
+def test_a_quoted_error_has_its_size_and_lasts_as_long(sigma: float) -> None:
+    whiten = quoted(sigma, 1.0, 40.0)
+    noise = whiten.drawn(np.random.default_rng(2).standard_normal(400_000))
+    assert np.std(noise) == pytest.approx(np.hypot(sigma, 1.0), rel=0.05)
+    assert np.mean(noise[40:] * noise[:-40]) == pytest.approx(np.exp(-1), abs=0.12)
+    assert np.std(whiten(noise)) == pytest.approx(1.0, rel=0.01)

@@ -271,3 +271,13 @@ def test_a_plan_refuses_an_fmu(folder: Path, cache: Path) -> None:
     read(folder, FMU, cache, period=PERIOD)
     with pytest.raises(InputError, match="plan needs the Modelica source"):
         case_of(folder / "plant.toml", cache)
+
+
+def test_what_a_right_model_leaves_is_read(folder: Path, cache: Path) -> None:
+    quoted = BODY.replace("sigma = 0.01", "sigma = 0.01\nerror = 0.2\nlasting = 0.3", 1)
+    found = read(folder, MODEL, cache, quoted, period=PERIOD)
+    force, speed = found.plant.signals
+    assert (force.error, force.lasting) == (0.2, 0.3)
+    assert speed.error == 0.0
+    with pytest.raises(InputError, match="must be > 0 s"):
+        read(folder, MODEL, cache, quoted.replace("lasting = 0.3", "lasting = 0"), period=PERIOD)

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, record
 
+from pneugantry.engine.autoregression import quoted
 from pneugantry.engine.confirm import Gap
 from pneugantry.engine.decide import Chances, Evidence, decide, unknown_score
 from pneugantry.engine.descent import Problem, Solution, Weighing, prior, probed
 from pneugantry.engine.excess import Excess
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.hypothesis import Coordinate, Hypothesis
-from pneugantry.engine.plant import Data, Plant
+from pneugantry.engine.plant import Data, Plant, Record, Signal
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
@@ -196,3 +197,42 @@ def test_a_better_point_about_an_end_is_found_where_residuals_stand_out(
     weighing = Weighing(null.noise, fitter.rules)
     before, after = (sum(weighing.costs(x.residuals).values()) for x in (start, better))
     assert after < before - 10
+
+
+def wandering(name: str, seed: int, **truth: float) -> Record:
+    """A record whose speed has an error of 0.03 m/s that lasts 0.3 s; only it is measured."""
+    own, signal = record(name, seed, **truth), Signal("v", "v", 0.0, error=0.03, lasting=0.3)
+    whiten = quoted(0.0, signal.error, signal.lasting / PERIOD)
+    error = whiten.drawn(np.random.default_rng(seed).standard_normal(own.rows))
+    return replace(own, signals={"v": own.signals["v"] + error})
+
+
+@pytest.mark.parametrize(("drag", "verdict"), [(0.0, "none"), (6.0, "identified")])
+def test_an_error_that_is_quoted_is_noise_and_an_effect_is_not(
+    plant: Plant, parts: Path, drag: float, verdict: str
+) -> None:
+    rules, few = Rules(), {k: CATALOGUE[k] for k in ("drag", "mass", "leak")}
+    erring = replace(plant, signals=(Signal("v", "v", SIGMA["v"], error=0.03, lasting=0.3),))
+    data = Data(
+        tuple(wandering(n, k, drag=drag) for k, n in enumerate(("one", "two"))),
+        wandering("held", 3, drag=drag),
+    )
+    views = build_views(erring, ["v"], parts, PERIOD, rules)
+    found = run(Task(erring, views, data, few, parts), rules).diagnosis
+    assert found.verdict == verdict
+    assert [c.key for c in found.causes if c.probability > 0.5] == (["drag"] if drag else [])
+
+
+def test_an_effect_that_does_nothing_brings_nothing_on_a_record_that_no_fit_saw(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    idle = CATALOGUE["leak"]
+    same = fitter.explore(null.hypothesis.plus(idle, idle.forms[0]), null)
+    views = list(fitter.simulation.views.values())
+    held = Foretelling(fitter, views, record("held", 3, drag=2.0))
+    gain = held.gain(same, held.cost(null))
+    held.close()
+    fitter.close()
+    assert abs(gain) < 5
