@@ -12,10 +12,12 @@ import pytest
 
 from examples.bam.__main__ import RAW, README_LOGS, README_TABLE, REFITTED, main
 from examples.bam.convert import (
+    EARLIER,
     FULL,
     PARAMETER,
     PLANT,
     Planted,
+    aligned,
     planted_errors,
     read_raw,
     write_planted,
@@ -51,6 +53,7 @@ def made_up(gain: int, start: float = 0.1) -> pd.DataFrame:
             "goal_position": 1.2 * np.sin(4.0 * time),
             "torque_enable": (time < 1.7).astype(int),
             "load": np.zeros(400),
+            "input_volts": np.full(400, 7.3),
         }
     )
 
@@ -126,17 +129,27 @@ def test_24_planted_errors_one_and_two_at_a_time(tmp_path: Path) -> None:
     assert described["log"]["sin_sin_kp200"]["use"] == "held out"
 
 
-def test_the_description_says_to_how_much_the_right_plant_fits(tmp_path: Path) -> None:
+def test_the_description_says_what_the_right_plant_leaves(tmp_path: Path) -> None:
     raw = tmp_path / "raw"
     raw.mkdir()
     for name in log_names():
         log = made_up(int(setting(name)))
-        log["position"] = positions(VALUES, name, log) + 0.02 * (-1.0) ** np.arange(len(log))
+        log["position"] = positions(VALUES, name, log) + 0.02 * np.sin(log["time"] / 0.2)
         log.to_csv(raw / f"{name}.csv", index=False)
-    sigma = accuracy(raw, RIGHT)
-    assert 0.02 <= sigma < 0.1
-    (folder,) = write_planted(raw, tmp_path / "out", RIGHT, sigma, [Planted({"mass": 1.2})])
-    assert tomllib.loads((folder / "plant.toml").read_text())["outputs"]["q"]["sigma"] == sigma
+    left = accuracy(raw, RIGHT)
+    assert left["q"].rms == pytest.approx(0.02 / np.sqrt(2), rel=0.4)  # the arm moves meanwhile
+    assert left["q"].lasting == pytest.approx(0.2 * np.arccos(np.exp(-1)), rel=0.4)
+    assert left["volts"].rms == pytest.approx(0.1, rel=0.01)
+    (folder,) = write_planted(raw, tmp_path / "out", RIGHT, left, [Planted({"mass": 1.2})])
+    outputs = tomllib.loads((folder / "plant.toml").read_text())["outputs"]
+    assert set(outputs) == {"q", "load", "volts"}
+    for name, own in left.items():
+        assert (outputs[name]["error"], outputs[name]["lasting"]) == (own.rms, own.lasting)
+
+
+def test_position_and_duty_of_a_row_are_of_one_instant() -> None:
+    log = made_up(100).assign(position=np.arange(400) * PERIOD)
+    assert aligned(log)["position"].to_numpy()[:-1] == pytest.approx(log["time"][:-1] + EARLIER)
 
 
 def answered(verdict: str, **causes: float) -> dict:
