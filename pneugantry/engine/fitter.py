@@ -437,6 +437,11 @@ class Fitter:
         """
         return self._erring[cell]
 
+    def erring_in(self, view: str) -> tuple[Whitener | None, ...]:
+        """The same in a view's first record."""
+        none = (None,) * len(self.simulation.views[view].signals)
+        return next((own for cell, own in self._erring.items() if cell[0] == view), none)
+
     def _quoted_errors(self, cell: Cell) -> tuple[Whitener | None, ...]:
         view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
         row = record.period * view.decimation
@@ -528,9 +533,12 @@ class Fitter:
     # -- noise and evidence
 
     def quoted(self) -> dict[str, tuple[Whitener, ...]]:
-        """White noise as the sensors are said to have."""
+        """White noise as the sensors are said to have, with the quoted errors of a right model."""
         return {
-            name: tuple(Whitener(np.zeros(0), s) for s in view.sigmas)
+            name: tuple(
+                known or Whitener(np.zeros(0), s)
+                for s, known in zip(view.sigmas, self.erring_in(name), strict=True)
+            )
             for name, view in self.simulation.views.items()
         }
 

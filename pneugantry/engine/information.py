@@ -317,7 +317,7 @@ def _whiteners(
     fitter: Fitter, noisy: Callable[[Record], Record] | None
 ) -> dict[str, tuple[Whitener, ...]]:
     """Of each view and signal: white noise as quoted, or as coloured and as large as the noise of
-    all the sensors that the view reads makes it.
+    all the sensors that the view reads makes it. Where an error of the model is quoted, as that.
     """
     found = dict(fitter.quoted())
     if noisy is None:
@@ -334,6 +334,9 @@ def _whiteners(
             own += [change for change in changes if len(change) > 4 * LONGEST]
         if own:
             found[name] = tuple(
-                whitener_of([r[:, c] for r in own], sigma) for c, sigma in enumerate(view.sigmas)
+                known or whitener_of([r[:, c] for r in own], sigma)
+                for c, (sigma, known) in enumerate(
+                    zip(view.sigmas, fitter.erring_in(name), strict=True)
+                )
             )
     return found

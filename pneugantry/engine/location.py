@@ -118,14 +118,14 @@ def floor_below(fitter: Fitter, fit: Fit, levels: Mapping[str, float] | None = N
     quiet: dict[str, Array] = {}
     for name, view in sim.views.items():
         own = {cell: r for cell, r in drawn.items() if cell[0] == name}
-        shown = [c for c in sim.cells if c[0] == name]
-        erring = fitter.erring(shown[0]) if shown else (None,) * len(view.sigmas)
         whiteners[name] = tuple(
             known
             or noise.coloured(
                 [r[:, c] for r in own.values()], rules.quietest * sigma, rules.slowest * sigma
             )
-            for c, (sigma, known) in enumerate(zip(view.sigmas, erring, strict=True))
+            for c, (sigma, known) in enumerate(
+                zip(view.sigmas, fitter.erring_in(name), strict=True)
+            )
         )
         terms = {cell: _terms(r, whiteners[name], rules.tails) for cell, r in own.items()}
         if terms:
