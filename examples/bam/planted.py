@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -20,6 +21,7 @@ import pandas as pd
 
 from examples.bam.convert import (
     FULL,
+    PLANT,
     Left,
     Planted,
     aligned,
@@ -35,6 +37,7 @@ from pyfmi_runner.build import build_fmu
 __all__ = ["COLUMNS", "OF_MODEL", "accuracy", "counted", "figures", "printed", "tally"]
 
 Say = Callable[[str], None]
+SOUND = 10  # descriptions that are right within tolerance
 LONGEST = 200  # rows over which the correlation of an error is followed
 ALIKE = (frozenset({"mass", "arm_length"}), frozenset({"firmware_gain", "supply_level"}))
 OF_MODEL = {  # name of a parameter in `servo`: in the model
@@ -105,17 +108,33 @@ def figures(
     encoder: bool = False,
     say: Say = lambda name: None,
 ) -> dict[str, Any]:
-    """Diagnoses the right description and those with planted errors, one after the other; what is
-    on disk in `out` is taken from there. cases: so many, spread over the list (None: all); encoder:
+    """Diagnoses the right description, those with planted errors and `SOUND` that are right within
+    tolerance, one after the other; what is on disk in `out` is taken from there. cases: so many, spread over the list (None: all); encoder:
     judge by the encoder's noise, not by what the right plant is known to leave.
     """
     chosen = [Planted({}), *_spread(planted_errors(), cases)]
     left = None if encoder else accuracy(raw, right)
     folders = write_planted(raw, out, right, left, chosen)
+    for k in range(SOUND):
+        folders += write_planted(raw, out / f"within_{k}", within(right, k), left, [Planted({})])
     found = diagnose_campaigns(folders, Diagnoser(build_fmu().path), workers=1, done=say)
-    rows = [counted(f.name, _truth(f), answer) for f, answer in found.items()]
+    rows = [counted(str(f.relative_to(out)), _truth(f), answer) for f, answer in found.items()]
     told = None if left is None else {name: asdict(own) for name, own in left.items()}
-    return {"left": told, "rows": rows, "tally": tally(rows[1:])}
+    sound = [r for r in rows if not r["planted"]]
+    return {
+        "left": told,
+        "rows": rows,
+        "tally": tally([r for r in rows if r["planted"]]),
+        "sound": {"cases": len(sound), "none": sum(r["counts"]["none"] for r in sound)},
+    }
+
+
+def within(right: Mapping[str, float], seed: int) -> dict[str, float]:
+    """The right parameters, off by draws of the tolerance that the description gives them."""
+    tolerance = tomllib.loads(PLANT.read_text(encoding="utf-8"))["tolerance"]
+    draw = np.random.default_rng(seed)
+    off = {n: right[n] * math.exp(share * draw.standard_normal()) for n, share in tolerance.items()}
+    return {**right, **off}
 
 
 def _spread(errors: Sequence[Planted], count: int | None) -> list[Planted]:
@@ -192,6 +211,11 @@ def printed(found: Mapping[str, Any]) -> str:
     lines += ["|---" * (len(COLUMNS) + 2) + "|"]
     for name, row in found["tally"].items():
         lines.append(f"| {name} | " + " | ".join(str(n) for n in row.values()) + " |")
+    told = found["sound"]
+    lines += [
+        "",
+        f"Of {told['cases']} right descriptions, off within tolerance, none: {told['none']}.",
+    ]
     lines += ["", *(f"- {name}: {words}" for name, words in COLUMNS.items()), ""]
     lines += ["| case | planted (rig / description) | verdict | causes | gap | s |"]
     lines += ["|---|---|---|---|---|---|"]

@@ -22,7 +22,7 @@ from examples.bam.convert import (
     read_raw,
     write_planted,
 )
-from examples.bam.planted import COLUMNS, OF_MODEL, accuracy, counted, tally
+from examples.bam.planted import COLUMNS, OF_MODEL, accuracy, counted, tally, within
 from examples.bam.servo import (
     FIELDS,
     PERIOD,
@@ -145,6 +145,14 @@ def test_the_description_says_what_the_right_plant_leaves(tmp_path: Path) -> Non
     assert set(outputs) == {"q", "load", "volts"}
     for name, own in left.items():
         assert (outputs[name]["error"], outputs[name]["lasting"]) == (own.rms, own.lasting)
+
+
+def test_a_right_description_is_off_by_its_tolerance() -> None:
+    tolerance = tomllib.loads(PLANT.read_text())["tolerance"]
+    drawn = [within(RIGHT, k) for k in range(200)]
+    for name, value in RIGHT.items():
+        spread = np.std([np.log(own[name] / value) for own in drawn]) if value else 0.0
+        assert spread == pytest.approx(tolerance.get(name, 0.0), rel=0.2)
 
 
 def test_position_and_duty_of_a_row_are_of_one_instant() -> None:
