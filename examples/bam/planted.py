@@ -109,8 +109,9 @@ def figures(
     say: Say = lambda name: None,
 ) -> dict[str, Any]:
     """Diagnoses the right description, those with planted errors and `SOUND` that are right within
-    tolerance, one after the other; what is on disk in `out` is taken from there. cases: so many, spread over the list (None: all); encoder:
-    judge by the encoder's noise, not by what the right plant is known to leave.
+    tolerance, one after the other; what is on disk in `out` is taken from there. cases: so many of
+    the errors, spread over the list (None: all); encoder: judge by the encoder's noise, not by what
+    the right plant is known to leave.
     """
     chosen = [Planted({}), *_spread(planted_errors(), cases)]
     left = None if encoder else accuracy(raw, right)
@@ -212,10 +213,7 @@ def printed(found: Mapping[str, Any]) -> str:
     for name, row in found["tally"].items():
         lines.append(f"| {name} | " + " | ".join(str(n) for n in row.values()) + " |")
     told = found["sound"]
-    lines += [
-        "",
-        f"Of {told['cases']} right descriptions, off within tolerance, none: {told['none']}.",
-    ]
+    lines += ["", f"Right within tolerance: {told['none']} of {told['cases']} are none."]
     lines += ["", *(f"- {name}: {words}" for name, words in COLUMNS.items()), ""]
     lines += ["| case | planted (rig / description) | verdict | causes | gap | s |"]
     lines += ["|---|---|---|---|---|---|"]
