@@ -10,7 +10,9 @@ import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,7 @@ from modelica_fmu.toolchain import compile_library, find_compiler, host_platform
 
 __all__ = [
     "Correction",
+    "Drive",
     "Part",
     "PartVariable",
     "Subsystem",
@@ -33,6 +36,11 @@ __all__ = [
 # Of a row, after which each mode holds for as large a share of it: nothing of a row's inside is
 # read, and a part that chatters would cost as much as a hundred that do not.
 EVENTS = 8
+LANED = ("rates", "outputs", "conditions")  # functions of a model that lanes call
+LANES = (
+    "-fno-math-errno",
+    "-fno-trapping-math",
+)  # let loops become vectors; no bit changes by them
 
 Array = NDArray[np.float64]
 CSRC = Path(__file__).parent / "csrc"
@@ -72,12 +80,46 @@ class Correction:
     shares: tuple[float, ...]
 
 
+class Drive:
+    """What drives runs over a record: inputs and a correction."""
+
+    def __init__(
+        self,
+        inputs: Mapping[str, Array | tuple[Array, Array]],
+        correction: Correction | None = None,
+    ) -> None:
+        """inputs: (N,) each, held over the period behind each row, or a pair (at the rows, over the
+        period behind them); what holds over the period may be (N, parts): one value for each of
+        equal parts of it.
+        """
+        self.inputs, self.correction = inputs, correction
+
+    @cached_property
+    def columns(self) -> tuple[Array, Array]:
+        """(N, inputs) at the rows and (N * parts, inputs) over the periods behind them; the same
+        array where no input differs between both, which spares the C loop half of its settings.
+        """
+        pairs = [v if isinstance(v, tuple) else (v, v) for v in self.inputs.values()]
+        at = np.ascontiguousarray(np.column_stack([p[0] for p in pairs]), dtype=float)
+        if all(p[0] is p[1] for p in pairs):
+            return at, at
+        parts = max((p[1].shape[1] for p in pairs if p[1].ndim == 2), default=1)
+        over = [p[1].reshape(-1) if p[1].ndim == 2 else np.repeat(p[1], parts) for p in pairs]
+        return at, np.ascontiguousarray(np.column_stack(over), dtype=float)
+
+    @cached_property
+    def measured(self) -> Array:
+        """Corrected states (N, states) as measured; one row where none is corrected."""
+        held = np.zeros((1, 1)) if self.correction is None else self.correction.measured
+        return np.ascontiguousarray(held, dtype=float)
+
+
 class _Batch(ctypes.Structure):
     _fields_ = [
         *((n, ctypes.c_size_t) for n in ("n_runs", "n_parameters", "n_rows", "n_parts")),
-        *((n, ctypes.c_size_t) for n in ("n_inputs", "n_corrected", "n_outputs")),
+        *((n, ctypes.c_size_t) for n in ("n_inputs", "n_corrected", "n_outputs", "n_drives")),
         ("period", ctypes.c_double),
-        *((n, ctypes.c_void_p) for n in ("parameters", "values", "inputs", "at", "over")),
+        *((n, ctypes.c_void_p) for n in ("parameters", "values", "drive", "inputs", "at", "over")),
         *((n, ctypes.c_void_p) for n in ("corrected", "measured", "gains", "outputs", "result")),
     ]
 
@@ -97,18 +139,20 @@ class Subsystem:
         self,
         names: Sequence[str],
         values: Array,
-        inputs: Mapping[str, Array | tuple[Array, Array]],
+        drives: Drive | Sequence[Drive],
         outputs: Sequence[str],
         period: float,
-        correction: Correction | None = None,
+        which: Sequence[int] | None = None,
     ) -> Array:
         """Outputs (runs, N, outputs) at the rows of a record; NaN from where a run failed on.
 
-        values (runs, names): parameters of each run. inputs: (N,) each, held over the period behind
-        each row, or a pair (at the rows, over the period behind them); what holds over the period
-        may be (N, parts): one value for each of equal parts of it. period: s. Raises InputError for
-        a name that is no input or variable of the part, and a correction of what is no state.
+        values (runs, names): parameters of each run. drives: what drives all runs, or several of
+        the same inputs and corrected states; which (runs,): that of each run, 0 where it is not
+        given. period: s. Raises InputError for a name that is no input or variable of the part, and
+        a correction of what is no state.
         """
+        drives = [drives] if isinstance(drives, Drive) else drives
+        inputs = drives[0].inputs
         strange = set(inputs) - self._inputs
         if strange:
             raise InputError(
@@ -116,18 +160,21 @@ class Subsystem:
                 field=min(strange),
                 hint=f"the part has {', '.join(sorted(self._inputs))}",
             )
-        at, over = _columns(inputs)
+        at, over = drives[0].columns
+        if any([len(c) for c in d.columns] != [len(at), len(over)] for d in drives):
+            raise ValueError("drives of one call have the same rows and parts of them")
         values = np.ascontiguousarray(np.atleast_2d(values), dtype=float)
         result = np.empty((len(values), len(at), len(outputs)))
-        held = correction or Correction((), np.zeros((1, 1)), (0.0,))
-        measured = np.ascontiguousarray(held.measured, dtype=float)
+        held = drives[0].correction or Correction((), np.zeros((1, 1)), (0.0,))
         shares = np.array(held.shares)
+        own = np.array(which if which is not None else [0] * len(values), dtype=np.uint32)
         lists = [self._references_of(n) for n in (names, tuple(inputs), held.states, outputs)]
-        parts = len(over) // len(at)
-        runs = (len(values), len(names), len(at), parts)
-        sizes = (*runs, len(inputs), len(held.states), len(outputs))
-        arrays = (lists[0], values, lists[1], at, over, lists[2], measured, shares)
-        pointers = [a.ctypes.data for a in (*arrays, lists[3], result)]
+        tables = [_addresses([d.columns[i] for d in drives]) for i in (0, 1)]
+        measured = _addresses([d.measured for d in drives])
+        runs = (len(values), len(names), len(at), len(over) // len(at))
+        sizes = (*runs, len(inputs), len(held.states), len(outputs), len(drives))
+        arrays: tuple[NDArray[Any], ...] = (lists[0], values, own, lists[1], *tables, lists[2])
+        pointers = [a.ctypes.data for a in (*arrays, measured, shares, lists[3], result)]
         batch = _Batch(*sizes, period, *pointers)
         if self._library.batch_run(ctypes.byref(batch)) < 0:
             raise InputError(f"cannot correct {', '.join(held.states)}: no states of the part")
@@ -145,17 +192,9 @@ class Subsystem:
         return np.array([self._references[n] for n in names] or [0], dtype=np.uint32)
 
 
-def _columns(inputs: Mapping[str, Array | tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Inputs (N, inputs) at the rows and (N * parts, inputs) over the periods behind them; the same
-    array where no input differs between both, which spares the C loop half of its settings.
-    """
-    pairs = [v if isinstance(v, tuple) else (v, v) for v in inputs.values()]
-    at = np.ascontiguousarray(np.column_stack([p[0] for p in pairs]), dtype=float)
-    if all(p[0] is p[1] for p in pairs):
-        return at, at
-    parts = max((p[1].shape[1] for p in pairs if p[1].ndim == 2), default=1)
-    over = [p[1].reshape(-1) if p[1].ndim == 2 else np.repeat(p[1], parts) for p in pairs]
-    return at, np.ascontiguousarray(np.column_stack(over), dtype=float)
+def _addresses(arrays: Sequence[Array]) -> NDArray[np.uintp]:
+    """Where arrays lie; they must live on."""
+    return np.array([a.ctypes.data for a in arrays], dtype=np.uintp)
 
 
 def build_part(compiled: CompiledModel, folder: Path, key: str) -> Part:
@@ -192,16 +231,21 @@ def part_key(model: Path, what: str) -> str:
 
 
 def _compile(compiled: CompiledModel, folder: Path) -> None:
+    from modelica_fmu.emit import in_lanes  # CasADi is loaded where there is something to compile
+
     target = host_platform()
     core = ("core.c", "core.h", "implicit.h", "newton.h")
     sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in core}
-    sources |= {"batch.c": (CSRC / "batch" / "batch.c").read_text(encoding="utf-8")}
+    for name in ("batch.c", "lanes.h"):
+        sources[name] = (CSRC / "batch" / name).read_text(encoding="utf-8")
     sources["core.c"] = f"#define MAX_EVENTS {EVENTS}\n{sources['core.c']}"
     sources |= dict(compiled.sources)
+    sources["model_lanes.h"] = in_lanes(compiled.sources["model.c"], LANED)
     for name, text in sources.items():
         (folder / name).write_text(text, encoding="utf-8")
     names = [n for n in sources if n.endswith(".c") and n != "core.c"]  # batch.c holds it
-    compile_library(find_compiler(target), target, folder, names, f"part{target.extension}")
+    output = f"part{target.extension}"
+    compile_library(find_compiler(target), target, folder, names, output, LANES)
     for name in sources:
         (folder / name).unlink()
     keys = ("name", "kind", "type", "start", "unit", "min", "max")

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from modelica_fmu.compiled import Variable
-from modelica_fmu.emit import Emitter, Hoist
+from modelica_fmu.emit import MINMAX, Emitter, Hoist
 from modelica_fmu.hybrid import TIME, HybridSystem
 from modelica_fmu.iterated import initial_functions, loop_functions
 from modelica_fmu.symbols import Scalar
@@ -383,13 +383,11 @@ def _calculated(layout: Layout, e: Expressions) -> str:
 
 
 def _preamble() -> str:
-    return """/* Generated from a Modelica model. */
+    return f"""/* Generated from a Modelica model. */
 #include "model.h"
 #include <math.h>
 
-static inline double model_min(double a, double b) { return a < b ? a : b; }
-static inline double model_max(double a, double b) { return a > b ? a : b; }
-"""
+{MINMAX}"""
 
 
 def _tables(

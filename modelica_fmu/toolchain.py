@@ -135,14 +135,20 @@ def flags_for(compiler: Compiler, target: Platform) -> tuple[str, ...]:
 
 
 def compile_library(
-    compiler: Compiler, target: Platform, folder: Path, sources: Sequence[str], output: str
+    compiler: Compiler,
+    target: Platform,
+    folder: Path,
+    sources: Sequence[str],
+    output: str,
+    more: Sequence[str] = (),
 ) -> Path:
     """Compiles and links `sources` to the shared library `output`; all are names inside `folder`,
-    which is left out of it.
+    which is left out of it. more: flags.
     """
     command = [
         *compiler.command,
         *flags_for(compiler, target),
+        *more,
         "-I",
         str(fmi_headers()),
         "-I",

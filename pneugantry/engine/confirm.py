@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from modelica_fmu.batch import Subsystem
+from modelica_fmu.batch import Drive, Subsystem
 from modelica_fmu.errors import RunError
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.foreign import ForeignPlant, foreign_signals
@@ -140,7 +140,7 @@ def _simulated(
     names = sorted({n for given in own for n in given})
     table = np.array([[given.get(n, known[n]) for n in names] for given in own])
     inputs = {n: record.driving(n) for n in part.of("input")}
-    true = Subsystem(part).run(names, table, inputs, outputs, record.period)
+    true = Subsystem(part).run(names, table, Drive(inputs), outputs, record.period)
     columns = [outputs.index(s.variable) for s in signals]
     return tuple(s.name for s in signals), true[:, :, columns]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from modelica_fmu.batch import Correction, Part, PartVariable, Subsystem
+from modelica_fmu.batch import Drive, Part, PartVariable, Subsystem
 from modelica_fmu.errors import InputError, RunError
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.views import SubsystemView
@@ -71,17 +71,39 @@ class ForeignSubsystem(Subsystem):
         self,
         names: Sequence[str],
         values: Array,
-        inputs: Inputs,
+        drives: Drive | Sequence[Drive],
         outputs: Sequence[str],
         period: float,
-        correction: Correction | None = None,
+        which: Sequence[int] | None = None,
     ) -> Array:
         """As a part's: outputs (runs, N, outputs), NaN from where a run failed on. Inputs are named
         "FMU's number.input". An FMU's states cannot be corrected: InputError.
         """
-        if correction is not None:
-            raise InputError("the states of an FMU cannot be corrected", field="observer")
+        drives = [drives] if isinstance(drives, Drive) else drives
         values = np.atleast_2d(values)
+        own = np.asarray(which if which is not None else [0] * len(values))
+        result: Array | None = None
+        for i, drive in enumerate(drives):
+            runs = np.flatnonzero(own == i)
+            made = self._driven(names, values[runs], drive, outputs, period)
+            if result is None:
+                result = np.empty((len(values), *made.shape[1:]))
+            result[runs] = made
+        assert result is not None
+        return result
+
+    def _driven(
+        self,
+        names: Sequence[str],
+        values: Array,
+        drive: Drive,
+        outputs: Sequence[str],
+        period: float,
+    ) -> Array:
+        """Runs that are driven alike."""
+        if drive.correction is not None:
+            raise InputError("the states of an FMU cannot be corrected", field="observer")
+        inputs = drive.inputs
         made: dict[str, Array] = {}  # signal -> (runs, N)
         for number, stage in enumerate(self.stages):
             own = {
@@ -260,7 +282,7 @@ def foreign_signals(
         for n, source in stage.fmu.inputs.items()
         if n not in stage.fed
     }
-    found = ForeignSubsystem(series).run(names, table, inputs, signals, record.period)
+    found = ForeignSubsystem(series).run(names, table, Drive(inputs), signals, record.period)
     for own in driven.values():
         own.close()
     return signals, found

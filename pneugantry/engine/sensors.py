@@ -16,7 +16,7 @@ from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.smooth import savgol
 from pyfmi_runner.first_order import first_order
 
-__all__ = ["PREFIX", "neutral", "sensed", "shifted", "signal_of", "true_signal"]
+__all__ = ["PREFIX", "affine", "neutral", "sensed", "shifted", "signal_of", "true_signal"]
 
 PREFIX = "sensors."
 SLOPE = 9  # rows over which a slope is taken
@@ -73,6 +73,14 @@ def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Arr
     for other in _crosstalk(own, record):
         result = result - other
     return np.asarray(result / own.get("scale", 1.0))
+
+
+def affine(signal: str, values: Mapping[str, float]) -> tuple[float, float] | None:
+    """(scale, bias) of a sensor that has no other error; None where it has."""
+    own = {k: v for k, v in _own(signal, values).items() if v or k == "scale"}
+    if own.keys() <= {"scale", "bias"}:
+        return own.get("scale", 1.0), own.get("bias", 0.0)
+    return None
 
 
 def slope(values: Array, period: float, window: int = SLOPE) -> Array:

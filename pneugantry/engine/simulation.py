@@ -19,7 +19,7 @@ from pneugantry.engine.views import View
 __all__ = ["Cell", "Columns", "Point", "Residuals", "Simulation"]
 
 SHARES = 4  # of a cell's runs, so that both threads end together
-SHARE = 4  # runs at least: more of them share what they do not differ in
+SHARE = 8  # runs at least: as many are simulated side by side
 USUAL = 0.1  # a tolerance's spread, in an effect's usual sizes
 Cell = tuple[str, str]  # view, record
 Residuals = dict[Cell, Array]  # (rows, signals), in the signals' units
@@ -88,7 +88,7 @@ class Simulation:
         for (_, name), own in jobs.items():
             record = self.records[name]
             self.seconds += len(own) * record.rows * record.period
-        shares = {c: max(SHARE, -(-len(own) // SHARES)) for c, own in jobs.items()}
+        shares = {c: SHARE * -(-len(own) // (SHARES * SHARE)) for c, own in jobs.items()}
         parts = [
             (cell, own[at : at + shares[cell]])
             for cell, own in jobs.items()

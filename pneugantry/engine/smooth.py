@@ -7,13 +7,14 @@ rest; a diagnosis filters thousands of short signals.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from pneugantry.engine.plant import Array
 
-__all__ = ["savgol", "widest"]
+__all__ = ["Widest", "savgol", "widest"]
 
 WIDTHS = (5, 9, 17, 33, 65)  # rows of a window
 APART = 4.5  # standard deviations by which estimates may differ: by chance once in 150,000 rows
@@ -45,24 +46,38 @@ def _ends(width: int, degree: int, derivative: int) -> Array:
     return np.asarray(of_rows @ np.linalg.pinv(powers))
 
 
-def widest(values: Array, sigma: float, rest: float | None = None) -> Array:
+@dataclass(frozen=True, eq=False)
+class Widest:
+    """A signal smoothed as wide as it allows."""
+
+    values: Array  # (N,)
+    resting: Array  # (N,), means over the widest window of all; NaN where not even that is too wide
+    error: float  # standard deviation of these means, times `APART`
+
+    def less(self, scale: float, bias: float, rest: float | None) -> Array:
+        """(values - bias) / scale; what does not differ from `rest` then is that."""
+        found = (self.values - bias) / scale
+        if rest is None:
+            return found
+        still = np.abs((self.resting - bias) / scale - rest) < self.error
+        return np.where(still, rest, found)
+
+
+def widest(values: Array, sigma: float) -> Widest:
     """Parabolas (N,) through the rows about each, over the widest window whose value agrees with
     those of all narrower ones: standstill is smoothed more than motion. sigma: of the signal's
-    white noise; rest: where the mean of the widest window of all does not differ from this value,
-    it is this value. (Intersection of confidence intervals: Goldenshluger and Nemirovski, 1997.)
+    white noise. (Intersection of confidence intervals: Goldenshluger and Nemirovski, 1997.)
     """
     chosen = np.asarray(values, dtype=float)
     low, high = chosen - APART * sigma, chosen + APART * sigma
     agree = np.ones(len(values), dtype=bool)
     for width in WIDTHS:
         if width > len(values):
-            return chosen
+            return Widest(chosen, np.full(len(values), np.nan), 0.0)
         tried = savgol(values, width, 2)
         reach = APART * sigma * float(np.sqrt((_ends(width, 2, 0)[width // 2] ** 2).sum()))
         low, high = np.maximum(low, tried - reach), np.minimum(high, tried + reach)
         agree &= low <= high
         chosen = np.where(agree, tried, chosen)
-    if rest is not None:
-        still = np.abs(savgol(values, WIDTHS[-1], 1) - rest) < APART * sigma / WIDTHS[-1] ** 0.5
-        chosen = np.where(agree & still, rest, chosen)
-    return chosen
+    means = np.where(agree, savgol(values, WIDTHS[-1], 1), np.nan)
+    return Widest(chosen, means, APART * sigma / WIDTHS[-1] ** 0.5)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from modelica_fmu.batch import Subsystem
+from modelica_fmu.batch import Drive, Subsystem
 from modelica_fmu.errors import RunError
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.views import View, part_of
@@ -32,7 +32,11 @@ class Nominal:
         given = {k: v for k, v in given.items() if k in known}
         inputs = {n: record.driving(n) for n in self.part.of("input")}
         found = self._subsystem.run(
-            list(given), np.array([list(given.values())]), inputs, self.variables, record.period
+            list(given),
+            np.array([list(given.values())]),
+            Drive(inputs),
+            self.variables,
+            record.period,
         )[0]
         if not np.isfinite(found).all():
             row = int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])

@@ -16,22 +16,20 @@ from typing import Protocol
 
 import numpy as np
 
-from modelica_fmu.batch import Correction, Part, Subsystem, build_part, part_key, read_part
+from modelica_fmu.batch import Correction, Drive, Part, Subsystem, build_part, part_key, read_part
 from modelica_fmu.compiled import Structure
 from modelica_fmu.errors import InputError
 from pneugantry.engine.pieces import Piece, Pieces
 from pneugantry.engine.plant import Array, Plant, Record, Signal
+from pneugantry.engine.readings import Readings
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.sensors import PREFIX, sensed, signal_of, slope, true_signal
-from pneugantry.engine.smooth import savgol, widest
-from pyfmi_runner.smoothing import smooth_axis
+from pneugantry.engine.sensors import PREFIX, sensed, signal_of
 
 __all__ = ["SubsystemView", "View", "build_views", "known_variables", "part_of", "view_beside"]
 
 Values = Mapping[str, float]
 Errors = tuple[tuple[str, float], ...]  # of sensors
 LONGEST_STEP = 0.002  # s, of the solver; its tolerance bounds the error, rows read no finer
-SMOOTH = 3  # rows over which an input of a part with states is smoothed
 KEPT = 64  # inputs that a view keeps
 RATE = "der "  # before a signal's name: its rate, taken from its readings
 
@@ -85,8 +83,13 @@ class SubsystemView:
     def __post_init__(self) -> None:
         whole = Piece(self.part, subsystem=self.subsystem)
         self._pieces = Pieces(whole, self.defaults, self._again if self.cut_at else None)
-        self._kept: dict[tuple[object, ...], object] = {}
-        self._made: dict[tuple[object, ...], Array] = {}  # of single signals
+        self._kept: dict[tuple[object, ...], Drive] = {}
+        self._readings = Readings(
+            {s.name: s.sigma for s in self.plant.signals},
+            self.pairs,
+            frozenset(self.corrected.values()),
+            bool(self.part.of("state")),
+        )
         self._parameters = frozenset(self.part.of("parameter"))
         self._read = {
             s.removeprefix(RATE)
@@ -138,15 +141,22 @@ class SubsystemView:
     def residuals(self, record: Record, values: Sequence[Values]) -> Array:
         own = [{k: v for k, v in given.items() if self.depends_on(k)} for given in values]
         simulated = self.simulate(record, own)
+        return self.errors(record, simulated, own)
+
+    def errors(self, record: Record, simulated: Array, values: Sequence[Values]) -> Array:
+        """Residuals (runs, rows, signals) of true signals (runs, N, signals) under sensors' errors,
+        which it puts into them.
+        """
         rows = record.rows // self.decimation
-        result = np.empty((len(own), rows, len(self.signals)))
-        for r, given in enumerate(own):
-            for c, signal in enumerate(self.signals):
-                error = record.signals[signal] - sensed(signal, simulated[r, :, c], record, given)
-                if record.judged is not None and self.corrected:
-                    error = np.where(record.judged, error, 0.0)
-                error = error[: rows * self.decimation].reshape(rows, self.decimation)
-                result[r, :, c] = error.mean(axis=1)
+        result = np.empty((len(simulated), rows, len(self.signals)))
+        for c, signal in enumerate(self.signals):
+            for r, given in enumerate(values):
+                simulated[r, :, c] = sensed(signal, simulated[r, :, c], record, given)
+            error = record.signals[signal] - simulated[:, :, c]
+            if record.judged is not None and self.corrected:
+                error[:, ~record.judged] = 0.0
+            error = error[:, : rows * self.decimation].reshape(len(error), rows, self.decimation)
+            result[:, :, c] = error.mean(axis=2)
         return result
 
     def simulate(self, record: Record, values: Sequence[Values]) -> Array:
@@ -160,7 +170,7 @@ class SubsystemView:
             for given in values
         ]
         names = sorted({n for m in models for n in m})
-        groups: dict[tuple[Piece, Errors], dict[tuple[float, ...], list[int]]] = {}
+        groups: dict[Piece, dict[tuple[Errors, tuple[float, ...]], list[int]]] = {}
         for i, (given, model) in enumerate(zip(values, models, strict=True)):
             piece = self._pieces.smallest(model)
             row = tuple(
@@ -168,18 +178,23 @@ class SubsystemView:
                 for n in names
                 if n in piece.parameters
             )
-            group = groups.setdefault((piece, self._felt(piece, given)), {})
-            group.setdefault(row, []).append(i)
+            group = groups.setdefault(piece, {})
+            group.setdefault((self._felt(piece, given), row), []).append(i)
         variables = {s.name: s.variable for s in self.plant.signals}
         outputs = [variables[n] for n in self.signals]
         result = np.empty((len(values), record.rows, len(outputs)))
-        for (piece, errors), rows in groups.items():
-            inputs, correction = self._inputs(record, piece, errors)
+        for piece, runs in groups.items():
+            felt = list(dict.fromkeys(errors for errors, _ in runs))
             own = [n for n in names if n in piece.parameters]
             made = piece.subsystem.run(
-                own, np.array(list(rows)), inputs, outputs, record.period, correction
+                own,
+                np.array([row for _, row in runs]),
+                [self._drive(record, piece, errors) for errors in felt],
+                outputs,
+                record.period,
+                [felt.index(errors) for errors, _ in runs],
             )
-            for run, members in zip(made, rows.values(), strict=True):
+            for run, members in zip(made, runs.values(), strict=True):
                 result[members] = run
         return result
 
@@ -193,13 +208,12 @@ class SubsystemView:
         sensors = ((k, v) for k, v in given.items() if k.startswith(PREFIX))
         return tuple(sorted((k, v) for k, v in sensors if signal_of(k) in read))
 
-    def _inputs(
-        self, record: Record, piece: Piece, felt: Errors
-    ) -> tuple[dict[str, Array | tuple[Array, Array]], Correction | None]:
+    def _drive(self, record: Record, piece: Piece, felt: Errors) -> Drive:
+        """Inputs and corrected states of a piece, from a record whose sensors have these errors."""
         key, errors = (record.name, piece, felt), dict(felt)
         kept = self._kept.get(key)  # another thread may clear the rest meanwhile
         if kept is not None:
-            return kept  # type: ignore[return-value]
+            return kept
         inputs: dict[str, Array | tuple[Array, Array]] = {}
         moving = bool(self.part.of("state"))
         for name, source in self.sources.items():
@@ -210,53 +224,20 @@ class SubsystemView:
                 inputs[name] = record.driving(source) if moving else own
                 continue
             signal = source.removeprefix(RATE)
-            what = "rate" if source.startswith(RATE) else "value"
-            values = self._once(what, signal, record, errors)
+            made = self._readings.rate if source.startswith(RATE) else self._readings.value
+            values = made(signal, record, errors)
             over = np.append(0.5 * (values[:-1] + values[1:]), values[-1])
             inputs[name] = (values, over) if moving else values
         correction = None
         drawn = {state: s for state, s in self.corrected.items() if state in piece.states}
         if drawn:
             share = 1 - np.exp(-record.period / (self.observer))
-            measured = [self._once("value", s, record, errors) for s in drawn.values()]
+            measured = [self._readings.value(s, record, errors) for s in drawn.values()]
             correction = Correction(tuple(drawn), np.column_stack(measured), (share,) * len(drawn))
         if len(self._kept) > KEPT:
             self._kept.clear()
-        self._kept[key] = (inputs, correction)
-        return inputs, correction
-
-    def _once(self, what: str, signal: str, record: Record, errors: Values) -> Array:
-        """A measured input's value or rate, made once for all sets of errors that agree in its own
-        and those of the speed that it is smoothed with.
-        """
-        own = (signal, self.pairs.get(signal))
-        mine = {k: v for k, v in errors.items() if signal_of(k) in own}
-        key = (what, signal, record.name, tuple(mine.items()))
-        found = self._made.get(key)
-        if found is None:
-            if what == "rate":
-                found = slope(true_signal(signal, record, mine), record.period)
-            else:
-                found = self._smoothed(signal, record, mine)
-            if len(self._made) > KEPT:
-                self._made.clear()
-            self._made[key] = found
+        found = self._kept[key] = Drive(inputs, correction)
         return found
-
-    def _smoothed(self, signal: str, record: Record, errors: Values) -> Array:
-        """A measured input with less noise."""
-        values = true_signal(signal, record, errors)
-        sigma = {s.name: s.sigma for s in self.plant.signals}
-        speed = self.pairs.get(signal)
-        if speed is not None and speed in record.signals:
-            rate = true_signal(speed, record, errors)
-            return smooth_axis(values, rate, sigma[signal], sigma[speed], record.period).position
-        if signal in self.corrected.values():
-            return values
-        if self.part.of("state"):  # which averages by itself; a bias would add up in it
-            return savgol(values, SMOOTH, 1)
-        rest = 0.0 if signal in self.pairs.values() else None  # what does not move stands still
-        return widest(values, sigma[signal], rest)
 
 
 @dataclass(frozen=True, eq=False)

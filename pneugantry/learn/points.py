@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from modelica_fmu.batch import Drive
 from modelica_fmu.cut import Structure, structure
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.plant import Array, Plant, Record, Signal
-from pneugantry.engine.sensors import sensed
 from pneugantry.engine.views import RATE, SubsystemView, View, part_of
 from pneugantry.learn.sources import (
     Addition,
@@ -76,26 +76,21 @@ class OpenedView(SubsystemView):
         (rows,). What is measured is smoothed once for all of them.
         """
         own = {k: v for k, v in values.items() if self.depends_on(k)}
-        first = self.residuals(record, [own])
         whole = self._pieces.whole
-        inputs, correction = self._inputs(record, whole, self._felt(whole, own))
+        drive = self._drive(record, whole, self._felt(whole, own))
         base = {**self.plant.settings, **self.plant.parameters, **record.parameters, **own}
         model = {k: v for k, v in base.items() if k in self._parameters}
         names, table = sorted(model), np.array([[model[n] for n in sorted(model)]])
         variables = {s.name: s.variable for s in self.plant.signals}
         outputs = [variables[n] for n in self.signals]
-        rows = first.shape[1]
-        result = np.empty((len(fed), *first.shape[1:]))
-        for i, series in enumerate(fed):
-            given = {**inputs, **{n: v for n, v in series.items() if n in inputs}}
-            made = whole.subsystem.run(names, table, given, outputs, record.period, correction)
-            for c, signal in enumerate(self.signals):
-                error = record.signals[signal] - sensed(signal, made[0, :, c], record, own)
-                if record.judged is not None and self.corrected:
-                    error = np.where(record.judged, error, 0.0)
-                error = error[: rows * self.decimation].reshape(rows, self.decimation)
-                result[i, :, c] = error.mean(axis=1)
-        return result
+        inputs = drive.inputs
+        drives = [
+            Drive({**inputs, **{n: v for n, v in series.items() if n in inputs}}, drive.correction)
+            for series in fed
+        ]
+        runs = np.repeat(table, len(fed), axis=0)
+        made = whole.subsystem.run(names, runs, drives, outputs, record.period, range(len(fed)))
+        return self.errors(record, made, [own] * len(fed))
 
 
 @dataclass(frozen=True, eq=False)

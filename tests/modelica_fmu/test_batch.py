@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_cut import CART, MEASURED
 
-from modelica_fmu.batch import Correction, Part, Subsystem, build_part, part_key, read_part
+from modelica_fmu.batch import Correction, Drive, Part, Subsystem, build_part, part_key, read_part
 from modelica_fmu.cut import cut
 from modelica_fmu.errors import InputError
 from pyfmi_runner.build import build_fmu, cache_folder, default_model
@@ -36,7 +36,7 @@ def cart(part: Part) -> Subsystem:
 def test_runs_follow_the_closed_form(cart: Subsystem) -> None:
     n, tau = 500, np.array([0.1, 0.02])
     found = cart.run(
-        ["tau", "K"], np.column_stack([tau, [2.0, 3.0]]), {"u": np.ones(n)}, ["f"], PERIOD
+        ["tau", "K"], np.column_stack([tau, [2.0, 3.0]]), Drive({"u": np.ones(n)}), ["f"], PERIOD
     )
     time = PERIOD * np.arange(n)
     expected = np.array([[2.0], [3.0]]) * (1 - np.exp(-time / tau[:, None]))
@@ -46,8 +46,8 @@ def test_runs_follow_the_closed_form(cart: Subsystem) -> None:
 def test_inputs_at_the_rows_differ_from_those_behind_them(cart: Subsystem) -> None:
     """A state sees what acts over the periods."""
     held, zero = np.ones(200), np.zeros(200)
-    pair = cart.run(["K"], np.array([[2.0]]), {"u": (zero, held)}, ["f"], PERIOD)
-    same = cart.run(["K"], np.array([[2.0]]), {"u": held}, ["f"], PERIOD)
+    pair = cart.run(["K"], np.array([[2.0]]), Drive({"u": (zero, held)}), ["f"], PERIOD)
+    same = cart.run(["K"], np.array([[2.0]]), Drive({"u": held}), ["f"], PERIOD)
     np.testing.assert_allclose(pair, same, atol=1e-9)
 
 
@@ -57,33 +57,36 @@ def test_inputs_may_change_within_rows(cart: Subsystem) -> None:
     """
     fine = np.zeros(200)
     fine[31], fine[120:] = 5.0, 1.0
-    expected = cart.run(["K"], np.array([[2.0]]), {"u": fine}, ["f", "v"], PERIOD)[0, ::2]
+    expected = cart.run(["K"], np.array([[2.0]]), Drive({"u": fine}), ["f", "v"], PERIOD)[0, ::2]
     parts = fine.reshape(100, 2)
-    inputs = {"u": (parts[:, 0], parts)}
-    found = cart.run(["K"], np.array([[2.0]]), inputs, ["f", "v"], 2 * PERIOD)[0]
+    drive = Drive({"u": (parts[:, 0], parts)})
+    found = cart.run(["K"], np.array([[2.0]]), drive, ["f", "v"], 2 * PERIOD)[0]
     np.testing.assert_allclose(found, expected, atol=1e-7)
-    averaged = cart.run(["K"], np.array([[2.0]]), {"u": parts.mean(axis=1)}, ["f"], 2 * PERIOD)[0]
+    mean = Drive({"u": parts.mean(axis=1)})
+    averaged = cart.run(["K"], np.array([[2.0]]), mean, ["f"], 2 * PERIOD)[0]
     assert np.abs(averaged[:, 0] - expected[:, 0]).max() > 1e-4
 
 
 def test_an_input_that_the_part_lacks_is_refused(cart: Subsystem) -> None:
     with pytest.raises(InputError, match="no input of this part"):
-        cart.run(["K"], np.array([[2.0]]), {"w": np.zeros(9)}, ["f"], PERIOD)
+        cart.run(["K"], np.array([[2.0]]), Drive({"w": np.zeros(9)}), ["f"], PERIOD)
 
 
 def test_a_corrected_state_closes_in_by_its_share_each_row(cart: Subsystem) -> None:
     n, share = 40, 0.2
     correction = Correction(("s",), np.full((n, 1), 1.0), (share,))
-    still = cart.run(["s_start"], np.zeros((1, 1)), {"u": np.zeros(n)}, ["s"], PERIOD, correction)
+    drive = Drive({"u": np.zeros(n)}, correction)
+    still = cart.run(["s_start"], np.zeros((1, 1)), drive, ["s"], PERIOD)
     np.testing.assert_allclose(still[0, :, 0], 1 - (1 - share) ** np.arange(n), atol=1e-12)
     blind = Correction(("s",), np.full((n, 1), np.nan), (share,))
-    found = cart.run(["s_start"], np.zeros((1, 1)), {"u": np.zeros(n)}, ["s"], PERIOD, blind)
+    drive = Drive({"u": np.zeros(n)}, blind)
+    found = cart.run(["s_start"], np.zeros((1, 1)), drive, ["s"], PERIOD)
     assert not found.any()
 
 
 def test_a_run_that_fails_gives_nan_and_spoils_no_other(cart: Subsystem) -> None:
-    inputs = {"u": np.ones(50)}
-    found = cart.run(["m"], np.array([[1.0], [0.0], [1.0]]), inputs, ["v"], PERIOD)
+    drive = Drive({"u": np.ones(50)})
+    found = cart.run(["m"], np.array([[1.0], [0.0], [1.0]]), drive, ["v"], PERIOD)
     assert np.isnan(found[1, -1, 0])
     assert np.isfinite(found[[0, 2]]).all()
     np.testing.assert_array_equal(found[0], found[2])
@@ -91,14 +94,68 @@ def test_a_run_that_fails_gives_nan_and_spoils_no_other(cart: Subsystem) -> None
 
 def test_several_threads_give_the_same_bits(cart: Subsystem) -> None:
     values = np.linspace(0.5, 2.0, 30)[:, None]
-    inputs = {"u": np.sin(np.arange(400) / 30)}
+    drive = Drive({"u": np.sin(np.arange(400) / 30)})
 
     def run(rows: slice) -> np.ndarray:
-        return cart.run(["m"], values[rows], inputs, ["v", "s"], PERIOD)
+        return cart.run(["m"], values[rows], drive, ["v", "s"], PERIOD)
 
     with ThreadPoolExecutor(3) as pool:
         parts = list(pool.map(run, [slice(i, i + 5) for i in range(0, 30, 5)]))
     np.testing.assert_array_equal(np.concatenate(parts), run(slice(0, 30)))
+
+
+SLED = """package Toy
+  model Sled "Coulomb friction by modes, an end stop, and a clamp"
+    parameter Real m = 1.0;
+    parameter Real F = 0.5 "N";
+    parameter Real wall = 0.02 "m";
+    input Real u;
+    input Boolean clamp;
+    output Real s(start = 0, fixed = true);
+    output Real v(start = 0, fixed = true);
+    output Real pushed;
+  equation
+    der(s) = v;
+    pushed = u - (if v > 1e-3 then F elseif v < -1e-3 then -F else max(-F, min(F, u)));
+    m * der(v) = if clamp then 0 else pushed;
+    when s > wall then
+      reinit(v, -0.5 * pre(v));
+    end when;
+    when clamp then
+      reinit(v, 0);
+    end when;
+  end Sled;
+end Toy;
+"""
+
+
+@pytest.mark.parametrize("outputs", [["s", "v"], ["v", "pushed"]])
+def test_a_run_does_not_depend_on_what_runs_beside_it(tmp_path: Path, outputs: list[str]) -> None:
+    """Events, a stop, a clamp, drives of their own, corrections and one failure: the same bits as
+    alone.
+    """
+    (tmp_path / "Toy.mo").write_text(SLED, encoding="utf-8")
+    compiled = cut(tmp_path / "Toy.mo", "Toy.Sled", outputs)
+    sled = Subsystem(build_part(compiled, tmp_path, f"sled {outputs[0]}"))
+    rng, n = np.random.default_rng(4), 1500
+    time = PERIOD * np.arange(n)
+    clamp = ((time > 0.9) & (time < 1.1)).astype(float)
+    drives = []
+    for k in range(3):
+        push = (1 + 0.1 * k) * np.sin(9 * time) + 0.6 + 0.01 * rng.standard_normal(n)
+        seen = np.where(rng.random((n, 1)) < 0.5, rng.normal(0, 2e-3, (n, 1)), np.nan)
+        drives.append(Drive({"u": push, "clamp": clamp}, Correction(("v",), seen, (0.05,))))
+    values = np.column_stack([rng.uniform(0.5, 2, 13), rng.uniform(0.2, 0.8, 13)])
+    values[5, 0], which = 0.0, [k % 3 for k in range(13)]
+    found = sled.run(["m", "F"], values, drives, outputs, PERIOD, which)
+    alone = [
+        sled.run(["m", "F"], values[k : k + 1], drives[which[k]], outputs, PERIOD)[0]
+        for k in range(13)
+    ]
+    np.testing.assert_array_equal(found, np.stack(alone))
+    assert np.isnan(found[5, -1]).all()
+    assert np.isfinite(np.delete(found, 5, axis=0)).all()
+    assert np.ptp(found[:, :, 0][0]) > 0.01
 
 
 def test_the_whole_gantry_equals_the_fmu_s_co_simulation() -> None:
@@ -116,7 +173,9 @@ def test_the_whole_gantry_equals_the_fmu_s_co_simulation() -> None:
     inputs = dict.fromkeys((*CLAMPS, *MANUAL, *PROFILE), np.zeros(n))
     inputs |= {"clamp_x": np.ones(n), "u_x": commands[:, 0], "u_z": commands[:, 1]}
     given = plant_parameters(setup)
-    found = gantry.run(list(given), np.array([list(given.values())]), inputs, MEASURED, PERIOD)[0]
+    found = gantry.run(
+        list(given), np.array([list(given.values())]), Drive(inputs), MEASURED, PERIOD
+    )[0]
     assert np.abs(expected[:, MEASURED.index("f_z")]).max() > 5.0  # N, it touches
     scale = np.abs(expected).max(axis=0) + 1e-9
     np.testing.assert_allclose(found / scale, expected / scale, atol=1e-6)
@@ -140,7 +199,7 @@ def test_the_key_follows_the_model_and_the_cut(tmp_path: Path) -> None:
 def test_names_that_the_part_lacks_are_one_clear_line(cart: Subsystem) -> None:
     n = np.zeros(5)
     with pytest.raises(InputError, match="mass: is no variable of this part"):
-        cart.run(["mass"], np.ones((1, 1)), {"u": n}, ["v"], PERIOD)
+        cart.run(["mass"], np.ones((1, 1)), Drive({"u": n}), ["v"], PERIOD)
     wrong = Correction(("K",), np.zeros((5, 1)), (0.5,))
     with pytest.raises(InputError, match="cannot correct K"):
-        cart.run(["m"], np.ones((1, 1)), {"u": n}, ["v"], PERIOD, wrong)
+        cart.run(["m"], np.ones((1, 1)), Drive({"u": n}, wrong), ["v"], PERIOD)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modelica_fmu.batch import Subsystem, build_part
+from modelica_fmu.batch import Drive, Subsystem, build_part
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.cut import cut, structure
 from modelica_fmu.errors import InputError
@@ -173,8 +173,8 @@ def test_a_part_with_numbers_computes_what_the_whole_does(
     u = {"u": np.sin(2 * time * (1 + time))}
     parts = [cut(sled, "Toy.Sled", ["v"]), cut(sled, "Toy.Sled", ["v"], fixed=fixed)]
     runs = [Subsystem(build_part(p, tmp_path, str(i))) for i, p in enumerate(parts)]
-    whole = runs[0].run(list(fixed), np.array([list(fixed.values())]), u, ["v"], 1e-3)
-    own = runs[1].run([], np.zeros((1, 0)), u, ["v"], 1e-3)
+    whole = runs[0].run(list(fixed), np.array([list(fixed.values())]), Drive(u), ["v"], 1e-3)
+    own = runs[1].run([], np.zeros((1, 0)), Drive(u), ["v"], 1e-3)
     assert np.ptp(whole) > 0.1
     assert np.abs(own - whole).max() < 1e-12
 

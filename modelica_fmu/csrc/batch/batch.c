@@ -1,4 +1,5 @@
-/* Many runs of a model over one record, in one call: parameters differ from run to run, inputs and corrections are shared.
+/* Many runs of a model over one record, in one call. Parameters differ from run to run; runs may share what drives them: inputs and
+ * measured states.
  *
  * Row k holds the values at k * period. Between rows the inputs are held, each for one of n_parts equal parts of the row. Outputs are
  * read at the rows; then a state may be drawn towards a measured value by a fixed share (an observer): outputs are predictions. Calls
@@ -18,28 +19,33 @@
 #define STEPS_AT_FIRST 2000
 #define STEPS_PER_ROW 100
 
+#define SIDE_BY_SIDE 2 /* runs from which on lanes are worth it */
+
 typedef struct {
-    size_t n_runs, n_parameters, n_rows, n_parts, n_inputs, n_corrected, n_outputs;
+    size_t n_runs, n_parameters, n_rows, n_parts, n_inputs, n_corrected, n_outputs, n_drives;
     double period;             /* s */
     const unsigned *parameters; /* value references */
     const double *values;      /* [n_runs][n_parameters] */
+    const unsigned *drive;     /* [n_runs], what drives each run */
     const unsigned *inputs;
-    const double *at;          /* [n_rows][n_inputs], at the rows */
-    const double *over;        /* [n_rows][n_parts][n_inputs], over the parts of the period behind each row */
+    const double *const *at;   /* [n_drives] of [n_rows][n_inputs], at the rows */
+    const double *const *over; /* [n_drives] of [n_rows][n_parts][n_inputs], over the parts of the period behind each row */
     const unsigned *corrected; /* states */
-    const double *measured;    /* [n_rows][n_corrected]; NaN: no correction */
+    const double *const *measured; /* [n_drives] of [n_rows][n_corrected]; NaN: no correction */
     const double *gains;       /* [n_corrected], share of the difference that is taken away per period */
     const unsigned *outputs;
     double *result;            /* [n_runs][n_rows][n_outputs]; NaN behind a failure */
 } Batch;
 
-/* What one call finds out once: where things lie in an instance, and how far the inputs are sound. */
+/* What one call finds out once of each drive: where things lie in an instance, and how far the inputs are sound. */
 typedef struct {
+    const double *at, *over, *measured;
     int place[AT_LEAST_1(N_INPUTS)];    /* of each input among the model's */
     size_t state[AT_LEAST_1(N_STATES)]; /* of each corrected state among the model's */
     size_t rows;                        /* rows until an input is out of its bounds */
     int same;                           /* inputs at the rows are those behind them */
     int plain;                          /* every output is a state, which inputs alone do not change */
+    int laned;                          /* every output is a state or among the model's own outputs */
 } Plan;
 
 static int set_all(Instance *s, size_t n, const unsigned *references, const double *values) {
@@ -56,9 +62,9 @@ static int sound(const Batch *b, const double *row) {
     return 1;
 }
 
-static int sound_row(const Batch *b, size_t k) {
-    int good = sound(b, b->at + k * b->n_inputs);
-    for (size_t j = 0; good && j < b->n_parts; j++) good = sound(b, b->over + (k * b->n_parts + j) * b->n_inputs);
+static int sound_row(const Batch *b, const Plan *plan, size_t k) {
+    int good = sound(b, plan->at + k * b->n_inputs);
+    for (size_t j = 0; good && j < b->n_parts; j++) good = sound(b, plan->over + (k * b->n_parts + j) * b->n_inputs);
     return good;
 }
 
@@ -72,10 +78,16 @@ static void put_inputs(Instance *s, const Batch *b, const Plan *plan, const doub
     invalidate(s);
 }
 
-static int switched(const Batch *b, size_t k) {
-    const double *now = b->at + k * b->n_inputs, *before = now - b->n_inputs;
-    for (size_t i = 0; i < b->n_inputs; i++)
-        if (now[i] != before[i] && model_variables[b->inputs[i]].type != VT_REAL) return 1;
+/* Whether an input that is no number changes behind the row before or up to the next. */
+static int switched(const Batch *b, const Plan *plan, size_t k) {
+    const double *now = plan->at + k * b->n_inputs, *before = now - b->n_inputs;
+    const size_t first = (k - 1) * b->n_parts;
+    for (size_t i = 0; i < b->n_inputs; i++) {
+        if (model_variables[b->inputs[i]].type == VT_REAL) continue;
+        if (now[i] != before[i]) return 1;
+        for (size_t j = first; j < first + 2 * b->n_parts; j++)
+            if (plan->over[j * b->n_inputs + i] != now[i]) return 1;
+    }
     return 0;
 }
 
@@ -88,19 +100,25 @@ static int read_all(Instance *s, const Batch *b, double *row) {
 /* Draws the corrected states of row k towards their measured values. */
 static void correct(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     for (size_t i = 0; i < b->n_corrected; i++) {
-        double to = b->measured[k * b->n_corrected + i], *x = &s->c.q.x[plan->state[i]];
+        double to = plan->measured[k * b->n_corrected + i], *x = &s->c.q.x[plan->state[i]];
         if (isfinite(to)) *x += b->gains[i] * (to - *x);
     }
     invalidate(s);
 }
 
+/* Whether no input changes between row k and the next. */
+static int steady(const Batch *b, const Plan *plan, size_t k) {
+    const double *row = plan->over + k * b->n_parts * b->n_inputs;
+    for (size_t j = 1; j < b->n_parts; j++)
+        if (memcmp(row, row + j * b->n_inputs, b->n_inputs * sizeof *row) != 0) return 0;
+    return 1;
+}
+
 /* From row k to the next; at once, where no input changes on the way. */
 static int pass(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     const double time = (double)k * b->period, part = b->period / (double)b->n_parts;
-    const double *row = b->over + k * b->n_parts * b->n_inputs;
-    int steady = 1;
-    for (size_t j = 1; j < b->n_parts; j++) steady &= memcmp(row, row + j * b->n_inputs, b->n_inputs * sizeof *row) == 0;
-    if (steady) return core_step(s, time, b->period) <= CORE_WARNING;
+    const double *row = plan->over + k * b->n_parts * b->n_inputs;
+    if (steady(b, plan, k)) return core_step(s, time, b->period) <= CORE_WARNING;
     for (size_t j = 0; j < b->n_parts; j++) {
         if (j > 0) put_inputs(s, b, plan, row + j * b->n_inputs);
         if (core_step(s, time + (double)j * part, part) > CORE_WARNING) return 0;
@@ -108,57 +126,116 @@ static int pass(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     return 1;
 }
 
+static int begin_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
+    if (!set_all(s, b->n_parameters, b->parameters, b->values + run * b->n_parameters) || plan->rows == 0) return 0;
+    put_inputs(s, b, plan, plan->at);
+    return core_initialise(s, 0.0) <= CORE_WARNING;
+}
+
+/* What row k says, then the way to the next one. */
+static int one_row(Instance *s, const Batch *b, const Plan *plan, size_t k, double *result) {
+    const double time = (double)k * b->period;
+    const int settle = k == 0 || !plan->plain || switched(b, plan, k); /* else no output feels the new inputs at once */
+    if (settle) {
+        if (k > 0 || !plan->same) put_inputs(s, b, plan, plan->at + k * b->n_inputs);
+        if (core_step(s, time, 0.0) > CORE_WARNING) return 0; /* events that the new inputs bring */
+    }
+    if (!read_all(s, b, result + k * b->n_outputs)) return 0;
+    if (N_STATES == 0 || k + 1 == b->n_rows) return 1;
+    if (!plan->same || !settle) put_inputs(s, b, plan, plan->over + k * b->n_parts * b->n_inputs);
+    correct(s, b, plan, k);
+    return pass(s, b, plan, k) && core_taken(s) < STEPS_AT_FIRST + STEPS_PER_ROW * (k + 1);
+}
+
+/* No more results from row k on. */
+static void end_run(const Batch *b, size_t k, double *result) {
+    for (size_t i = k * b->n_outputs; i < b->n_rows * b->n_outputs; i++) result[i] = NAN;
+}
+
 static int one_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
     double *result = b->result + run * b->n_rows * b->n_outputs;
     size_t k = 0;
-    int good = set_all(s, b->n_parameters, b->parameters, b->values + run * b->n_parameters);
-    if (good && plan->rows > 0) put_inputs(s, b, plan, b->at);
-    good = good && plan->rows > 0 && core_initialise(s, 0.0) <= CORE_WARNING;
-    for (; good && k < plan->rows; k++) {
-        const double time = (double)k * b->period;
-        const int settle = k == 0 || !plan->plain || switched(b, k); /* else no output feels the new inputs at once */
-        if (settle) {
-            if (k > 0 || !plan->same) put_inputs(s, b, plan, b->at + k * b->n_inputs);
-            good = core_step(s, time, 0.0) <= CORE_WARNING; /* events that the new inputs bring */
-        }
-        if (!good || !read_all(s, b, result + k * b->n_outputs)) break;
-        if (N_STATES == 0 || k + 1 == b->n_rows) continue;
-        if (!plan->same || !settle) put_inputs(s, b, plan, b->over + k * b->n_parts * b->n_inputs);
-        correct(s, b, plan, k);
-        good = pass(s, b, plan, k) && core_taken(s) < STEPS_AT_FIRST + STEPS_PER_ROW * (k + 1);
-    }
-    for (size_t i = k * b->n_outputs; i < b->n_rows * b->n_outputs; i++) result[i] = NAN;
+    int good = begin_run(s, b, plan, run);
+    for (; good && k < plan->rows; k += good) good = one_row(s, b, plan, k, result);
+    end_run(b, k, result);
     return k == b->n_rows;
 }
 
+#include "lanes.h"
+
 /* Whether what is to be corrected are states. */
-static int planned(const Batch *b, Plan *plan) {
+static int planned(const Batch *b, size_t drive, Plan *plan) {
+    plan->at = b->at[drive], plan->over = b->over[drive], plan->measured = b->measured[drive];
     for (size_t i = 0; i < b->n_corrected; i++) {
         size_t j = 0;
         while (j < model_n_states && model_state_references[j] != b->corrected[i]) j++;
         if (j == model_n_states || b->n_corrected > model_n_states) return 0;
         plan->state[i] = j;
     }
-    plan->same = b->at == b->over;
+    plan->same = plan->at == plan->over;
     plan->plain = 1;
-    for (size_t i = 0; i < b->n_outputs; i++) plan->plain &= model_variables[b->outputs[i]].kind == VK_STATE;
+    plan->laned = 1;
+    for (size_t i = 0; i < b->n_outputs; i++) {
+        const ModelVariable *v = &model_variables[b->outputs[i]];
+        plan->plain &= v->kind == VK_STATE;
+        plan->laned &= v->kind == VK_STATE || (v->kind == VK_ALGEBRAIC && v->index < N_OUTPUTS);
+    }
     for (size_t i = 0; i < b->n_inputs; i++) plan->place[i] = model_variables[b->inputs[i]].index;
     plan->rows = 0;
-    while (plan->rows < b->n_rows && sound_row(b, plan->rows)) plan->rows++;
+    while (plan->rows < b->n_rows && sound_row(b, plan, plan->rows)) plan->rows++;
     return 1;
+}
+
+/* Runs from `first` on side by side. Returns how many failed; -1: out of memory. */
+static int group(const Batch *b, const Plan *plans, size_t first, int n) {
+#if LANED
+    Lanes *w = calloc(1, sizeof *w);
+    int failed = -1, l = 0;
+    if (!w) return -1;
+    w->q.path = 1;
+    w->q.n = n;
+    for (; l < n && (w->run[l] = core_new(NULL, NULL)) != NULL; l++) {
+        w->plan[l] = plans + b->drive[first + (size_t)l];
+        w->result[l] = b->result + (first + (size_t)l) * b->n_rows * b->n_outputs;
+        w->failed[l] = !begin_run(w->run[l], b, w->plan[l], first + (size_t)l);
+        if (w->failed[l]) end_run(b, 0, w->result[l]);
+    }
+    if (l == n) failed = lanes_run(w, b);
+    while (l-- > 0) core_free(w->run[l]);
+    free(w);
+    return failed;
+#else
+    (void)b, (void)plans, (void)first, (void)n;
+    return -1;
+#endif
+}
+
+static int all_runs(const Batch *b, const Plan *plans) {
+    int failed = 0, n;
+    Instance *s = core_new(NULL, NULL);
+    if (!s) return -1;
+    for (size_t run = 0; run < b->n_runs && failed >= 0; run += (size_t)n) {
+        int found;
+        n = b->n_runs - run > LANES ? LANES : (int)(b->n_runs - run);
+        if (LANED && plans->laned && n >= SIDE_BY_SIDE) {
+            found = group(b, plans, run, n);
+        } else {
+            n = 1;
+            core_reset(s);
+            found = !one_run(s, b, plans + b->drive[run], run);
+        }
+        failed = found < 0 ? -1 : failed + found;
+    }
+    core_free(s);
+    return failed;
 }
 
 /* Returns how many runs failed; -1: out of memory or a corrected variable that is no state. */
 EXPORTED int batch_run(const Batch *b) {
-    Plan plan;
-    int failed = 0;
-    if (!planned(b, &plan)) return -1;
-    Instance *s = core_new(NULL, NULL);
-    if (!s) return -1;
-    for (size_t run = 0; run < b->n_runs; run++) {
-        core_reset(s);
-        failed += !one_run(s, b, &plan, run);
-    }
-    core_free(s);
+    Plan *plans = malloc(b->n_drives * sizeof *plans);
+    int good = plans != NULL;
+    for (size_t i = 0; good && i < b->n_drives; i++) good = planned(b, i, plans + i);
+    const int failed = good ? all_runs(b, plans) : -1;
+    free(plans);
     return failed;
 }

@@ -23,7 +23,7 @@ def test_standstill_is_smoothed_most() -> None:
     """A ramp between two stands, with noise: the stands lose most of it, the corners stay."""
     rng = np.random.default_rng(2)
     true = np.interp(np.arange(1000), [0, 450, 500, 1000], [0.0, 0.0, 30.0, 30.0])
-    found = widest(true + rng.standard_normal(1000), 1.0)
+    found = widest(true + rng.standard_normal(1000), 1.0).values
     stand = np.r_[100:400, 600:900]
     assert np.std(found[stand] - true[stand]) < 0.25
     assert np.abs(found - true)[430:520].max() < 3.0
@@ -31,4 +31,12 @@ def test_standstill_is_smoothed_most() -> None:
 
 def test_a_line_stays_a_line() -> None:
     line = np.linspace(-3, 5, 200)
-    np.testing.assert_allclose(widest(line, 1e-3), line, atol=1e-12)
+    np.testing.assert_allclose(widest(line, 1e-3).values, line, atol=1e-12)
+
+
+def test_what_stands_still_is_at_rest_whatever_the_bias() -> None:
+    rng = np.random.default_rng(3)
+    true = np.interp(np.arange(1000), [0, 450, 500, 1000], [0.0, 0.0, 30.0, 30.0])
+    found = widest(1.02 * true + 7.0 + 0.1 * rng.standard_normal(1000), 0.1).less(1.02, 7.0, 0.0)
+    assert not found[100:400].any()
+    assert np.std(found[600:900] - 30.0) < 0.02

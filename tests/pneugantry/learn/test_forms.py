@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from modelica_fmu.batch import Subsystem
+from modelica_fmu.batch import Drive, Subsystem
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.views import part_of
 from pneugantry.learn.curve import Knots, knots_over
@@ -99,7 +99,7 @@ def simulated(laws: list[tuple[FormLaw, tuple[float, ...]]], folder: Path) -> np
         additions[e] = term.addition(neutral=False)
     plant = Plant("m", path, "M", ("u",), (), {}, (), {})
     part = part_of(replace(plant, model=written(plant, additions, folder)), names, (), folder)
-    return Subsystem(part).run([], np.zeros((1, 0)), {"u": INPUT}, names, 0.01)[0]
+    return Subsystem(part).run([], np.zeros((1, 0)), Drive({"u": INPUT}), names, 0.01)[0]
 
 
 def test_knots_lie_where_the_data_do() -> None:

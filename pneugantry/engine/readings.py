@@ -1,0 +1,116 @@
+"""What a view reads of the other signals: their readings, less noise and less the errors that their
+sensors may have.
+
+All filters are linear and leave a constant as it is. Where a sensor's errors are a scale and a bias
+its readings are filtered once for all values of them; what changes in time is filtered anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.sensors import affine, signal_of, slope, true_signal
+from pneugantry.engine.smooth import Widest, savgol, widest
+from pyfmi_runner.smoothing import smooth_axis
+
+__all__ = ["Readings"]
+
+SMOOTH = 3  # rows over which an input of a part with states is smoothed
+KEPT = 64  # signals of records that are kept, each as filtered and less its errors
+Errors = Mapping[str, float]
+
+
+@dataclass(eq=False)
+class Readings:
+    """Of one view; threads may share it."""
+
+    sigmas: Mapping[str, float]  # quoted, by signal
+    pairs: Mapping[str, str]  # position -> its speed
+    corrected: frozenset[str]  # signals of states that an observer draws: it averages by itself
+    averaging: bool  # the view has states, which average by themselves
+    _filtered: dict[tuple[str, str], tuple[Array, ...] | Widest] = field(default_factory=dict)
+    _made: dict[tuple[object, ...], Array] = field(default_factory=dict)
+
+    def value(self, signal: str, record: Record, errors: Errors) -> Array:
+        """(N,)"""
+        return self._once("value", signal, record, errors)
+
+    def rate(self, signal: str, record: Record, errors: Errors) -> Array:
+        """(N,), per s."""
+        return self._once("rate", signal, record, errors)
+
+    def _once(self, what: str, signal: str, record: Record, errors: Errors) -> Array:
+        """Made once for all sets of errors that agree in the signal's own and those of the speed
+        that it is smoothed with.
+        """
+        own = (signal, self.pairs.get(signal))
+        mine = {k: v for k, v in errors.items() if signal_of(k) in own}
+        key = (what, signal, record.name, tuple(mine.items()))
+        found = self._made.get(key)  # another thread may clear the rest meanwhile
+        if found is None:
+            if what == "rate":
+                found = slope(true_signal(signal, record, mine), record.period)
+            else:
+                found = self._value(signal, record, mine)
+            if len(self._made) > KEPT:
+                self._made.clear()
+            self._made[key] = found
+        return found
+
+    def _speed(self, signal: str, record: Record) -> str | None:
+        speed = self.pairs.get(signal)
+        return speed if speed is not None and speed in record.signals else None
+
+    def _value(self, signal: str, record: Record, errors: Errors) -> Array:
+        speed = self._speed(signal, record)
+        own, other = affine(signal, errors), affine(speed or signal, errors)
+        if own is None or other is None:
+            values = true_signal(signal, record, errors)
+            rate = None if speed is None else true_signal(speed, record, errors)
+            return self._less(self._filter(signal, speed, values, rate, record.period), signal)
+        filtered = self._filtered.get((signal, record.name))
+        if filtered is None:
+            rate = None if speed is None else record.signals[speed]
+            filtered = self._filter(signal, speed, record.signals[signal], rate, record.period)
+            if len(self._filtered) > KEPT:
+                self._filtered.clear()
+            self._filtered[signal, record.name] = filtered
+        return self._less(filtered, signal, own, other)
+
+    def _filter(
+        self, signal: str, speed: str | None, values: Array, rate: Array | None, period: float
+    ) -> tuple[Array, ...] | Widest:
+        """A signal's part in its smoothed value; then, where a speed is smoothed with it, the
+        speed's, and that of a speed of 1.
+        """
+        if speed is not None and rate is not None:
+            sigmas, nought = (self.sigmas[signal], self.sigmas[speed]), np.zeros(len(values))
+            return tuple(
+                smooth_axis(s, v, *sigmas, period).position
+                for s, v in ((values, nought), (nought, rate), (nought, nought + 1))
+            )
+        if signal in self.corrected:
+            return (values,)
+        if self.averaging:  # a bias that a wider window makes would add up in it
+            return (savgol(values, SMOOTH, 1),)
+        return widest(values, self.sigmas[signal])
+
+    def _less(
+        self,
+        filtered: tuple[Array, ...] | Widest,
+        signal: str,
+        own: tuple[float, float] = (1.0, 0.0),
+        speed: tuple[float, float] = (1.0, 0.0),
+    ) -> Array:
+        """A filtered signal less scale and bias."""
+        scale, bias = own
+        if isinstance(filtered, Widest):  # what does not move stands still
+            return filtered.less(scale, bias, 0.0 if signal in self.pairs.values() else None)
+        result = (filtered[0] - bias) / scale
+        if len(filtered) > 1:
+            result = result + (filtered[1] - speed[1] * filtered[2]) / speed[0]
+        return np.asarray(result)
