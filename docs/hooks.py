@@ -76,6 +76,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "modules": file_map,
     "printed": printed,
     "bad_input": recorded.bad_input,
+    "bam_planted": recorded.bam_planted,
     "blind_nuisance": recorded.blind_nuisance,
     "blind_sets": recorded.blind_sets,
     "clean_install": recorded.clean_install,

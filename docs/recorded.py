@@ -15,6 +15,7 @@ SETS = ("nofa", "contour", "three", "wide", "random")  # of `pneugantry blind`
 
 __all__ = [
     "bad_input",
+    "bam_planted",
     "blind_nuisance",
     "blind_sets",
     "clean_install",
@@ -160,6 +161,14 @@ def blind_sets() -> str:
     wrong = "\n".join(f"- {n}: {t}" for n, (_, r) in sets.items() for t in r["confusions"])
     said = "\n".join(f"- {text}" for text, _ in sets.values())
     return f"{said}\n\n{_table(('measure', *sets), rows)}\n\nWrong:\n\n{wrong}"
+
+
+def bam_planted() -> str:
+    """Errors planted into the description of a measured servo."""
+    from examples.bam.planted import printed  # it is beside the documents, not installed
+
+    said, found = _read("bam_planted")
+    return f"{said} {printed(found)}"
 
 
 def diagnosis_time() -> str:
