@@ -79,7 +79,7 @@ class Simulation:
         )
 
     def run(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> Residuals:
-        """Residuals (values, rows, signals) of each cell."""
+        """Residuals (values, rows, signals) of each cell that has a job."""
 
         def one(part: tuple[Cell, Sequence[Mapping[str, float]]]) -> Array:
             cell, own = part
@@ -88,10 +88,11 @@ class Simulation:
         for (_, name), own in jobs.items():
             record = self.records[name]
             self.seconds += len(own) * record.rows * record.period
-        shares = {c: SHARE * -(-len(own) // (SHARES * SHARE)) for c, own in jobs.items()}
+        shares = {c: SHARE * -(-len(own) // (SHARES * SHARE)) for c, own in jobs.items() if own}
         parts = [
             (cell, own[at : at + shares[cell]])
             for cell, own in jobs.items()
+            if own
             for at in range(0, len(own), shares[cell])
         ]
         order = sorted(
