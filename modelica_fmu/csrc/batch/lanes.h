@@ -13,7 +13,7 @@
 #define LANED (N_DELAYS + N_SAMPLES + N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS + N_ASSERTIONS == 0)
 
 #if LANED
-#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
 #define WIDE __attribute__((target_clones("avx2", "default")))
 #define INLINE static inline __attribute__((always_inline)) /* for the processor of what calls it */
 #else
