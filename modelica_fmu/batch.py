@@ -37,10 +37,7 @@ __all__ = [
 # read, and a part that chatters would cost as much as a hundred that do not.
 EVENTS = 8
 LANED = ("rates", "outputs", "conditions")  # functions of a model that lanes call
-LANES = (
-    "-fno-math-errno",
-    "-fno-trapping-math",
-)  # let loops become vectors; no bit changes by them
+VECTOR_FLAGS = ("-fno-math-errno", "-fno-trapping-math")  # no bit changes by them
 
 Array = NDArray[np.float64]
 CSRC = Path(__file__).parent / "csrc"
@@ -245,7 +242,7 @@ def _compile(compiled: CompiledModel, folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
     names = [n for n in sources if n.endswith(".c") and n != "core.c"]  # batch.c holds it
     output = f"part{target.extension}"
-    compile_library(find_compiler(target), target, folder, names, output, LANES)
+    compile_library(find_compiler(target), target, folder, names, output, VECTOR_FLAGS)
     for name in sources:
         (folder / name).unlink()
     keys = ("name", "kind", "type", "start", "unit", "min", "max")

@@ -1,8 +1,9 @@
 """What a view reads of the other signals: their readings, less noise and less the errors that their
 sensors may have.
 
-All filters are linear and leave a constant as it is. Where a sensor's errors are a scale and a bias
-its readings are filtered once for all values of them; what changes in time is filtered anew.
+Once its windows are chosen a filter is linear and leaves a constant as it is. So where a sensor's
+errors are a scale and a bias, its readings are filtered once for all values of them; with an error
+that changes in time they are filtered anew.
 """
 
 from __future__ import annotations
