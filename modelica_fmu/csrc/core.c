@@ -132,17 +132,21 @@ static void history_trim(History *h, double before) {
     memmove(h->time, h->time + keep, (h->n - keep) * sizeof *h->time);
     memmove(h->value, h->value + keep, (h->n - keep) * sizeof *h->value);
     h->n -= keep;
-    h->at = 0;
+    h->at = h->at > keep ? h->at - keep : 0;
+}
+
+static int history_reached(const History *h, size_t k, double time, int right) {
+    const double slack = 1e-12;
+    return right ? h->time[k] <= time + slack : h->time[k] < time - slack;
 }
 
 /* Value at `time`; at a jump the later value if `right`, else the earlier one. */
 static double history_value(History *h, double time, int right) {
-    const double slack = 1e-12;
     if (h->n == 0) return 0;
-    if (right ? time + slack < h->time[0] : time <= h->time[0] + slack) return h->value[0];
-    size_t k = h->at < h->n ? h->at : 0;
-    if (h->time[k] > time) k = 0;
-    while (k + 1 < h->n && (right ? h->time[k + 1] <= time + slack : h->time[k + 1] < time - slack)) k++;
+    if (!history_reached(h, 0, time, right)) return h->value[0];
+    size_t k = h->at < h->n ? h->at : h->n - 1;
+    while (k > 0 && !history_reached(h, k, time, right)) k--;
+    while (k + 1 < h->n && history_reached(h, k + 1, time, right)) k++;
     h->at = k;
     if (k + 1 == h->n) return h->value[k];
     double width = h->time[k + 1] - h->time[k];
@@ -693,7 +697,8 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
         *event = jumps;
     } else {
         double grow = trial.error > 1e-6 ? 0.9 / sqrt(sqrt(trial.error)) : 5;
-        c->step = fmax(MIN_STEP * c->width, h * fmin(5, fmax(0.5, grow)));
+        const double next = h * fmin(5, fmax(0.5, grow));
+        if (!last || grow < 1 || next > c->step) c->step = fmax(MIN_STEP * c->width, next); /* else it was its end that made it short */
         watch_stiffness(s, h, &trial);
     }
     s->taken++;

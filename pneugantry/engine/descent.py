@@ -244,7 +244,7 @@ def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:
             noise.flat([r[:, c] for r in of_view(residuals, name)], sigma)
             for c, sigma in enumerate(simulation.views[name].sigmas)
         )
-        for name in {c[0] for c in residuals}
+        for name in dict.fromkeys(c[0] for c in residuals)
     }
     return {cell: of_views[cell[0]] for cell in residuals}
 

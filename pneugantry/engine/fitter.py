@@ -208,9 +208,11 @@ class Fitter:
         hypothesis: Hypothesis,
         base: Fit,
         starts: Sequence[Mapping[str, float]] = (),
+        ahead: Fit | None = None,
     ) -> Fit:
         """A hypothesis near `base`: views that its effects do not touch are their parabolas there.
-        starts: values of effect parameters to start from, too.
+        starts: values of effect parameters to start from, too. ahead: the best of its rivals so
+        far, behind which less is tried.
         """
         own = self._first(hypothesis, base, {})
         self.prepare([hypothesis])
@@ -230,9 +232,12 @@ class Fitter:
             residuals, made = self.simulation.linearised(point, cells, wanted)
             firsts.append(Solution(point, residuals, {**columns, **made}))
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
-        solution = self._by_view(
-            firsts, known, cells, Solution(own, base.residuals, {}), FRESH if another else 1
-        )
+        rivals = [
+            Solution(own.moved(_told(f.point, own.coordinates)), f.residuals, {})
+            for f in (base, ahead)
+            if f is not None
+        ]
+        solution = self._by_view(firsts, known, cells, rivals, FRESH if another else 1)
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
         before, after = (self._beside(s, base, known, cells) for s in (best, solution))
         if after > before:  # where the views lead apart is worse than where one of them stood
@@ -290,32 +295,36 @@ class Fitter:
         starts: Sequence[Solution],
         known: Parabola,
         cells: Sequence[Cell],
-        rival: Solution | None = None,
+        rivals: Sequence[Solution] = (),
         share: int = 1,
     ) -> Solution:
         """Each view by itself, by steps that look over events, then the least of the sum of their
-        parabolas. rival: a solution that is known; a descent far behind it is given up. share: of
-        surveys, how much larger they are.
+        parabolas. rivals: solutions that are known; a descent far behind the first is given up,
+        what ends hopelessly behind any is not surveyed. share: of surveys, how much larger they
+        are.
         """
         start, total = starts[0], known
         columns = dict(start.columns)
-        ends: list[tuple[Problem, Solution, float]] = []
+        ends: list[tuple[Problem, Solution, float, bool]] = []
         for view in dict.fromkeys(c[0] for c in cells):
-            own = {c for c in cells if c[0] == view}
+            own = [c for c in cells if c[0] == view]
             if not any(k[0] in own for k in columns):
                 continue
             problem = self._problem(own, known, fine=False)
-            bar = math.inf if rival is None else standing(problem, _only(rival, view))
+            bars = [standing(problem, _only(rival, view)) for rival in rivals]
+            bar = bars[0] if bars else math.inf
             solution, least = _only(start, view), math.inf
             for other in starts:
                 other = self._raced(problem, _only(other, view), min(bar, least))
                 if (cost := standing(problem, other)) < least:
                     solution, least = other, cost
-            ends.append((problem, solution, min(bar, least)))
-        if rival is None:
-            self._level = self._loudness([s.residuals for _, s, _ in ends])
-        for problem, solution, bar in ends:
-            solution = self._surveyed(problem, starts, solution, bar, share)
+            contends = share > 1 or least - min(bars, default=math.inf) < self.rules.hopeless
+            ends.append((problem, solution, min(bar, least), contends))
+        if not rivals:
+            self._level = self._loudness([s.residuals for _, s, _, _ in ends])
+        for problem, solution, bar, contends in ends:
+            if contends:
+                solution = self._surveyed(problem, starts, solution, bar, share)
             total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
             columns |= solution.columns
         before, least_of_all = start.point.theta, total.least()
@@ -357,12 +366,14 @@ class Fitter:
         share: int = 1,
     ) -> Solution:
         """The least of a view's descents: found, and those from the best of many points, where it
-        stands above the noise: stick-slip has many optima.
+        stands above the noise: stick-slip has many optima. Points are tried in parts: once a
+        descent from afar comes to the same end, there is but one.
         """
         best, least = found, standing(problem, found)
         if not self.rules.followed or self._quiet(problem, found):
             return best
-        for start in self._scattered(problem, starts, share)[: share * self.rules.followed]:
+        for points in self._scattered(problem, starts, share):
+            start = self._foremost(problem, points, starts[0])
             columns = self.simulation.columns(
                 start.point, start.residuals, problem.cells, set(problem.prior.names), fine=False
             )
@@ -372,15 +383,14 @@ class Fitter:
             if cost < least:
                 best, least = other, cost
             if abs(cost - before) < ROUGH:
-                break  # from afar to the same end: there is but one
+                break
         return best
 
     def _scattered(
         self, problem: Problem, starts: Sequence[Solution], share: int
-    ) -> list[Solution]:
-        """Points drawn over a view's tolerance, and over effects about where they start, the best
-        first; without columns. The record that the first start meets worst tells which points are
-        simulated over the others.
+    ) -> list[list[Point]]:
+        """Points drawn over a view's tolerance, and over effects about where they start, in as many
+        parts as are to be followed.
         """
         count, draw = share * self.rules.survey, np.random.default_rng(0)
         among = [(i, c) for i, c in enumerate(starts[0].point.coordinates) if self._in(c, problem)]
@@ -390,9 +400,16 @@ class Fitter:
         theta[:, tolerance] = size * draw.standard_normal((count, len(tolerance)))
         theta[:, effects] += draw.standard_normal((count, len(effects)))
         points = [inside(starts[0].point.moved(t)) for t in theta]
-        telling = max(problem.cells, key=lambda c: float(np.nansum(starts[0].residuals[c] ** 2)))
-        few = self._ranked(problem, points, [telling])[: count // WINNOWED]
-        return self._ranked(problem, [s.point for s in few], problem.cells)
+        parts = np.array_split(np.arange(count), share * self.rules.followed)
+        return [[points[i] for i in part] for part in parts]
+
+    def _foremost(self, problem: Problem, points: Sequence[Point], first: Solution) -> Solution:
+        """The best of some points, without columns. The record that `first` meets worst tells which
+        of them are simulated over the others.
+        """
+        telling = max(problem.cells, key=lambda c: float(np.nansum(first.residuals[c] ** 2)))
+        few = self._ranked(problem, points, [telling])[: max(len(points) // WINNOWED, 1)]
+        return self._ranked(problem, [s.point for s in few], problem.cells)[0]
 
     def _ranked(
         self, problem: Problem, points: Sequence[Point], cells: Sequence[Cell]
@@ -520,14 +537,10 @@ class Fitter:
     def _first(self, hypothesis: Hypothesis, base: Fit, starts: Mapping[str, float]) -> Point:
         coordinates = self.coordinates(hypothesis, base.scale)
         at = base.dropped({c.name for c in coordinates})
-        known = {c.name: (c, t) for c, t in zip(base.point.coordinates, at, strict=True)}
-        theta = np.zeros(len(coordinates))
+        theta = _told(base.point.moved(at), coordinates)
         for i, c in enumerate(coordinates):
             if c.parameter in starts:
                 theta[i] = c.theta(starts[c.parameter])
-            elif c.name in known:
-                old, at = known[c.name]
-                theta[i] = at if old == c else c.theta(old.value(at))
         return Point(coordinates, theta, hypothesis.settings)
 
     # -- noise and evidence
@@ -578,7 +591,8 @@ class Fitter:
         """`base`: where the cells come from that were left as they are."""
         point, colour = solution.point, self.coloured(solution.residuals)
         parabolas = {
-            view: self._parabola(_only(solution, view), colour) for view in {c[0] for c in colour}
+            view: self._parabola(_only(solution, view), colour)
+            for view in dict.fromkeys(c[0] for c in colour)
         }
         stretches = {c: self.stretches(c, r, colour[c]) for c, r in solution.residuals.items()}
         own = prior(point.coordinates)
@@ -646,6 +660,17 @@ def deviations(point: Point) -> dict[str, float]:
     """Deviations that tolerance is to explain, in spreads of the rig's tolerance."""
     pairs = zip(point.coordinates, point.theta, strict=True)
     return {c.name: float(theta) / c.spread for c, theta in pairs if c.scales}
+
+
+def _told(point: Point, coordinates: Sequence[Coordinate]) -> Array:
+    """Theta (coordinates,) of a point in other coordinates; 0 where it has none."""
+    known = {c.name: (c, t) for c, t in zip(point.coordinates, point.theta, strict=True)}
+    theta = np.zeros(len(coordinates))
+    for i, c in enumerate(coordinates):
+        if c.name in known:
+            old, at = known[c.name]
+            theta[i] = at if old == c else c.theta(old.value(at))
+    return theta
 
 
 def _only(solution: Solution, view: str) -> Solution:

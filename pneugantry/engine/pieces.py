@@ -48,6 +48,11 @@ class Piece:
         )
 
 
+def _size(piece: Piece) -> tuple[int, list[str]]:
+    """Of one order, in whichever the pieces were made."""
+    return len(piece.parameters), sorted(piece.parameters)
+
+
 class Pieces:
     """The whole part, and what has been made of it."""
 
@@ -86,7 +91,7 @@ class Pieces:
         except InputError:  # equations that have no solution any more
             return
         with self._lock:
-            self._made = sorted((*self._made, made), key=lambda p: len(p.parameters))
+            self._made = sorted((*self._made, made), key=_size)
 
     def smallest(self, model: Values) -> Piece:
         """The one that serves a model's parameters with the fewest of its own."""

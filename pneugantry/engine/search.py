@@ -108,8 +108,14 @@ def _kept(fitter: Fitter, traces: Traces, before: Fit, after: Fit) -> Traces:
 
 def _fits(fitter: Fitter, base: Fit, screened: Sequence[Candidate], bar: float) -> list[Fit]:
     """What is predicted to gain most, with the best in their other forms."""
-    rough = [_added(fitter, base, own) for own in _chosen(fitter, screened, bar)]
+    rough: list[Fit] = []
+    for own in _chosen(fitter, screened, bar):
+        rough.append(_added(fitter, base, own, _ahead(rough)))
     return rough + _other_forms(fitter, base, rough)
+
+
+def _ahead(fits: Sequence[Fit]) -> Fit | None:
+    return min(fits, key=lambda f: f.evidence, default=None)
 
 
 def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[Fit]:
@@ -142,18 +148,18 @@ def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list
     return fit
 
 
-def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate]) -> Fit:
+def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate], ahead: Fit | None) -> Fit:
     """An effect from the base, from its candidates' starts, and from the others."""
     effect, form = own[0].effect, own[0].form
     candidates = [c.starts for c in own]
     listed = [*candidates, *(s for s in _starts(fitter, base, form) if s not in candidates)]
     starts = [s for s in listed if s][:STARTS]
-    return fitter.explore(base.hypothesis.plus(effect, form), base, starts)
+    return fitter.explore(base.hypothesis.plus(effect, form), base, starts, ahead)
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     """The best effects in their other forms."""
-    made = []
+    made: list[Fit] = []
     gains = {id(f): base.evidence - f.evidence for f in fits}
     least = max(gains.values(), default=0.0) * NEARLY
     near = sorted((f for f in fits if gains[id(f)] > max(least, 0.0)), key=lambda f: f.evidence)
@@ -164,7 +170,8 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
                 continue
             hypothesis = base.hypothesis.plus(effect, form)
             starts = [fit.values(None), *(s for s in _starts(fitter, base, form) if s)]
-            made.append(fitter.explore(hypothesis, base, starts[:STARTS]))
+            ahead = _ahead([*fits, *made])
+            made.append(fitter.explore(hypothesis, base, starts[:STARTS], ahead))
     return made
 
 

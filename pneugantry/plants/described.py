@@ -7,10 +7,12 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
+from pneugantry.engine.accuracy import accurate
 from pneugantry.engine.describe import Described, described, views_of
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.rules import Rules
@@ -56,6 +58,10 @@ def described_task(
     """What a diagnosis is made of, as read; arguments and errors as of `diagnose_described`."""
     found = described(path, cache or cache_folder() / "parts", catalogue, rules)
     views, notes = views_of(found)
+    plant = accurate(found.plant, views, found.data.fitted)
+    if plant is not found.plant:
+        found = replace(found, plant=plant)
+        views, notes = views_of(found)
     if not views:
         hint = "; ".join(notes) or "name what was measured under [outputs]"
         raise InputError("no measured signal can be judged", file=path, field="outputs", hint=hint)
