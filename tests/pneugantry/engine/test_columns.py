@@ -61,8 +61,14 @@ def test_a_level_is_the_sum_of_what_it_multiplies(moved: tuple[SubsystemView, Re
 
 
 @pytest.mark.parametrize("name", [STATIC, DYNAMIC, VISCOUS])
-def test_columns_agree_over_two_orders_of_step(
+def test_columns_agree_over_three_orders_of_step(
     moved: tuple[SubsystemView, Record], name: str
 ) -> None:
-    small, large = column(moved, name, 1e-8), column(moved, name, 1e-6)
-    assert np.linalg.norm(small - large) < 1e-5 * np.linalg.norm(small)
+    """All but one step: where an event passes from a row into the next, the solver's own error
+    (1e-7 noise levels) shows once.
+    """
+    columns = [column(moved, name, share) for share in (1e-8, 1e-7, 1e-6, 1e-5)]
+    middle = np.median(columns, axis=0)
+    off = sorted(np.linalg.norm(c - middle) / np.linalg.norm(middle) for c in columns)
+    assert off[-2] < 1e-6
+    assert off[-1] < 1e-4
