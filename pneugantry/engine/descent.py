@@ -307,20 +307,20 @@ def _step(
     free = np.diag(curved) > 0
     best: _Step | None = None
     worst: set[str] = set()  # views that spoilt the last try: the next one runs them first
-    bent: Array | None = None  # where a first try that failed leads back to the valley
+    bent: Point | None = None  # where a first try that failed leads back to the valley
     backs: list[float] = []  # falls of the tries that led there
     tries = 0
     while tries < TRIES:
         if bent is None:
             damped = normal + np.diag(damping * np.diag(normal))
-            trial = inside(point.moved(theta + _newton(damped, gradient, free)))
+            trial = _newton(point, damped, gradient, free)
             made = trial.theta - theta
             predicted = -float(made @ (2 * gradient + normal @ made))
             if predicted < WORTH * converged:
                 break
             by_view = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in parts.items()}
         else:
-            trial = inside(point.moved(bent))
+            trial = bent
         falls, tried = dict(by_view), dict(state.residuals)
         for views in (worst, set(costs) - worst):
             cells = [c for c in problem.cells if c[0] in views]
@@ -359,7 +359,7 @@ def _step(
 
 def _back(
     weighing: Weighing, at: Solution, damped: Array, free: NDArray[np.bool_], known: Parabola
-) -> Array | None:
+) -> Point | None:
     """From where a step failed back to the valley that it left, by the same columns: a valley is
     bent where some of what may grow together is fitted as its logarithm. None where a simulation
     failed.
@@ -369,14 +369,24 @@ def _back(
     theta = at.point.theta
     _, slope = weighing.normal(at.point, at.residuals, at.columns)
     slope = slope + known.square @ theta - known.pull
-    return np.asarray(theta + _newton(damped, slope, free))
+    return _newton(at.point, damped, slope, free)
 
 
-def _newton(square: Array, slope: Array, free: NDArray[np.bool_]) -> Array:
-    """The step to where a slope ends, of the coordinates that are free."""
-    step = np.zeros(len(slope))
-    step[free] = -np.linalg.solve(square[np.ix_(free, free)], slope[free])
-    return step
+def _newton(point: Point, square: Array, slope: Array, free: NDArray[np.bool_]) -> Point:
+    """Where a slope ends, of the coordinates that are free: what would pass a bound stops at it,
+    and the others go on as that tells.
+    """
+    step, free = np.zeros(len(slope)), free.copy()
+    while True:
+        pull = slope[free] + square[np.ix_(free, ~free)] @ step[~free]
+        step[free] = -np.linalg.solve(square[np.ix_(free, free)], pull)
+        wanted = point.theta + step
+        reached = inside(point.moved(wanted))
+        stopped = free & (reached.theta != wanted)
+        if not stopped.any():
+            return reached
+        step[stopped] = (reached.theta - point.theta)[stopped]
+        free &= ~stopped
 
 
 def _of(state: Solution, view: str) -> tuple[Residuals, Columns]:

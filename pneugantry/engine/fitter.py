@@ -44,6 +44,7 @@ SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
 BESIDE = 0.4  # share of these sizes beside an effect, which takes the rest
 FRESH = 2  # times as large is a survey where other equations hold: nothing is known of their optima
 WINNOWED = 8  # of a survey's points one is simulated over all records
+LEGS = 2  # descents from afar, each from the end of the one before, undamped
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 
 
@@ -157,6 +158,30 @@ class Fitter:
                     made.append(nuisance_coordinate(n, record.parameters[n.parameter], name))
         return made
 
+    def loud(self, fit: Fit) -> bool:
+        """Whether a fit leaves more than noise in a view that tolerance or its effects move."""
+        known = prior(fit.point.coordinates)
+        solution = Solution(fit.point, fit.residuals, {})
+        views = dict.fromkeys(c[0] for c in self.simulation.cells)
+        return any(
+            not self._quiet(self._problem([c for c in fit.residuals if c[0] == v], known), part)
+            for v in views
+            for part in [_only(solution, v)]
+        )
+
+    def afresh(self, base: Fit) -> Fit:
+        """A base whose nuisances are back at their nominal values, linearised there; those of one
+        record stay. Of a fit it has no more than that.
+        """
+        theta = base.point.theta.copy()
+        for i, c in enumerate(base.point.coordinates):
+            if not c.effect and c.record is None:
+                theta[i] = 0.0
+        point, cells = base.point.moved(theta), tuple(self.simulation.cells)
+        names = {c.name for c in point.coordinates}
+        residuals, columns = self.simulation.linearised(point, cells, names, fine=False)
+        return replace(base, point=point, residuals=residuals, columns=columns)
+
     def unseen(self, fit: Fit) -> list[Coordinate]:
         """Of what every rig has off and no record shows: it keeps its prior."""
         known = {c.parameter for c in fit.point.coordinates}
@@ -209,10 +234,12 @@ class Fitter:
         base: Fit,
         starts: Sequence[Mapping[str, float]] = (),
         ahead: Fit | None = None,
+        afresh: Sequence[Mapping[str, float]] = (),
     ) -> Fit:
         """A hypothesis near `base`: views that its effects do not touch are their parabolas there.
-        starts: values of effect parameters to start from, too. ahead: the best of its rivals so
-        far, behind which less is tried.
+        starts: values of effect parameters to start from, too; afresh: values far from the base,
+        from which all views descend together. ahead: the best of its rivals so far, behind which
+        less is tried.
         """
         own = self._first(hypothesis, base, {})
         self.prepare([hypothesis])
@@ -244,7 +271,21 @@ class Fitter:
             solution, after = best, before
         if after - self._beside(base, base, known, cells) < self.rules.hopeless:
             solution = self._jointly(solution, known, cells)
+        for values in afresh:
+            other = self._from_afar(self._first(hypothesis, base, values), known, cells)
+            if standing(problem := self._problem(cells, known), other) < standing(
+                problem, solution
+            ):
+                solution = self._jointly(other, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
+
+    def _from_afar(self, point: Point, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        """All views together under white noise as large as what they leave: the widest basin."""
+        residuals, columns = self.simulation.linearised(point, cells, set(known.names))
+        solution, problem = Solution(point, residuals, columns), self._problem(cells, known)
+        for _ in range(LEGS):
+            solution = descend(problem, solution, None, ROUGH)
+        return solution
 
     def _beside(
         self, found: Solution | Fit, base: Fit, known: Parabola, cells: Sequence[Cell]

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pneugantry.engine.catalogue import Effect, Form, Parameter
-from pneugantry.engine.descent import Weighing
+from pneugantry.engine.descent import Weighing, flat_noise
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
 from pneugantry.engine.noise import Noise, doubted, loss, weights
@@ -35,6 +35,7 @@ class Candidate:
     starts: Mapping[str, float]
     gain: float  # of -2 log likelihood, under the base's noise
     plain: float  # the same under white noise as quoted
+    afresh: float = 0.0  # from the nominal plant on, under white noise of what the base leaves
 
 
 # What an effect's start, counted, changes in a cell: 0 the start itself, n its n-th parameter.
@@ -151,10 +152,11 @@ def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list
 def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate], ahead: Fit | None) -> Fit:
     """An effect from the base, from its candidates' starts, and from the others."""
     effect, form = own[0].effect, own[0].form
-    candidates = [c.starts for c in own]
+    candidates = [c.starts for c in own if not c.afresh]
+    far = [c.starts for c in own if c.afresh]
     listed = [*candidates, *(s for s in _starts(fitter, base, form) if s not in candidates)]
     starts = [s for s in listed if s][:STARTS]
-    return fitter.explore(base.hypothesis.plus(effect, form), base, starts, ahead)
+    return fitter.explore(base.hypothesis.plus(effect, form), base, starts, ahead, far)
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
@@ -176,11 +178,11 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
 
 
 def _chosen(fitter: Fitter, screened: Sequence[Candidate], bar: float) -> list[list[Candidate]]:
-    """The effects of the largest predicted gain, in either order, each with its best starts: the
-    two orders may differ in them.
+    """The effects of the largest predicted gain, in any order, each with its best starts: the
+    orders may differ in them.
     """
     chosen: dict[str, list[Candidate]] = {}
-    for measure in ("gain", "plain"):
+    for measure in ("gain", "plain", "afresh"):
         ranked = sorted(screened, key=lambda c: -getattr(c, measure))
         least = max(bar, fitter.rules.hopeful * getattr(ranked[0], measure)) if ranked else bar
         best = {c.effect.key: c for c in reversed(ranked) if getattr(c, measure) > least}
@@ -260,7 +262,46 @@ def screen(
         relief = reliefs.of(form)
         if relief is not None:
             made.append(Candidate(effect, form, relief.starts, relief.gain, relief.gain))
-    return made
+    return made + (_afresh(fitter, base, by_effect) if fitter.loud(base) else [])
+
+
+def _afresh(fitter: Fitter, base: Fit, by_effect: Sequence[Sequence[_Trial]]) -> list[Candidate]:
+    """The same tests about the nominal plant, each effect at its usual size to either side.
+
+    Where much is missing, tolerance bends far from the truth to make up for it, and from there no
+    slope tells what would do so better.
+    """
+    nominal, traces = fitter.afresh(base), Traces()
+    if not all(np.isfinite(r).all() for r in nominal.residuals.values()):
+        return []
+    test = _Test(fitter, nominal, flat_noise(fitter.simulation, base.residuals))
+    cells, at = fitter.simulation.cells, nominal.point
+    back = {c.parameter: c.value(0.0) for c in at.coordinates if not c.effect and c.record is None}
+    trials = [
+        _Trial(own[0].effect, own[0].form, i, starts)
+        for own in by_effect
+        for i, starts in enumerate(_usual(fitter, base, own[0]))
+    ]
+    _trace(fitter, nominal, trials, traces)
+    return [
+        Candidate(t.effect, t.form, {**back, **t.starts}, 0.0, 0.0, max(gain, 0.0))
+        for t in trials
+        for gain in [test.gain(t.columns(traces, cells))]
+    ]
+
+
+def _usual(fitter: Fitter, base: Fit, trial: _Trial) -> list[dict[str, float]]:
+    """The starts that a form lists; else its usual sizes to either side."""
+    listed = [s for s in _starts(fitter, base, trial.form) if s]
+    if listed:
+        return listed
+    coordinates = [
+        effect_coordinate(p, fitter.neutral(p.name), fitter.rules.effect_prior)
+        for p in trial.form.parameters
+    ]
+    neutral = {c.parameter: c.value(0.0) for c in coordinates}
+    sides = [{c.parameter: c.value(side) for c in coordinates} for side in (1.0, -1.0)]
+    return [s for s in sides if s != neutral]
 
 
 Job = tuple[dict[str, float], float]  # values to simulate, step in theta
