@@ -234,22 +234,13 @@ class Fitter:
         base: Fit,
         starts: Sequence[Mapping[str, float]] = (),
         ahead: Fit | None = None,
-        afresh: Sequence[Mapping[str, float]] = (),
     ) -> Fit:
         """A hypothesis near `base`: views that its effects do not touch are their parabolas there.
-        starts: values of effect parameters to start from, too; afresh: values far from the base,
-        from which all views descend together. ahead: the best of its rivals so far, behind which
-        less is tried.
+        starts: values of effect parameters to start from, too. ahead: the best of its rivals so
+        far, behind which less is tried.
         """
-        own = self._first(hypothesis, base, {})
-        self.prepare([hypothesis])
-        touched = {*self.touched(hypothesis), *self.touched(base.hypothesis)}
-        cells = tuple(c for c in self.simulation.cells if c in touched)
-        known = prior(own.coordinates)
-        for view, parabola in base.parabolas.items():
-            if not any(c[0] == view for c in cells):
-                known = known.plus(parabola)
-        columns = {k: c for k, c in base.columns.items() if k[0] in touched}
+        own, known, cells = self._beside_base(hypothesis, base)
+        columns = {k: c for k, c in base.columns.items() if k[0] in cells}
         wanted = {c.name for c in own.coordinates if c.effect}
         if hypothesis.settings != base.hypothesis.settings:  # other equations, other columns
             columns, wanted = {}, set(known.names)
@@ -259,11 +250,7 @@ class Fitter:
             residuals, made = self.simulation.linearised(point, cells, wanted)
             firsts.append(Solution(point, residuals, {**columns, **made}))
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
-        rivals = [
-            Solution(own.moved(_told(f.point, own.coordinates)), f.residuals, {})
-            for f in (base, ahead)
-            if f is not None
-        ]
+        rivals = [_as_of(f, own) for f in (base, ahead) if f is not None]
         solution = self._by_view(firsts, known, cells, rivals, FRESH if another else 1)
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
         before, after = (self._beside(s, base, known, cells) for s in (best, solution))
@@ -271,21 +258,44 @@ class Fitter:
             solution, after = best, before
         if after - self._beside(base, base, known, cells) < self.rules.hopeless:
             solution = self._jointly(solution, known, cells)
-        for values in afresh:
-            other = self._from_afar(self._first(hypothesis, base, values), known, cells)
-            if standing(problem := self._problem(cells, known), other) < standing(
-                problem, solution
-            ):
-                solution = self._jointly(other, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
 
-    def _from_afar(self, point: Point, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """All views together under white noise as large as what they leave: the widest basin."""
-        residuals, columns = self.simulation.linearised(point, cells, set(known.names))
-        solution, problem = Solution(point, residuals, columns), self._problem(cells, known)
-        for _ in range(LEGS):
-            solution = descend(problem, solution, None, ROUGH)
-        return solution
+    def from_afar(
+        self, hypothesis: Hypothesis, base: Fit, starts: Sequence[Mapping[str, float]]
+    ) -> Fit:
+        """A hypothesis from values far from the base, the best of its starts; views as of
+        `explore`. They descend together under white noise as large as what they leave: the widest
+        basin.
+        """
+        _, known, cells = self._beside_base(hypothesis, base)
+        problem, ends = self._problem(cells, known), []
+        for values in starts:
+            point = self._first(hypothesis, base, values)
+            residuals, columns = self.simulation.linearised(point, cells, set(known.names))
+            solution = Solution(point, residuals, columns)
+            for _ in range(LEGS):
+                solution = descend(problem, solution, None, ROUGH)
+            ends.append(solution)
+        solution = min(ends, key=lambda s: standing(problem, s))
+        if standing(problem, solution) < standing(problem, _as_of(base, solution.point)):
+            solution = self._jointly(solution, known, cells)
+        return self._finished(hypothesis, solution, known, base.scale, base)
+
+    def _beside_base(
+        self, hypothesis: Hypothesis, base: Fit
+    ) -> tuple[Point, Parabola, tuple[Cell, ...]]:
+        """Where a hypothesis starts from a base, what is known of it besides, and the cells that
+        either's effects touch; the others are their parabolas at the base.
+        """
+        own = self._first(hypothesis, base, {})
+        self.prepare([hypothesis])
+        touched = {*self.touched(hypothesis), *self.touched(base.hypothesis)}
+        cells = tuple(c for c in self.simulation.cells if c in touched)
+        known = prior(own.coordinates)
+        for view, parabola in base.parabolas.items():
+            if not any(c[0] == view for c in cells):
+                known = known.plus(parabola)
+        return own, known, cells
 
     def _beside(
         self, found: Solution | Fit, base: Fit, known: Parabola, cells: Sequence[Cell]
@@ -712,6 +722,11 @@ def _told(point: Point, coordinates: Sequence[Coordinate]) -> Array:
             old, at = known[c.name]
             theta[i] = at if old == c else c.theta(old.value(at))
     return theta
+
+
+def _as_of(fit: Fit, point: Point) -> Solution:
+    """What a fit leaves, in the coordinates of another point."""
+    return Solution(point.moved(_told(fit.point, point.coordinates)), fit.residuals, {})
 
 
 def _only(solution: Solution, view: str) -> Solution:

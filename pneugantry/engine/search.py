@@ -73,7 +73,7 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     for _ in range(fitter.rules.rounds):
         rest = {k: e for k, e in offered.items() if k not in best.keys}
         screened = screen(fitter, best, rest, traces)
-        fits = _fits(fitter, best, screened, bar)
+        fits = _fits(fitter, best, screened, bar, rest)
         finals = _finals(fitter, best, fits, bar)
         tried += [*fits, *finals]
         top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
@@ -107,11 +107,23 @@ def _kept(fitter: Fitter, traces: Traces, before: Fit, after: Fit) -> Traces:
     return {k: v for k, v in traces.items() if k[2] not in (changed if k[:3] in alone else moved)}
 
 
-def _fits(fitter: Fitter, base: Fit, screened: Sequence[Candidate], bar: float) -> list[Fit]:
-    """What is predicted to gain most, with the best in their other forms."""
+def _fits(
+    fitter: Fitter,
+    base: Fit,
+    screened: Sequence[Candidate],
+    bar: float,
+    effects: Mapping[str, Effect],
+) -> list[Fit]:
+    """What is predicted to gain most, with the best in their other forms. Where all that leaves
+    more than noise, also what is predicted from the nominal plant on.
+    """
     rough: list[Fit] = []
-    for own in _chosen(fitter, screened, bar):
+    for own in _chosen(fitter, screened, bar, ("gain", "plain")):
         rough.append(_added(fitter, base, own, _ahead(rough)))
+    if fitter.loud(_ahead([base, *rough]) or base):
+        for own in _chosen(fitter, _afresh(fitter, base, effects), bar, ("afresh",)):
+            hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
+            rough.append(fitter.from_afar(hypothesis, base, [c.starts for c in own]))
     return rough + _other_forms(fitter, base, rough)
 
 
@@ -152,11 +164,10 @@ def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list
 def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate], ahead: Fit | None) -> Fit:
     """An effect from the base, from its candidates' starts, and from the others."""
     effect, form = own[0].effect, own[0].form
-    candidates = [c.starts for c in own if not c.afresh]
-    far = [c.starts for c in own if c.afresh]
+    candidates = [c.starts for c in own]
     listed = [*candidates, *(s for s in _starts(fitter, base, form) if s not in candidates)]
     starts = [s for s in listed if s][:STARTS]
-    return fitter.explore(base.hypothesis.plus(effect, form), base, starts, ahead, far)
+    return fitter.explore(base.hypothesis.plus(effect, form), base, starts, ahead)
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
@@ -177,12 +188,14 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     return made
 
 
-def _chosen(fitter: Fitter, screened: Sequence[Candidate], bar: float) -> list[list[Candidate]]:
-    """The effects of the largest predicted gain, in any order, each with its best starts: the
-    orders may differ in them.
+def _chosen(
+    fitter: Fitter, screened: Sequence[Candidate], bar: float, measures: Sequence[str]
+) -> list[list[Candidate]]:
+    """The effects of the largest predicted gain, by any measure, each with its best starts: the
+    measures may differ in them.
     """
     chosen: dict[str, list[Candidate]] = {}
-    for measure in ("gain", "plain", "afresh"):
+    for measure in measures:
         ranked = sorted(screened, key=lambda c: -getattr(c, measure))
         least = max(bar, fitter.rules.hopeful * getattr(ranked[0], measure)) if ranked else bar
         best = {c.effect.key: c for c in reversed(ranked) if getattr(c, measure) > least}
@@ -262,10 +275,10 @@ def screen(
         relief = reliefs.of(form)
         if relief is not None:
             made.append(Candidate(effect, form, relief.starts, relief.gain, relief.gain))
-    return made + (_afresh(fitter, base, by_effect) if fitter.loud(base) else [])
+    return made
 
 
-def _afresh(fitter: Fitter, base: Fit, by_effect: Sequence[Sequence[_Trial]]) -> list[Candidate]:
+def _afresh(fitter: Fitter, base: Fit, effects: Mapping[str, Effect]) -> list[Candidate]:
     """The same tests about the nominal plant, each effect at its usual size to either side.
 
     Where much is missing, tolerance bends far from the truth to make up for it, and from there no
@@ -278,9 +291,10 @@ def _afresh(fitter: Fitter, base: Fit, by_effect: Sequence[Sequence[_Trial]]) ->
     cells, at = fitter.simulation.cells, nominal.point
     back = {c.parameter: c.value(0.0) for c in at.coordinates if not c.effect and c.record is None}
     trials = [
-        _Trial(own[0].effect, own[0].form, i, starts)
-        for own in by_effect
-        for i, starts in enumerate(_usual(fitter, base, own[0]))
+        _Trial(effect, form, i, starts)
+        for effect in effects.values()
+        for form in [next(f for f in effect.forms if fitter.readable(f))]
+        for i, starts in enumerate(_usual(fitter, base, form))
     ]
     _trace(fitter, nominal, trials, traces)
     return [
@@ -290,14 +304,14 @@ def _afresh(fitter: Fitter, base: Fit, by_effect: Sequence[Sequence[_Trial]]) ->
     ]
 
 
-def _usual(fitter: Fitter, base: Fit, trial: _Trial) -> list[dict[str, float]]:
+def _usual(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
     """The starts that a form lists; else its usual sizes to either side."""
-    listed = [s for s in _starts(fitter, base, trial.form) if s]
+    listed = [s for s in _starts(fitter, base, form) if s]
     if listed:
         return listed
     coordinates = [
         effect_coordinate(p, fitter.neutral(p.name), fitter.rules.effect_prior)
-        for p in trial.form.parameters
+        for p in form.parameters
     ]
     neutral = {c.parameter: c.value(0.0) for c in coordinates}
     sides = [{c.parameter: c.value(side) for c in coordinates} for side in (1.0, -1.0)]
