@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,11 @@ import pandas as pd
 import pytest
 
 from pneugantry.blind.drive import DESCRIPTION, main, write_drive_case
+from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.run import run
+from pneugantry.engine.search import _afresh
+from pneugantry.plants.described import described_task
 from pneugantry.truth.drive.case import LOGS, ROWS, DriveSet, commands, draw_drive_case, record
 from pneugantry.truth.drive.effects import KNOWN_FORMS, OUTSIDE_FORMS, Drive, DriveSpread
 from pneugantry.truth.drive.plant import CHANNELS, PERIOD, SIGMA
@@ -116,3 +122,31 @@ def test_the_stored_data_are_those_of_their_command(tmp_path: Path) -> None:
         again, kept = (pd.read_csv(folder / f"{name}.csv") for folder in (tmp_path, HERE / "data"))
         pd.testing.assert_frame_equal(again, kept)
     assert sum(path.stat().st_size for path in (HERE / "data").iterdir()) < 300_000
+
+
+def test_an_effect_that_no_slope_shows_is_found_from_the_nominal_plant() -> None:
+    """Beside the truth, friction of the load, it is the joint that hardens; tolerance has bent by
+    ten spreads to make up for both.
+    """
+    found, task = described_task(DESCRIPTION)
+    fitter = Fitter(task.plant, task.views, task.data.fitted, replace(found.rules, followed=0))
+    null = fitter.null()
+    far = sorted(_afresh(fitter, null, task.catalogue), key=lambda c: -c.afresh)
+    best = {c.effect.key: c for c in reversed(far[:6])}["joint_hardening"]
+    hypothesis = Hypothesis().plus(best.effect, best.form)
+    near = fitter.explore(hypothesis, null)
+    afar = fitter.from_afar(hypothesis, null, [best.starts])
+    fitter.close()
+    assert afar.evidence < near.evidence - 1000
+    assert afar.values(None)["joint.k_3"] == pytest.approx(73.6, rel=0.1)
+
+
+@pytest.mark.slow  # 40 s
+def test_the_stored_drive_is_told_right() -> None:
+    found, task = described_task(DESCRIPTION)
+    diagnosis = run(task, found.rules).diagnosis
+    truth = json.loads((HERE / "data" / "truth.json").read_text())
+    assert diagnosis.verdict == "identified"
+    assert set(diagnosis.answer_set[0]) == {c["effect"] for c in truth["causes"]}
+    assert diagnosis.gap is not None
+    assert diagnosis.gap.augmented < 2

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneugantry.engine.descent import Solution, prior, standing
+from pneugantry.engine.descent import Solution, _newton, prior, standing
 from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Point
@@ -53,3 +53,13 @@ def test_a_better_optimum_is_found_and_the_same_each_time(fitter: Fitter) -> Non
     assert standing(problem, other) < standing(problem, found) - 1000
     again = fitter._surveyed(problem, [found], found, math.inf)
     assert np.array_equal(again.point.theta, other.point.theta)
+
+
+def test_a_step_stops_at_a_bound_and_the_rest_goes_on_without_it() -> None:
+    """Not where the free step would lead: the least of a parabola among x >= 0, y is at x = 0."""
+    coordinates = (Coordinate("x", 0.0, 1.0, low=0.0), Coordinate("y", 0.0, 1.0))
+    square, pull = np.array([[2.0, 1.8], [1.8, 2.0]]), np.array([-1.0, 1.0])
+    theta = np.array([0.5, 0.0])
+    end = _newton(Point(coordinates, theta, {}), square, square @ theta - pull, np.full(2, True))
+    assert np.linalg.solve(square, pull)[0] < 0
+    assert end.theta == pytest.approx([0.0, 0.5])
