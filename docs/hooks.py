@@ -79,6 +79,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "bam_planted": recorded.bam_planted,
     "blind_nuisance": recorded.blind_nuisance,
     "blind_sets": recorded.blind_sets,
+    "drive_blind": recorded.drive_blind,
     "clean_install": recorded.clean_install,
     "code_size": recorded.code_size,
     "replay": recorded.replay,

@@ -33,6 +33,7 @@ COMMANDS = {  # name: the command, without --json
     "blind_three": "pneugantry blind --set three --seed 87260 --cases 16",
     "blind_wide": "pneugantry blind --set wide --seed 87290 --cases 16",
     "blind_random": "pneugantry blind --set random --seed 87320 --cases 16",
+    "drive_blind": "python -m benchmarks.drive_blind --cases 20 --rigs 0",
     "bam_planted": "python -m examples.bam planted --raw ../shared/real/bam_xl330",
     "replay": f"pneugantry replay {NOMINAL}",
     "diagnosis_time": f"python -m benchmarks.diagnosis_time {CAMPAIGNS}",

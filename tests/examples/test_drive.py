@@ -108,6 +108,16 @@ def test_a_case_is_written_with_description_and_truth_and_repeats(tmp_path: Path
     assert "truth.json" not in (out / "plant.toml").read_text()
 
 
+def test_a_label_names_what_a_sensor_does_as_a_diagnosis_does() -> None:
+    found, _ = described_task(DESCRIPTION)
+    own = {k for k, e in found.catalogue.items() if e.of_a_sensor}
+    drawn = DriveSet(mixture={"one": 1.0})
+    labels = [draw_drive_case(seed, drawn)[1]["causes"][0] for seed in range(78600, 78660)]
+    of_sensors = {c["effect"] for c in labels if c["block"] == "sensors"}
+    assert of_sensors
+    assert of_sensors - own <= {"sensor_lag(omega)"}  # the engine has a delay for it
+
+
 def test_a_drive_without_spread_is_the_nominal_one_under_noise() -> None:
     spread = DriveSpread(0.0, 0.0, 0.0, (1.0, 1.0), 0.0)
     logs, _ = draw_drive_case(78691, DriveSet("exact", {"none": 1.0}, spread))

@@ -161,11 +161,12 @@ def _frame(name: str, readings: np.ndarray) -> pd.DataFrame:
 
 
 def _entry(drive: Drive, cause: DriveCause, visibility: float) -> dict:
-    """The cause as a label lists it."""
+    """The cause as a label lists it; what a sensor is known to do is named as a diagnosis does."""
     form = cause.form
+    of_sensor = bool(form.known and form.channel)
     return {
-        "effect": form.effect,
-        "axis": form.channel,
+        "effect": f"sensor_{form.effect}({form.channel})" if of_sensor else form.effect,
+        "axis": "" if of_sensor else form.channel,
         "known": form.known,
         "block": form.block,
         "blocks": [form.block],
