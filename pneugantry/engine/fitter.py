@@ -163,11 +163,8 @@ class Fitter:
         known = prior(fit.point.coordinates)
         solution = Solution(fit.point, fit.residuals, {})
         views = dict.fromkeys(c[0] for c in self.simulation.cells)
-        return any(
-            not self._quiet(self._problem([c for c in fit.residuals if c[0] == v], known), part)
-            for v in views
-            for part in [_only(solution, v)]
-        )
+        parts = [_only(solution, view) for view in views]
+        return any(not self._quiet(self._problem(p.residuals, known), p) for p in parts)
 
     def afresh(self, base: Fit) -> Fit:
         """A base whose nuisances are back at their nominal values, linearised there; those of one

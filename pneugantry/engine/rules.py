@@ -31,7 +31,7 @@ class Rules:
     renewals: int = 4  # of colour and columns at the end of a fit, at most
     finalists: int = 3  # effects that are fitted to the end at each step of the search
     survey: int = 192  # points of a view, from the best of which descents start, too (0119, 0120)
-    followed: int = 4  # of these points
+    followed: int = 4  # parts of these points, each with its best (0122)
     quiet: float = 1.05  # times its sensors' noise, up to which a view needs no survey (0120)
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
     difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
@@ -41,7 +41,7 @@ class Rules:
     screened: int = 3  # effects that are fitted at each step, in each of two orders
     hopeful: float = 0.3  # share of the best predicted gain from which on an effect is fitted
     hopeless: float = (
-        500.0  # rise of -2 log likelihood after which a fit stops (measured: decision 0106)
+        500.0  # rise of -2 log likelihood that ends a fit and its surveys (0106, 0122)
     )
     patience: float = 4.0  # falls like its last that a descent may be behind what is known (0120)
     reformed: int = 2  # effects that are then tried in their other forms

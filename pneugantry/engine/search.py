@@ -2,7 +2,8 @@
 
 Every start of every form is screened by a score test: a column of the Jacobian, or the difference
 that the start itself makes, beside the nuisances' columns. What gains most by it is fitted near the
-base, and the best of that with all views together.
+base, and the best of that with all views together. Where that leaves more than noise, effects are
+tested and fitted from the nominal plant as well (`_afresh`).
 """
 
 from __future__ import annotations
@@ -120,7 +121,7 @@ def _fits(
     rough: list[Fit] = []
     for own in _chosen(fitter, screened, bar, ("gain", "plain")):
         rough.append(_added(fitter, base, own, _ahead(rough)))
-    if fitter.loud(_ahead([base, *rough]) or base):
+    if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
         for own in _chosen(fitter, _afresh(fitter, base, effects), bar, ("afresh",)):
             hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
             rough.append(fitter.from_afar(hypothesis, base, [c.starts for c in own]))
@@ -304,15 +305,18 @@ def _afresh(fitter: Fitter, base: Fit, effects: Mapping[str, Effect]) -> list[Ca
     ]
 
 
+def _coordinates(fitter: Fitter, form: Form) -> list[Coordinate]:
+    """Of a form's parameters."""
+    spread = fitter.rules.effect_prior
+    return [effect_coordinate(p, fitter.neutral(p.name), spread) for p in form.parameters]
+
+
 def _usual(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
     """The starts that a form lists; else its usual sizes to either side."""
     listed = [s for s in _starts(fitter, base, form) if s]
     if listed:
         return listed
-    coordinates = [
-        effect_coordinate(p, fitter.neutral(p.name), fitter.rules.effect_prior)
-        for p in form.parameters
-    ]
+    coordinates = _coordinates(fitter, form)
     neutral = {c.parameter: c.value(0.0) for c in coordinates}
     sides = [{c.parameter: c.value(side) for c in coordinates} for side in (1.0, -1.0)]
     return [s for s in sides if s != neutral]
@@ -361,11 +365,7 @@ def _points(
     """Where to simulate: the start (second member 1 if it differs from the base), and a step off it
     in each parameter, with the step in theta.
     """
-    known = base.values(None)
-    coordinates = [
-        effect_coordinate(p, fitter.neutral(p.name), fitter.rules.effect_prior)
-        for p in form.parameters
-    ]
+    known, coordinates = base.values(None), _coordinates(fitter, form)
     at = dict(form.settings)
     for c in coordinates:
         at[c.parameter] = starts.get(c.parameter, known.get(c.parameter, c.value(0.0)))
