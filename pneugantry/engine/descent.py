@@ -30,6 +30,7 @@ __all__ = [
     "descend",
     "flat_noise",
     "inside",
+    "newton",
     "of_view",
     "prior",
     "probed",
@@ -313,7 +314,7 @@ def _step(
     while tries < TRIES:
         if bent is None:
             damped = normal + np.diag(damping * np.diag(normal))
-            trial = _newton(point, damped, gradient, free)
+            trial = newton(point, damped, gradient, free)
             made = trial.theta - theta
             predicted = -float(made @ (2 * gradient + normal @ made))
             if predicted < WORTH * converged:
@@ -369,10 +370,10 @@ def _back(
     theta = at.point.theta
     _, slope = weighing.normal(at.point, at.residuals, at.columns)
     slope = slope + known.square @ theta - known.pull
-    return _newton(at.point, damped, slope, free)
+    return newton(at.point, damped, slope, free)
 
 
-def _newton(point: Point, square: Array, slope: Array, free: NDArray[np.bool_]) -> Point:
+def newton(point: Point, square: Array, slope: Array, free: NDArray[np.bool_]) -> Point:
     """Where a slope ends, of the coordinates that are free: what would pass a bound stops at it,
     and the others go on as that tells.
     """

@@ -1,8 +1,12 @@
-"""How well a fit foretells a record that it has not seen.
+"""How well fits foretell a record that they have not seen.
 
-What the fit leaves of its parameters (their normal distribution) is the prior on the new record,
+What a fit leaves of its parameters (their normal distribution) is the prior on the new record,
 and so is the rig's scatter of what belongs to one record alone. The evidence of the new record
 under them counts whatever a fit has bent to its own records against it.
+
+A fit counts its rows as independent of each other and its plant as right, so that its distribution
+is too narrow where the plant is not quite right. By how much is the same for all rivals: by what
+lets the best of them foretell best. Each by its own would let a wrong one buy itself free.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneugantry.engine.descent import Parabola, Problem, Solution, Weighing, descend
+from pneugantry.engine.descent import Parabola, Problem, Solution, Weighing, descend, newton
 from pneugantry.engine.fitter import ROUGH, Fit, Fitter, fallen
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import Noise
@@ -22,14 +26,25 @@ from pneugantry.engine.views import View
 
 __all__ = ["Foretelling", "Foretold"]
 
+WIDER = tuple(float(w) for w in 10 ** (np.arange(7) / 2))  # times a fit's covariance
+WIDENED = 4  # at most
+
 
 @dataclass(frozen=True, eq=False)
 class Foretold:
-    """What a record costs: -2 log likelihood by stretch, and prior with Occam's factor."""
+    """A record as a fit has it: where the parameters go, and what that costs."""
 
-    stretches: dict[Cell, Array]
-    sizes: dict[Cell, int]  # values in each cell's residual
-    price: float
+    fit: Fit
+    wider: float  # times the fit's covariance
+    solution: Solution
+    normal: Array  # J'WJ and J'Wr there
+    gradient: Array
+    misfit: float  # -2 log likelihood
+    price: float  # prior with Occam's factor
+
+    @property
+    def cost(self) -> float:
+        return self.misfit + self.price
 
 
 class Foretelling:
@@ -37,46 +52,75 @@ class Foretelling:
 
     def __init__(self, fitter: Fitter, views: Sequence[View], record: Record) -> None:
         self.fitter = Fitter(fitter.plant, views, (record,), fitter.rules)
-        self._noise: Noise | None = None
 
     def close(self) -> None:
         self.fitter.close()
 
-    def cost(self, fit: Fit) -> Foretold:
-        """Under noise that is the same for all fits that are asked after the first."""
+    def gains(self, fits: Sequence[Fit], base: Fit) -> list[float]:
+        """Falls of -2 log evidence from that of a base, less their doubt and what is immaterial."""
+        (before, *others), of_views = self.foretold([base, *fits])
+        stretches = self._stretches(before, of_views)
+        sizes = {c: r.size for c, r in before.solution.residuals.items()}
+        falls = [
+            fallen(stretches, self._stretches(f, of_views), sizes, self.fitter.rules)
+            for f in others
+        ]
+        return [before.price - f.price + fall for f, fall in zip(others, falls, strict=True)]
+
+    def foretold(self, fits: Sequence[Fit]) -> tuple[list[Foretold], Noise]:
+        """Each fit's, equally wide, under the noise that the first leaves."""
+        starts = [self._starts(fit) for fit in fits]
+        of_views = self.fitter.coloured(starts[0][1].residuals)
+        found = [
+            self._foretold(fit, 1.0, own, of_views) for fit, own in zip(fits, starts, strict=True)
+        ]
+        for _ in range(WIDENED):
+            hoped = {w: min(self._on_paper(f, w) for f in found) for w in WIDER}
+            wider, least = min(hoped, key=lambda w: hoped[w]), min(f.cost for f in found)
+            if hoped[wider] > hoped[found[0].wider] - self.fitter.rules.entry:
+                break
+            tried = [self._foretold(f.fit, wider, [f.solution], of_views) for f in found]
+            if min(f.cost for f in tried) >= least:
+                break
+            found = tried
+        return found, of_views
+
+    def _starts(self, fit: Fit) -> tuple[Solution, Solution]:
+        """As the fit has it, and where that leads under white noise."""
         sim, rules = self.fitter.simulation, self.fitter.rules
         cells = tuple(sim.cells)
-        point, known = self._start(fit)
-        residuals, columns = sim.linearised(point, cells, set(known.names))
-        start, problem = Solution(point, residuals, columns), Problem(sim, rules, cells, known)
-        rough = descend(problem, start, None, ROUGH)
-        if self._noise is None:
-            self._noise = self.fitter.coloured(rough.residuals)
-        weighing = Weighing(self._noise, rules)
-        ends = [descend(problem, s, self._noise, rules.converged) for s in (start, rough)]
-        solution = min(
-            ends,
-            key=lambda s: sum(weighing.costs(s.residuals).values()) + known.cost(s.point.theta),
-        )
-        normal, _ = weighing.normal(solution.point, solution.residuals, solution.columns)
-        change = solution.point.theta - known.least()
-        prior = float(change @ known.square @ change)
-        occam = float(np.linalg.slogdet(known.square + normal)[1])
-        occam -= float(np.linalg.slogdet(known.square)[1])
-        stretches = {
-            c: self.fitter.stretches(c, r, self._noise[c]) for c, r in solution.residuals.items()
-        }
-        sizes = {c: r.size for c, r in solution.residuals.items()}
-        return Foretold(stretches, sizes, prior + occam)
+        point, known = self._known(fit, 1.0)
+        start = Solution(point, *sim.linearised(point, cells, set(known.names)))
+        return start, descend(Problem(sim, rules, cells, known), start, None, ROUGH)
 
-    def gain(self, fit: Fit, base: Foretold) -> float:
-        """Fall of -2 log evidence from that of another fit (`cost`), less its doubt and what is
-        immaterial.
-        """
-        own, rules = self.cost(fit), self.fitter.rules
-        return base.price - own.price + fallen(base.stretches, own.stretches, base.sizes, rules)
+    def _foretold(
+        self, fit: Fit, wider: float, starts: Sequence[Solution], of_views: Noise
+    ) -> Foretold:
+        sim, rules = self.fitter.simulation, self.fitter.rules
+        _, known = self._known(fit, wider)
+        problem, weighing = Problem(sim, rules, tuple(sim.cells), known), Weighing(of_views, rules)
 
-    def _start(self, fit: Fit) -> tuple[Point, Parabola]:
+        def misfit(s: Solution) -> float:
+            return sum(weighing.costs(s.residuals).values())
+
+        ends = [descend(problem, s, of_views, rules.converged) for s in starts]
+        end = min(ends, key=lambda s: misfit(s) + known.cost(s.point.theta))
+        normal, gradient = weighing.normal(end.point, end.residuals, end.columns)
+        price = _price(end.point.theta, known, normal)
+        return Foretold(fit, wider, end, normal, gradient, misfit(end), price)
+
+    def _on_paper(self, found: Foretold, wider: float) -> float:
+        """What it costs with another width, were it as straight as its columns."""
+        _, known = self._known(found.fit, wider)
+        point, normal, gradient = found.solution.point, found.normal, found.gradient
+        theta, square = point.theta, known.square + normal
+        slope = known.square @ theta - known.pull + gradient
+        end = newton(point, square, slope, np.full(len(theta), True)).theta
+        step = end - theta
+        misfit = found.misfit + float(step @ (2 * gradient + normal @ step))
+        return misfit + _price(end, known, normal)
+
+    def _known(self, fit: Fit, wider: float) -> tuple[Point, Parabola]:
         """Coordinates of the record, where the fit has them, and what the fit says of them."""
         coordinates = self.fitter.coordinates(fit.hypothesis, fit.scale)
         at = {c.name: i for i, c in enumerate(fit.point.coordinates)}
@@ -85,12 +129,25 @@ class Foretelling:
         square = np.diag([c.spread**-2.0 for c in coordinates])
         theta = np.array([0.0 for _ in coordinates])
         theta[shared] = fit.point.theta[index]
-        square[np.ix_(shared, shared)] = np.linalg.inv(fit.covariance[np.ix_(index, index)])
+        square[np.ix_(shared, shared)] = np.linalg.inv(wider * fit.covariance[np.ix_(index, index)])
         for i, c in enumerate(coordinates):
             if c.record is not None:
                 theta[i], square[i, i] = _of_one_record(fit, c)
         point = Point(coordinates, theta, fit.hypothesis.settings)
         return point, Parabola(tuple(c.name for c in coordinates), square, square @ theta)
+
+    def _stretches(self, found: Foretold, of_views: Noise) -> dict[Cell, Array]:
+        """-2 log likelihood by stretch."""
+        left = found.solution.residuals
+        return {c: self.fitter.stretches(c, r, of_views[c]) for c, r in left.items()}
+
+
+def _price(theta: Array, known: Parabola, normal: Array) -> float:
+    """Of what is known, and Occam's factor."""
+    change = theta - known.least()
+    occam = float(np.linalg.slogdet(known.square + normal)[1])
+    occam -= float(np.linalg.slogdet(known.square)[1])
+    return float(change @ known.square @ change) + occam
 
 
 def _of_one_record(fit: Fit, own: Coordinate) -> tuple[float, float]:

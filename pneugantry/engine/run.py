@@ -127,9 +127,10 @@ def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     for held in task.data.unseen:
         foretelling = Foretelling(fitter, task.views, held)
         try:
-            base = foretelling.cost(null)
-            for k in rivals:
-                costs[k] -= foretelling.gain(fits[k], base)
+            for k, gain in zip(
+                rivals, foretelling.gains([fits[k] for k in rivals], null), strict=True
+            ):
+                costs[k] -= gain
         finally:
             foretelling.close()
     return [Evidence(fit, costs[k]) for k, fit in fits.items()]

@@ -77,12 +77,33 @@ def test_a_record_that_no_fit_saw_speaks_for_the_effect_that_is_there(
         )
     views = list(fitter.simulation.views.values())
     held = Foretelling(fitter, views, record("held", 3, drag=2.0))
-    base = held.cost(null)
-    gains = {key: held.gain(fit, base) for key, fit in named.items()}
+    gains = dict(zip(named, held.gains(list(named.values()), null), strict=True))
     held.close()
     fitter.close()
     assert gains["drag"] > 5
     assert gains["current_bias"] < 2
+
+
+def test_what_is_too_sure_of_itself_foretells_as_widely_as_the_best_of_all(
+    plant: Plant, parts: Path
+) -> None:
+    """Its parameters are off by more than its covariance, divided by 1000, tells."""
+    fitter = fitter_of(plant, parts)
+    null = fitter.null()
+    sigma = np.sqrt(np.diag(null.covariance))
+    off = replace(null.point, theta=null.point.theta + 3 * sigma)
+    views = list(fitter.simulation.views.values())
+    held = Foretelling(fitter, views, record("held", 3))
+    narrow = replace(null, covariance=null.covariance / 1000, point=off)
+    honest, _ = held.foretold([null])
+    alone, _ = held.foretold([narrow])
+    beside, _ = held.foretold([null, narrow])
+    held.close()
+    fitter.close()
+    assert honest[0].wider == 1.0
+    assert alone[0].wider >= 30.0
+    assert [f.wider for f in beside] == [1.0, 1.0]  # the wrong one is not let off
+    assert beside[1].cost > beside[0].cost + 10
 
 
 def fit_of(evidence: float, *keys: str) -> Evidence:
@@ -232,7 +253,7 @@ def test_an_effect_that_does_nothing_brings_nothing_on_a_record_that_no_fit_saw(
     same = fitter.explore(null.hypothesis.plus(idle, idle.forms[0]), null)
     views = list(fitter.simulation.views.values())
     held = Foretelling(fitter, views, record("held", 3, drag=2.0))
-    gain = held.gain(same, held.cost(null))
+    (gain,) = held.gains([same], null)
     held.close()
     fitter.close()
     assert abs(gain) < 5

@@ -203,6 +203,19 @@ def test_a_signal_that_is_measured_too_coarsely_is_not_taken_as_known(
         assert own.known - {"v", "s"} == known
 
 
+def test_a_signal_that_moves_between_its_rows_is_not_taken_as_known(
+    plant: Plant, parts: Path
+) -> None:
+    """The view of the speed is right about its model from 2 ms on, not where a row lasts as long as
+    the current's lag.
+    """
+    for period, known in ((PERIOD, {"i"}), (0.05, set())):
+        slow = replace(record("log 1", 1), period=period)
+        views = sharp_views(plant, list(SIGMA), parts, [slow], Rules())
+        own = next(v for v in views if "v" in v.signals)
+        assert own.known - {"v", "s"} == known
+
+
 def test_a_constant_error_is_seen_beside_a_record_that_fits_badly(
     plant: Plant, parts: Path
 ) -> None:
