@@ -448,7 +448,7 @@ class _Learning:
             views = list(fitter.simulation.views.values())
             foretelling = Foretelling(fitter, views, record)
             try:
-                gain = foretelling.gain(best.fit, foretelling.cost(plain))
+                (gain,) = foretelling.gains([best.fit], plain)
             finally:
                 foretelling.close()
         finally:
