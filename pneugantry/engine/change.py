@@ -46,7 +46,7 @@ class EpochView:
 
     def __init__(self, view: View, epoch: Epoch) -> None:
         self.view, self.epoch = view, epoch
-        self.name, self.block = f"{view.name}@{epoch.name}", view.block
+        self.name, self.blocks = f"{view.name}@{epoch.name}", view.blocks
         self.signals, self.sigmas, self.decimation = view.signals, view.sigmas, view.decimation
         own = {epoch.own(p): v for p, v in epoch.neutral.items()}
         self.defaults: Mapping[str, float] = {**view.defaults, **own}

@@ -231,8 +231,8 @@ def _view(
     last = series[-1].fmu
     return SubsystemView(
         name=last.prefix + last.file.path.stem + "." + ",".join(signals),
-        block=last.block,
         signals=signals,
+        blocks=(last.block,) * len(signals),
         sigmas=tuple(float(sigma[s] / np.sqrt(decimation)) for s in signals),
         decimation=decimation,
         plant=plant,

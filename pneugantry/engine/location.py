@@ -229,7 +229,7 @@ def _left_in(fitter: Fitter, residuals: Mapping[Cell, Array], floor: Floor) -> l
     if not residuals:
         return []
     name = next(iter(residuals))[0]
-    block, per_row = fitter.simulation.views[name].block, floor.per_row[name]
+    view, per_row = fitter.simulation.views[name], floor.per_row[name]
     means, lengths = {}, {}
     for cell, r in residuals.items():
         terms = _terms(r, floor.whiteners[name], fitter.rules.tails)
@@ -237,7 +237,16 @@ def _left_in(fitter: Fitter, residuals: Mapping[Cell, Array], floor: Floor) -> l
         lengths[cell] = len(terms) / len(means[cell])
     quiet = np.quantile(np.concatenate(list(means.values())), QUIETER, axis=0)
     shift = np.clip(quiet - floor.quiet[name], 0.0, 2 * math.log(1 + LEVEL))
-    excess = {c: (m - per_row - shift).sum(axis=1) * lengths[c] for c, m in means.items()}
+    excess = {c: (m - per_row - shift) * lengths[c] for c, m in means.items()}
+    shares = []
+    for block in dict.fromkeys(view.blocks):
+        own = [b == block for b in view.blocks]
+        shares += _sure(block, {c: e[:, own].sum(axis=1) for c, e in excess.items()})
+    return shares
+
+
+def _sure(block: str, excess: Mapping[Cell, Array]) -> list[_Share]:
+    """Of a block, from the excess of each stretch."""
     every = np.concatenate(list(excess.values()))
     sure = float(every.sum() - DOUBT * np.sqrt(every @ every))
     rising = {c: max(float(e.sum()), 0.0) for c, e in excess.items()}

@@ -38,8 +38,8 @@ class View(Protocol):
     """Readings less what a part of the plant makes of the other readings."""
 
     name: str
-    block: str
     signals: tuple[str, ...]  # columns of the residual
+    blocks: tuple[str, ...]  # of each of them
     sigmas: tuple[float, ...]  # quoted noise of a row of the residual
     decimation: int  # rows of the record that make one of the residual
 
@@ -67,8 +67,8 @@ class SubsystemView:
     """A part of the model, cut out at what is measured."""
 
     name: str
-    block: str
     signals: tuple[str, ...]
+    blocks: tuple[str, ...]
     sigmas: tuple[float, ...]
     decimation: int
     plant: Plant
@@ -293,9 +293,7 @@ def build_views(
     decimation = max(1, round(1 / (rules.band * period)))
     grouped: dict[tuple[object, ...], list[str]] = {}
     for name in signals:
-        part, _, _ = _cut(sight, [name])
-        key = (part.library,) if part.of("state") else tuple(sorted(part.of("parameter")))
-        grouped.setdefault(key, []).append(name)
+        grouped.setdefault(_same(*_cut(sight, [name])), []).append(name)
     return [_view(sight, names, decimation, rules.observer) for names in grouped.values()]
 
 
@@ -308,11 +306,10 @@ def view_beside(plant: Plant, signal: str, cache: Path, like: SubsystemView) -> 
 def _view(sight: _Sight, names: Sequence[str], decimation: int, observer: float) -> SubsystemView:
     """The view of signals that one part computes."""
     part, sources, corrected = _cut(sight, names)
-    root = sight.root(names[0])
     return SubsystemView(
-        name=root,
-        block=_block(sight.plant, root),
+        name=sight.root(names[0]),
         signals=tuple(names),
+        blocks=tuple(_block(sight.plant, sight.root(n)) for n in names),
         sigmas=tuple(float(sight.signals[n].sigma / np.sqrt(decimation)) for n in names),
         decimation=decimation,
         plant=sight.plant,
@@ -357,6 +354,16 @@ def _cut(sight: _Sight, own: Sequence[str]) -> tuple[Part, dict[str, str], dict[
     return part, sources, corrected if part.switching & set(corrected) else {}
 
 
+def _same(
+    part: Part, sources: Mapping[str, str], corrected: Mapping[str, str]
+) -> tuple[object, ...]:
+    """Of two parts: whether one simulation computes both."""
+    if not part.of("state"):
+        return tuple(sorted(part.of("parameter")))
+    states = tuple(sorted(part.of("state")))
+    return states, tuple(sorted(sources.items())), tuple(sorted(corrected.items()))
+
+
 def part_of(
     plant: Plant,
     outputs: Sequence[str],
@@ -399,6 +406,10 @@ def _structure(plant: Plant, cache: Path) -> Structure:
 
 
 def _block(plant: Plant, variable: str) -> str:
-    """Block of a variable: that of the longest component path it lies in."""
+    """Block of a variable: that of the longest component path it lies in that has one; else its
+    component, or itself in a model without components.
+    """
     paths = [p for p in plant.blocks if variable == p or variable.startswith(p + ".")]
-    return plant.blocks[max(paths, key=len)] if paths else variable
+    if paths:
+        return plant.blocks[max(paths, key=len)]
+    return variable.rpartition(".")[0] or variable

@@ -115,7 +115,7 @@ class Opened:
         if paths:
             return self.plant.blocks[max(paths, key=len)]
         readers = self.readers(point)
-        return path or (readers[0].block if readers else self.plant.name)
+        return path or (readers[0].blocks[0] if readers else self.plant.name)
 
     def period_of(self, cell: tuple[str, str]) -> float:
         """s between the rows of a view's residual of a record."""

@@ -168,7 +168,9 @@ class Left:
 def left_over(found: Found) -> list[Left]:
     """By view and signal, the largest first."""
     excess, chances = found.excess, found.task.chances
-    blocks = {v.name: v.block for v in found.task.views}
+    blocks = {
+        (v.name, s): b for v in found.task.views for s, b in zip(v.signals, v.blocks, strict=True)
+    }
     usual = chances.usual or {}
     rows = []
     for channel in excess.whole:
@@ -179,7 +181,7 @@ def left_over(found: Found) -> list[Left]:
         out = math.log(max(ratio, 1e-9) / expected) > chances.unknown_at
         rows.append(
             Left(
-                blocks.get(channel[0], channel[0]),
+                blocks.get(channel, channel[0]),
                 channel[1],
                 ratio,
                 expected,

@@ -15,6 +15,7 @@ from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.run import run
 from pneugantry.engine.search import _afresh
+from pneugantry.engine.synthetic import Nominal
 from pneugantry.plants.described import described_task
 from pneugantry.truth.drive.case import LOGS, ROWS, DriveSet, commands, draw_drive_case, record
 from pneugantry.truth.drive.effects import KNOWN_FORMS, OUTSIDE_FORMS, Drive, DriveSpread
@@ -160,3 +161,18 @@ def test_the_stored_drive_is_told_right() -> None:
     assert set(diagnosis.answer_set[0]) == {c["effect"] for c in truth["causes"]}
     assert diagnosis.gap is not None
     assert diagnosis.gap.augmented < 2
+
+
+def test_the_drives_views_are_right_about_its_own_model() -> None:
+    """Cut at the current, which moves between its rows, the motor's view left 1.06 noise levels of a
+    record of the model itself (decision 0123).
+    """
+    _, task = described_task(DESCRIPTION)
+    (view,) = task.views
+    assert view.signals == CHANNELS
+    assert view.blocks == ("motor", "motor", "load")
+    nominal = Nominal(task.plant, [s.variable for s in task.plant.signals], task.cache)
+    for fitted in task.data.fitted:
+        own = replace(nominal.record(fitted), name=f"{fitted.name}, nominal")
+        left = view.residuals(own, [{}])[0] / np.array(view.sigmas)
+        assert np.sqrt(np.mean(left**2, axis=0)).max() < 0.05

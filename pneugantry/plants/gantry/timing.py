@@ -24,8 +24,9 @@ DELAYS = ("timing.delay", "timing.sensing")
 class ControllerView:
     """Recorded command less the controller's."""
 
-    name = block = "timing"
+    name = "timing"
     signals: tuple[str, ...] = ("u_x", "u_z")
+    blocks: tuple[str, ...] = ("timing", "timing")
     sigmas: tuple[float, ...] = (COMMAND_QUANTUM, COMMAND_QUANTUM)
     decimation = 1
     defaults: Mapping[str, float] = {}

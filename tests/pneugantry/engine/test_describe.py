@@ -215,7 +215,7 @@ outputs = { v = "speed" }
 def test_several_tables_are_several_views(folder: Path, cache: Path) -> None:
     views, notes = views_of(read(folder, 'name = "two"', cache, HALF + BODY, period=PERIOD))
     assert not notes
-    assert {v.signals: v.block for v in views} == {("force",): "drive", ("speed",): "mass"}
+    assert {v.signals: v.blocks for v in views} == {("force",): ("drive",), ("speed",): ("mass",)}
 
 
 def test_what_differs_from_log_to_log_is_a_nuisance_of_each(folder: Path, cache: Path) -> None:

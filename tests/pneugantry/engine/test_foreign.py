@@ -93,7 +93,7 @@ def test_an_fmu_leaves_the_same_residuals_as_the_part_cut_from_its_source(
 ) -> None:
     (view,) = seen(foreign)
     assert view.signals == ("force", "speed")
-    assert view.block == "cart"
+    assert set(view.blocks) == {"cart"}
     found = view.residuals(whole, SETS)
     for i, name in enumerate(view.signals):  # each cut as if it alone were measured
         (own,) = build_views(cart, [name], cache, PERIOD, Rules(observer=0.008))

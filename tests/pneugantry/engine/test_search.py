@@ -122,10 +122,10 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_each_signal_gets_the_smallest_part_that_computes_it(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts)
     views = fitter.simulation.views
-    assert {n: v.block for n, v in views.items()} == {
-        "i": "current",
-        "v": "mechanics",
-        "s": "sensors",
+    assert {n: v.blocks for n, v in views.items()} == {
+        "i": ("current",),
+        "v": ("mechanics",),
+        "s": ("sensors",),
     }
     assert not views["i"].depends_on("m")
     assert not views["v"].depends_on("tau")

@@ -37,7 +37,7 @@ def test_the_gantry_s_views_come_out_of_its_structure() -> None:
     """
     found = {v.signals: v for v in views(plant_of(), cache_folder() / "parts")}
     assert set(found) == {("x",), ("z",), ("v_x",), ("v_z",), ("f_x", "f_z"), ("f_ax",), ("f_az",)}
-    assert {v.block for v in found.values()} == {
+    assert {b for v in found.values() for b in v.blocks} == {
         "sensors", "friction_x", "friction_z", "contact", "valve_x", "valve_z",
     }  # fmt: skip
     touched = {
