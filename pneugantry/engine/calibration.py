@@ -33,8 +33,9 @@ __all__ = [
 PARTS = 5  # of the rigs, each left out in turn
 BINS = 5  # of probability, of a table of reliability
 LEAST = 0.01  # probability that a truth has at least: one rig must not decide
-FITTED = ("temper", "entry", "unknown_at", "unknown_per", "unknown_beside")
-# Their logarithms have a spread of 1 about the present ones: a few cases move them little.
+FITTED = ("temper", "entry", "unknown_at", "unknown_per", "unknown_beside", "beside")
+# Their logarithms (of a share: of its odds) have a spread of 1 about the present ones: a few cases
+# move them little.
 
 
 @dataclass(frozen=True)
@@ -109,18 +110,13 @@ def _odd(case: Known, among: Array, chances: Chances) -> float:
 
 def fitted(cases: Sequence[Known], start: Chances) -> Chances:
     """The weights of the largest log probability, near those to start from."""
-    logs = np.log([getattr(start, n) for n in FITTED])
+    *scales, share = (getattr(start, n) for n in FITTED)
+    logs = np.log([*scales, share / (1 - share)])
 
     def chances(step: Array) -> Chances:
-        temper, entry, at, per, beside = (float(v) for v in np.exp(logs + step))
-        return replace(
-            start,
-            temper=temper,
-            entry=entry,
-            unknown_at=at,
-            unknown_per=per,
-            unknown_beside=beside,
-        )
+        *found, odds = (float(v) for v in np.exp(logs + step))
+        values = [*found, odds / (1 + odds)]
+        return replace(start, **dict(zip(FITTED, values, strict=True)))  # type: ignore[arg-type]
 
     def cost(step: Array) -> float:
         return float(step @ step) / 2 - len(cases) * log_score(cases, chances(step))
@@ -173,6 +169,7 @@ def reliability(cases: Sequence[Known], weights: Sequence[Chances]) -> tuple[Bin
             told = sum(
                 float(p) for p, (keys, _) in zip(among, case.weighed, strict=True) if key in keys
             )
+            told *= 1 - odd + odd * chances.beside  # what is unknown may be all that there is
             if told > LEAST:
                 claims["effect"].append((told, key in case.effects))
     return tuple(b for what, of in claims.items() for b in _bins(what, of))

@@ -22,7 +22,8 @@ from pneugantry.engine.sensors import PREFIX, neutral
 
 __all__ = ["KINDS", "Drawn", "Source", "drawn"]
 
-KINDS = {"none": 0.25, "one": 0.4, "two": 0.1, "unknown": 0.25}  # shares
+KINDS = {"none": 0.25, "one": 0.35, "two": 0.1, "unknown": 0.2, "both": 0.1}  # shares
+EFFECTS = {"one": 1, "two": 2, "both": 1}  # of the catalogue
 SIZES = (0.5, 2.0)  # of an effect, in usual sizes
 STARTS = 0.2  # spread of the logarithm of a listed start
 VISIBLE = (2.0, 40.0)  # RMS change of the most changed signal that a cause makes, in its sigma
@@ -91,11 +92,11 @@ def drawn(source: Source, seed: int) -> Drawn:
     rig = _tolerance(source, rng)
     effects: list[Effect] = []
     causes: list[_Cause] = []
-    for _ in range({"none": 0, "one": 1, "two": 2, "unknown": 0}[kind]):
+    for _ in range(EFFECTS.get(kind, 0)):
         effect, cause = _effect(source, rig, effects, rng)
         effects.append(effect)
         causes.append(cause)
-    if kind == "unknown":
+    if kind in ("unknown", "both"):
         causes.append(_discrepancy(source, rig, rng))
     values = {k: v for c in causes for k, v in c.values.items()}
     odd = next((c.odd for c in causes if c.odd is not None), None)

@@ -46,6 +46,14 @@ def test_the_entry_moves_to_where_true_and_chance_gains_part(gain: float) -> Non
     assert log_score(cases, found) > log_score(cases, Chances())
 
 
+def test_what_is_named_beside_something_unknown_is_believed_as_often_as_it_is_true() -> None:
+    odd = (((), 0.0), (("drag",), -1000.0))
+    for real in (0, 10, 40):
+        cases = [Known(frozenset({"drag"} if k < real else ()), True, odd, 5.0) for k in range(40)]
+        found = fitted(cases, Chances()).beside
+        assert found == pytest.approx(real / 40, abs=0.1)
+
+
 def test_unseen_rigs_score_as_well() -> None:
     found = fitted(drawn(100, 1, 60.0), Chances())
     assert log_score(drawn(400, 2, 60.0), found) > -0.25
