@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneugantry.engine import noise
 from pneugantry.engine.hypothesis import Coordinate
@@ -305,7 +304,6 @@ def _step(
     curved = sum((n for n, _ in parts.values()), np.zeros_like(known.square))
     normal = known.square + curved
     gradient = known.square @ theta - known.pull + sum(g for _, g in parts.values())
-    free = np.diag(curved) > 0
     best: _Step | None = None
     worst: set[str] = set()  # views that spoilt the last try: the next one runs them first
     bent: Point | None = None  # where a first try that failed leads back to the valley
@@ -314,7 +312,7 @@ def _step(
     while tries < TRIES:
         if bent is None:
             damped = normal + np.diag(damping * np.diag(normal))
-            trial = newton(point, damped, gradient, free)
+            trial = newton(point, damped, gradient)
             made = trial.theta - theta
             predicted = -float(made @ (2 * gradient + normal @ made))
             if predicted < WORTH * converged:
@@ -348,7 +346,7 @@ def _step(
         ):
             backs.append(fall)
             at = Solution(trial, tried, state.columns)
-            bent = _back(weighing, at, damped, free, known)
+            bent = _back(weighing, at, damped, known)
             if bent is not None:
                 continue
         bent, tries = None, tries + 1
@@ -358,9 +356,7 @@ def _step(
     return best
 
 
-def _back(
-    weighing: Weighing, at: Solution, damped: Array, free: NDArray[np.bool_], known: Parabola
-) -> Point | None:
+def _back(weighing: Weighing, at: Solution, damped: Array, known: Parabola) -> Point | None:
     """From where a step failed back to the valley that it left, by the same columns: a valley is
     bent where some of what may grow together is fitted as its logarithm. None where a simulation
     failed.
@@ -370,14 +366,12 @@ def _back(
     theta = at.point.theta
     _, slope = weighing.normal(at.point, at.residuals, at.columns)
     slope = slope + known.square @ theta - known.pull
-    return newton(at.point, damped, slope, free)
+    return newton(at.point, damped, slope)
 
 
-def newton(point: Point, square: Array, slope: Array, free: NDArray[np.bool_]) -> Point:
-    """Where a slope ends, of the coordinates that are free: what would pass a bound stops at it,
-    and the others go on as that tells.
-    """
-    step, free = np.zeros(len(slope)), free.copy()
+def newton(point: Point, square: Array, slope: Array) -> Point:
+    """Where a slope ends; what would pass a bound stops at it, and the rest goes on as it tells."""
+    step, free = np.zeros(len(slope)), np.full(len(slope), True)
     while True:
         pull = slope[free] + square[np.ix_(free, ~free)] @ step[~free]
         step[free] = -np.linalg.solve(square[np.ix_(free, free)], pull)

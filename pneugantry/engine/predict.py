@@ -115,7 +115,7 @@ class Foretelling:
         point, normal, gradient = found.solution.point, found.normal, found.gradient
         theta, square = point.theta, known.square + normal
         slope = known.square @ theta - known.pull + gradient
-        end = newton(point, square, slope, np.full(len(theta), True)).theta
+        end = newton(point, square, slope).theta
         step = end - theta
         misfit = found.misfit + float(step @ (2 * gradient + normal @ step))
         return misfit + _price(end, known, normal)

@@ -87,9 +87,10 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
         before, thorough = best, True
         best = _pruned(fitter, fitter.again(top, thorough=True), bar, steps, tried)
         tried.append(best)
-        if top is before and before.evidence - best.evidence < fitter.rules.entry:
+        least = fitter.rules.entry if top is before else bar
+        if set(best.keys) == set(before.keys) and before.evidence - best.evidence < least:
             best = min(before, best, key=lambda f: f.evidence)
-            break  # nothing to be screened that was not
+            break  # nothing to be screened that was not; what came was dropped again
         traces = _kept(fitter, traces, before, best)
     null = min((f for f in tried if not f.keys), key=lambda f: f.evidence)
     return Search(null, best, tuple(steps), tuple(tried), tuple(screened))
@@ -119,7 +120,7 @@ def _fits(
     more than noise, also what is predicted from the nominal plant on.
     """
     rough: list[Fit] = []
-    for own in _chosen(fitter, screened, bar, ("gain", "plain")):
+    for own in _chosen(fitter, screened, bar, ("gain", "plain"), every=fitter.loud(base)):
         rough.append(_added(fitter, base, own, _ahead(rough)))
     if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
         for own in _chosen(fitter, _afresh(fitter, base, effects), bar, ("afresh",)):
@@ -190,17 +191,24 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
 
 
 def _chosen(
-    fitter: Fitter, screened: Sequence[Candidate], bar: float, measures: Sequence[str]
+    fitter: Fitter,
+    screened: Sequence[Candidate],
+    bar: float,
+    measures: Sequence[str],
+    every: bool = False,
 ) -> list[list[Candidate]]:
     """The effects of the largest predicted gain, by any measure, each with its best starts: the
-    measures may differ in them.
+    measures may differ in them. every: twice as many, however far behind the best: about a base
+    that is bent, gains are predicted badly.
     """
     chosen: dict[str, list[Candidate]] = {}
     for measure in measures:
         ranked = sorted(screened, key=lambda c: -getattr(c, measure))
-        least = max(bar, fitter.rules.hopeful * getattr(ranked[0], measure)) if ranked else bar
+        hopeful = fitter.rules.hopeful * getattr(ranked[0], measure) if ranked else 0.0
+        least = bar if every else max(bar, hopeful)
         best = {c.effect.key: c for c in reversed(ranked) if getattr(c, measure) > least}
-        for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[: fitter.rules.screened]:
+        few = fitter.rules.screened * (2 if every else 1)
+        for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[:few]:
             own = chosen.setdefault(c.effect.key, [])
             if c not in own:
                 own.append(c)

@@ -164,8 +164,8 @@ def test_the_stored_drive_is_told_right() -> None:
 
 
 def test_the_drives_views_are_right_about_its_own_model() -> None:
-    """Cut at the current, which moves between its rows, the motor's view left 1.06 noise levels of a
-    record of the model itself (decision 0123).
+    """Cut at the current, which moves between its rows, the motor's view left 1.06 noise levels of
+    a record of the model itself (decision 0123).
     """
     _, task = described_task(DESCRIPTION)
     (view,) = task.views

@@ -192,6 +192,27 @@ def test_a_view_that_lacks_a_term_stands_out(plant: Plant, parts: Path) -> None:
     fitter.close()
 
 
+def test_what_other_views_tell_follows_what_they_share(plant: Plant, parts: Path) -> None:
+    """The sensor's scale moves when drag is fitted in the view of the speed; the gain, which only
+    the view of the current reads, makes up for it there, though that view is not simulated.
+    """
+    scaled = replace(
+        plant, nuisances=(*plant.nuisances, Nuisance("sensors.i.scale", 0.05, relative=True))
+    )
+    rules = Rules()
+    records = [record(f"log {k}", k, drag=2.0) for k in (1, 2)]
+    fitter = Fitter(scaled, build_views(scaled, list(SIGMA), parts, PERIOD, rules), records, rules)
+    null, drag = fitter.null(), CATALOGUE["drag"]
+    near = fitter.explore(null.hypothesis.plus(drag, drag.forms[0]), null)
+    end = fitter.again(near)
+    before, after = null.values(None), near.values(None)
+    fitter.close()
+    moved = after["sensors.i.scale"] / before["sensors.i.scale"]
+    assert abs(moved - 1) > 0.002
+    assert after["K"] / before["K"] == pytest.approx(1 / moved, abs=0.3 * abs(moved - 1))
+    assert near.evidence - end.evidence < 10
+
+
 def test_a_signal_that_is_measured_too_coarsely_is_not_taken_as_known(
     plant: Plant, parts: Path
 ) -> None:

@@ -60,6 +60,6 @@ def test_a_step_stops_at_a_bound_and_the_rest_goes_on_without_it() -> None:
     coordinates = (Coordinate("x", 0.0, 1.0, low=0.0), Coordinate("y", 0.0, 1.0))
     square, pull = np.array([[2.0, 1.8], [1.8, 2.0]]), np.array([-1.0, 1.0])
     theta = np.array([0.5, 0.0])
-    end = newton(Point(coordinates, theta, {}), square, square @ theta - pull, np.full(2, True))
+    end = newton(Point(coordinates, theta, {}), square, square @ theta - pull)
     assert np.linalg.solve(square, pull)[0] < 0
     assert end.theta == pytest.approx([0.0, 0.5])
