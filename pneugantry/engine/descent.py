@@ -38,6 +38,7 @@ __all__ = [
 
 TRIES = 4  # damped steps from one point
 BACKS = 3  # steps back to the valley that the first of them left
+SHORTER = (0.5, 0.2, 0.08)  # shares of a step along a valley that is too bent for the whole of it
 FAILED = 1e12  # stands for a simulation that failed
 LEAST = 1e-9  # damping; more would keep combinations that the data leave open from their priors
 LARGE = 5.0  # standard deviations of what stands out
@@ -175,7 +176,7 @@ def descend(
             stale = set(old)
         else:
             state, stale, old = step.solution, set(step.stale), set(views)
-            if step.fall < converged:
+            if step.fall < converged and not step.short:
                 break
         if stale:
             cells = [c for c in problem.cells if c[0] in stale]
@@ -290,6 +291,7 @@ class _Step:
     solution: Solution
     fall: float  # of the cost
     stale: frozenset[str]  # views that did not do what their columns predicted
+    short: bool  # whether it is a share of what was predicted to be worth a step
 
 
 def _step(
@@ -308,11 +310,14 @@ def _step(
     worst: set[str] = set()  # views that spoilt the last try: the next one runs them first
     bent: Point | None = None  # where a first try that failed leads back to the valley
     backs: list[float] = []  # falls of the tries that led there
+    share, shorter = 1.0, list(SHORTER) if problem.fine else []
     tries = 0
     while tries < TRIES:
         if bent is None:
             damped = normal + np.diag(damping * np.diag(normal))
             trial = newton(point, damped, gradient)
+            if share < 1:
+                trial = inside(point.moved(theta + share * (trial.theta - theta)))
             made = trial.theta - theta
             predicted = -float(made @ (2 * gradient + normal @ made))
             if predicted < WORTH * converged:
@@ -334,7 +339,7 @@ def _step(
             v for v in costs if abs(missed[v]) > max(converged, KEPT * abs(by_view[v]))
         )
         if fall > (best.fall if best else 0.0):
-            best = _Step(Solution(trial, tried, state.columns), fall, stale)
+            best = _Step(Solution(trial, tried, state.columns), fall, stale, share < 1)
         if fall > TAKEN * predicted:
             damping[:] = np.maximum(0.1 * damping, LEAST)
             break
@@ -346,26 +351,32 @@ def _step(
         ):
             backs.append(fall)
             at = Solution(trial, tried, state.columns)
-            bent = _back(weighing, at, damped, known)
+            bent = _back(weighing, at, damped, known, (1 - share) * gradient)
             if bent is not None:
                 continue
-        bent, tries = None, tries + 1
+        bent = None
+        if tries == 0 and shorter and predicted > problem.rules.entry:
+            share, backs = shorter.pop(0), []
+            continue
+        share, tries = 1.0, tries + 1
         worst = {v for v in costs if missed[v] > SHARED * (predicted - fall)}
         short = np.diag(sum((parts[v][0] for v in worst or costs), np.zeros_like(normal))) > 0
         damping[short] = np.maximum(LONGER * damping[short], FIRST)
     return best
 
 
-def _back(weighing: Weighing, at: Solution, damped: Array, known: Parabola) -> Point | None:
+def _back(
+    weighing: Weighing, at: Solution, damped: Array, known: Parabola, ahead: Array
+) -> Point | None:
     """From where a step failed back to the valley that it left, by the same columns: a valley is
-    bent where some of what may grow together is fitted as its logarithm. None where a simulation
-    failed.
+    bent where some of what may grow together is fitted as its logarithm. ahead: slope that the step
+    was to leave, for it was a share of one. None where a simulation failed.
     """
     if not all(np.isfinite(r).all() for r in at.residuals.values()):
         return None
     theta = at.point.theta
     _, slope = weighing.normal(at.point, at.residuals, at.columns)
-    slope = slope + known.square @ theta - known.pull
+    slope = slope + known.square @ theta - known.pull - ahead
     return newton(at.point, damped, slope)
 
 

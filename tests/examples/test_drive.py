@@ -163,6 +163,21 @@ def test_the_stored_drive_is_told_right() -> None:
     assert diagnosis.gap.augmented < 2
 
 
+def test_a_scale_that_tolerance_bears_is_found_along_the_valley(tmp_path: Path) -> None:
+    """The current sensor reads 14 % too little; ten parameters far off leave hardly more."""
+    folder = write_drive_case(tmp_path, 92467)
+    read, task = described_task(folder / "plant.toml")
+    fitter = Fitter(task.plant, task.views, task.data.fitted, read.rules)
+    null = fitter.null()
+    effect = task.catalogue["sensor_scale(i)"]
+    fit = fitter.again(fitter.explore(null.hypothesis.plus(effect, effect.forms[0]), null))
+    fitter.close()
+    (cause,) = json.loads((folder / "truth.json").read_text())["causes"]
+    drawn = cause["parameters"]["gain"]
+    assert fit.values(None)["sensors.i.scale"] == pytest.approx(drawn, abs=0.03)
+    assert null.evidence - fit.evidence > 60
+
+
 def test_the_drives_views_are_right_about_its_own_model() -> None:
     """Cut at the current, which moves between its rows, the motor's view left 1.06 noise levels of
     a record of the model itself (decision 0123).
