@@ -357,7 +357,7 @@ def _cut(sight: _Sight, own: Sequence[str]) -> tuple[Part, dict[str, str], dict[
 def _same(
     part: Part, sources: Mapping[str, str], corrected: Mapping[str, str]
 ) -> tuple[object, ...]:
-    """Of two parts: whether one simulation computes both."""
+    """Equal for parts that one simulation computes."""
     if not part.of("state"):
         return tuple(sorted(part.of("parameter")))
     states = tuple(sorted(part.of("state")))
