@@ -7,7 +7,7 @@ further upstream instead.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,18 +26,23 @@ CLIPPED = 20.0  # quoted noises beyond which a row counts no further
 
 
 def sharp_views(
-    plant: Plant, measured: Sequence[str], cache: Path, records: Sequence[Record], rules: Rules
+    plant: Plant,
+    measured: Sequence[str],
+    cache: Path,
+    records: Sequence[Record],
+    rules: Rules,
+    held: Sequence[Collection[str]] = (),
 ) -> list[SubsystemView]:
     """Views of the signals, none of them much noisier than its own sensors, nor wrong by more than
     is material where the nominal model itself is measured without noise.
 
     Of a view that is (`Rules.coarse`, `Rules.material`) the known signal that is most to blame is
-    taken as not measured there, and the model cut again.
+    taken as not measured there, and the model cut again. held: as of `build_views`.
     """
     coarse: dict[str, frozenset[str]] = {}
     ideal = _ideal(plant, measured, cache, records)
     while True:
-        views = build_views(plant, measured, cache, records[0].period, rules, coarse)
+        views = build_views(plant, measured, cache, records[0].period, rules, coarse, held)
         dropped = {
             name: worst
             for view in views

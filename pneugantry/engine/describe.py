@@ -129,7 +129,8 @@ def views_of(found: Described) -> tuple[list[View], list[str]]:
     if isinstance(found.plant, ForeignPlant):
         views, notes = foreign_views(found.plant, measured, period, rules.band)
         return list(views), notes
-    return list(sharp_views(found.plant, measured, found.cache, found.data.fitted, rules)), []
+    fitted, held = found.data.fitted, [r.signals.keys() for r in found.records]
+    return list(sharp_views(found.plant, measured, found.cache, fitted, rules, held)), []
 
 
 def case_of(path: Path, cache: Path, catalogue: Path | None = None) -> Case:

@@ -272,12 +272,14 @@ def build_views(
     period: float,
     rules: Rules,
     coarse: Mapping[str, frozenset[str]] | None = None,
+    held: Sequence[Collection[str]] = (),
 ) -> list[SubsystemView]:
     """One view for each measured signal; signals that the same part computes share one.
 
     period: s, between a record's rows; coarse: signals that a signal's view does not take as known,
-    for they are measured too coarsely. Raises InputError for a signal whose variable the model
-    lacks.
+    for they are measured too coarsely; held: signals of each record, of which those share no view
+    that some record holds one of without the other. Raises InputError for a signal whose variable
+    the model lacks.
     """
     shape = _structure(plant, cache)
     signals = {s.name: s for s in plant.signals if s.name in measured}
@@ -293,7 +295,8 @@ def build_views(
     decimation = max(1, round(1 / (rules.band * period)))
     grouped: dict[tuple[object, ...], list[str]] = {}
     for name in signals:
-        grouped.setdefault(_same(*_cut(sight, [name])), []).append(name)
+        where = tuple(name in own for own in held)
+        grouped.setdefault((where, _same(*_cut(sight, [name]))), []).append(name)
     return [_view(sight, names, decimation, rules.observer) for names in grouped.values()]
 
 

@@ -122,7 +122,8 @@ def record_of(name: str, run: LoggedRun) -> Record:
 def views_of(plant: Plant, campaign: Campaign, cache: Path, rules: Rules) -> list[View]:
     """Views cut from the model, and that of the controller where it is known."""
     measured = [s.name for s in plant.signals]
-    views: list[View] = list(build_views(plant, measured, cache, PERIOD * rules.thinning, rules))
+    period, held = PERIOD * rules.thinning, [r.log.table.columns for r in campaign.logs.values()]
+    views = build_views(plant, measured, cache, period, rules, held=held)
     return [*views, ControllerView(commanded(campaign.logs))]
 
 

@@ -52,6 +52,15 @@ def test_the_gantry_s_views_come_out_of_its_structure() -> None:
     assert {s for s, v in found.items() if v.corrected} == {("v_x",), ("v_z",)}
 
 
+def test_signals_share_no_view_where_a_record_lacks_one_of_them() -> None:
+    plant = plant_of()
+    measured = [s.name for s in plant.signals]
+    fewer = [n for n in measured if n != "f_z"]
+    parts, rules = cache_folder() / "parts", Rules()
+    found = build_views(plant, measured, parts, 2e-3, rules, held=[measured, fewer])
+    assert {("f_x",), ("f_z",)} < {v.signals for v in found}
+
+
 def test_a_record_of_the_nominal_plant_leaves_nothing(
     cart: Plant, push: Record, cache: Path
 ) -> None:
