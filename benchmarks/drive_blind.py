@@ -26,10 +26,10 @@ from pneugantry.blind.sets import TRUTH
 from pneugantry.cli import main as command
 from pneugantry.engine.calibration import error, known_case, reliability
 from pneugantry.engine.decide import Chances
-from pneugantry.engine.result import to_json
 from pneugantry.engine.run import run
 from pneugantry.plants.calibrate import chances_of
 from pneugantry.plants.described import described_task
+from pneugantry.plants.missing_term import to_json, with_missing_term
 
 __all__ = ["as_json", "main", "weights"]
 
@@ -57,14 +57,15 @@ def _diagnosed(folder: Path, chances: Chances) -> dict[str, Any]:
     kept = folder / "diagnosis.json"
     used = {k: v for k, v in vars(chances).items() if k != "usual"}
     if kept.is_file():
-        found: dict[str, Any] = json.loads(kept.read_text(encoding="utf-8"))
-        if found["weights"] == used:
-            return found
+        known: dict[str, Any] = json.loads(kept.read_text(encoding="utf-8"))
+        if known["weights"] == used:
+            return known
     read, task = described_task(folder / "plant.toml")
-    answer = to_json(run(replace(task, chances=chances), read.rules).diagnosis)
-    found = json.loads(json.dumps({**answer, "weights": used}, default=float))
-    kept.write_text(json.dumps(found), encoding="utf-8")
-    return found
+    found = run(replace(task, chances=chances), read.rules)
+    answer = to_json(*with_missing_term(found, read.rules))
+    told: dict[str, Any] = json.loads(json.dumps({**answer, "weights": used}, default=float))
+    kept.write_text(json.dumps(told), encoding="utf-8")
+    return told
 
 
 def as_json(truths: Answers, answers: Answers, chances: Chances) -> dict[str, Any]:

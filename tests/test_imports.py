@@ -26,6 +26,7 @@ ALLOWED = {
         "modelica_fmu",
         "pyfmi_runner",
         "pneugantry.engine",
+        "pneugantry.learn",
         "pneugantry.report",
     },
     "pneugantry.jobs": {"modelica_fmu"},

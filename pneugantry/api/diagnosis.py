@@ -123,25 +123,13 @@ class Diagnosis:
         catalogue has is likely enough, in a plant with Modelica source; else unchanged. say: told
         the name of each stage.
         """
-        from pneugantry.learn.learn import learn, wanted
-        from pneugantry.learn.result import to_json
-        from pneugantry.plants.gantry.diagnosis import at_full_rate
+        from pneugantry.plants.missing_term import to_json, with_missing_term
 
-        if self.found.task.epoch is not None or not wanted(self.found):
+        say = say or (lambda stage: None)
+        found, term = with_missing_term(self.found, self.rules, self.campaign, say)
+        if term is None:
             return self
-        campaign, rules = self.campaign, self.rules
-
-        def finish(found: Found) -> Found:
-            return found if campaign is None else at_full_rate(found, campaign, rules)
-
-        term = learn(self.found, rules, say or (lambda stage: None), finish)
-        json = {
-            **self.json,
-            "learned": to_json(term),
-            "stages": {**self.json["stages"], "missing term": term.seconds},
-            "seconds": self.json["seconds"] + term.seconds,
-        }
-        return replace(self, json=json, learned=term)
+        return replace(self, json=to_json(found, term), found=found, learned=term)
 
     def write_catalogue(self, folder: PathLike) -> tuple[Path, Path]:
         """A catalogue with the learnt term as an effect, and the Modelica file that has it as a

@@ -7,13 +7,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pneugantry.engine.result import to_json
-from pneugantry.engine.run import run
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import Found, run
 from pneugantry.jobs.job import Function, Job
 from pneugantry.jobs.run import run_jobs
 from pneugantry.plants.calibrate import stamp_of
@@ -22,8 +22,9 @@ from pneugantry.plants.gantry.catalogue import FOLDER, catalogue_of, model_of
 from pneugantry.plants.gantry.diagnosis import diagnose
 from pneugantry.plants.gantry.nominal import Nominal
 from pneugantry.plants.gantry.page import extras_of
+from pneugantry.plants.missing_term import to_json, with_missing_term
 from pneugantry.report.page import Extras, write_page
-from pyfmi_runner.campaign import DRIVEN, read_campaign
+from pyfmi_runner.campaign import DRIVEN, Campaign, read_campaign
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import write_atomically
 
@@ -44,13 +45,15 @@ FAILED: dict[str, Any] = {
 @dataclass(frozen=True)
 class Diagnoser:
     """Reads FMU and catalogue once in a worker, then diagnoses folder by folder; a folder with a
-    plant.toml by that. strict: as in `read_campaign`; pages: a report as HTML beside each result.
+    plant.toml by that. strict: as in `read_campaign`; pages: a report as HTML beside each result;
+    learn: a missing term is looked for where one is likely.
     """
 
     fmu: Path
     catalogue: Path | None = None
     strict: bool = True
     pages: bool = False
+    learn: bool = True
 
     def __call__(self) -> Function:
         return partial(self._diagnose, FmuFile.read(self.fmu), catalogue_of(self.catalogue))
@@ -61,22 +64,37 @@ class Diagnoser:
         campaign = read_campaign(folder, strict=self.strict, needs=DRIVEN)
         model = model_of(self.catalogue)
         found = diagnose(campaign, catalogue, nominal=Nominal(None if model else fmu, model))
-        if self.pages:
-            write_page(found, folder / "diagnosis.html", extras_of(campaign, found))
-        return json.dumps(to_json(found.diagnosis), default=float)
+        return self._told(found, Rules(), folder, campaign)
 
     def _diagnose_described(self, folder: Path) -> str:
         read, task = described_task(folder / DESCRIPTION, self.catalogue)
         found = run(task, read.rules)
+        return self._told(found, read.rules, folder)
+
+    def _told(
+        self, found: Found, rules: Rules, folder: Path, campaign: Campaign | None = None
+    ) -> str:
+        """The JSON, with the missing term and the page where they are wanted."""
+        learned = None
+        if self.learn:
+            found, learned = with_missing_term(found, rules, campaign)
+        answer = to_json(found, learned)
         if self.pages:
-            write_page(found, folder / "diagnosis.html", Extras(rules=read.rules))
-        return json.dumps(to_json(found.diagnosis), default=float)
+            extras = Extras() if campaign is None else extras_of(campaign, found)
+            extras = replace(extras, rules=rules, learned=answer.get("learned"))
+            write_page(found, folder / "diagnosis.html", extras)
+        return json.dumps(answer, default=float)
 
     def stamp(self, folder: Path) -> dict[str, str]:
         """What decides the answer to a folder, its logs aside: hashes by name."""
+        learn = {} if self.learn else {"learn": "no"}
         if not (folder / CAMPAIGN).is_file():
-            return {"description": stamp_of(folder / DESCRIPTION, self.catalogue)}
-        return {"fmu": FmuFile.read(self.fmu).sha256, "catalogue": _catalogue_hash(self.catalogue)}
+            return {**learn, "description": stamp_of(folder / DESCRIPTION, self.catalogue)}
+        return {
+            **learn,
+            "fmu": FmuFile.read(self.fmu).sha256,
+            "catalogue": _catalogue_hash(self.catalogue),
+        }
 
 
 def campaign_folders(folder: Path) -> list[Path]:

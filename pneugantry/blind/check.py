@@ -45,12 +45,14 @@ def diagnose_cases(
     workers: int = 2,
     done: Callable[[str], object] | None = None,
     scheduler: str | None = None,
+    learn: bool = True,
 ) -> dict[str, dict[str, Any]]:
-    """JSON of each case's diagnosis; results that are already on disk are taken from there."""
+    """JSON of each case's diagnosis; results that are already on disk are taken from there. learn:
+    as of `Diagnoser`.
+    """
     cases = sorted(p for p in folder.glob("case_*") if (p / "campaign.toml").is_file())
-    results = diagnose_campaigns(
-        cases, Diagnoser(build_fmu().path), workers=workers, scheduler=scheduler, done=done
-    )
+    diagnoser = Diagnoser(build_fmu().path, learn=learn)
+    results = diagnose_campaigns(cases, diagnoser, workers=workers, scheduler=scheduler, done=done)
     return {path.name.removeprefix("case_"): result for path, result in results.items()}
 
 

@@ -40,6 +40,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="an existing Dask cluster, as in tcp://host:8786, that sees the same folders",
     )
     command.add_argument(
+        "--no-learn",
+        action="store_true",
+        help="do not look for the term that the catalogue lacks",
+    )
+    command.add_argument(
         "--set",
         default="plain",
         metavar="NAME",
@@ -78,7 +83,8 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     def advance(name: str) -> None:
         next(counter, None)
 
-    results = diagnose_cases(folder, options.workers, advance, options.scheduler)
+    learn = not options.no_learn
+    results = diagnose_cases(folder, options.workers, advance, options.scheduler, learn)
     result = score(unseal(folder, digest), results)
     print(f"\n{'measure':<32} {'target':>9} {'got':>8}")
     for name, target in TARGETS.items():

@@ -184,7 +184,13 @@ def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dic
     counter = bar(range(len(folders)), len(folders), "diagnose")
     results = diagnose_campaigns(
         folders,
-        Diagnoser(gantry.path, options.catalogue, strict=False, pages=True),
+        Diagnoser(
+            gantry.path,
+            options.catalogue,
+            strict=False,
+            pages=True,
+            learn=not options.no_learn,
+        ),
         workers=options.workers,
         scheduler=options.scheduler,
         done=lambda _: next(counter, None),

@@ -71,6 +71,12 @@ class Found:
     nominal: Replay | None  # of the record that no fit saw (else of the last one)
     augmented: Replay | None
     gap: Gap | None
+    learnt: Found | None = None  # of the plant with what it lacked, where the answer is that one's
+
+    @property
+    def final(self) -> Found:
+        """Where the augmented plant and its values come from."""
+        return self.learnt or self
 
     @property
     def values(self) -> dict[str, float]:

@@ -112,7 +112,8 @@ class Learned:
         if self.after is None or self.after.gap is None or self.before.gap is None:
             return None
         new, nominal = self.after.gap, self.before.gap.nominal
-        return 1 - (new.augmented**2 - new.floor**2) / (nominal**2 - new.floor**2)
+        left = max(new.augmented**2 - new.floor**2, 0.0)
+        return 1 - left / (nominal**2 - new.floor**2)
 
 
 def wanted(found: Found) -> bool:
@@ -255,7 +256,8 @@ class _Learning:
         """The likeliest term, and the best one of each other pair of equation and variable that
         neither the fitted records nor the one that no fit saw tell from it. Of these a function
         of time comes last: it is none of the plant, and any state that all records pass at the
-        same time looks like one; before it what turns round with a speed, which says more.
+        same time looks like one; before it what turns round with a speed, which says more. What is
+        fed to the plant comes first: what follows from it does the same.
         """
         pairs: dict[tuple[Point, Regressor], Tried] = {}
         for t in tried:
@@ -268,9 +270,13 @@ class _Learning:
         close = [t for t in rest if t is likeliest or not self._tells(likeliest, t, told)]
         total = {t: t.cost + float(told[t].sum()) for t in close}
 
-        def rank(t: Tried) -> tuple[bool, bool, float]:
-            regressor = t.term.regressor
-            return regressor.name == TIME, bool(regressor.speed), total[t]
+        roots = self.apart.shape.roots
+        fed = {roots.get(name) for name in self.found.task.plant.inputs}
+
+        def rank(t: Tried) -> tuple[bool, bool, bool, float]:
+            own = t.term.regressor
+            follows = roots.get(own.plain.label) not in fed
+            return own.name == TIME, bool(own.speed), follows, total[t]
 
         return tuple(sorted(close, key=rank))
 

@@ -179,11 +179,13 @@ def headline(found: dict[str, Any], summaries: dict[str, str] | None = None) -> 
         )
     if verdict == "unknown":
         unknown = found.get("unknown_probability") or math.nan
+        learnt = (found.get("learned") or {}).get("accepted")
+        made = "the term that was learnt" if learnt else "what could be fitted"
         beside = " and ".join(_named(c, summaries or {}) for c in _beside(found))
         return (
             f"A real effect{where} that no entry of the catalogue explains (probability "
             f"{chance(unknown)})"
-            f"{f'; beside it {beside}' if beside else ''}; with what could be fitted, {far}."
+            f"{f'; beside it {beside}' if beside else ''}; with {made}, {far}."
         )
     if verdict == "ambiguous":
         answers = [_words(keys) for keys in found["answer_set"]] or ["–"]

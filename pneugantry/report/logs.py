@@ -61,8 +61,13 @@ def _pair(found: Found, record: Record) -> tuple[Replay | None, Replay | None]:
     """Nominal and augmented; those that the diagnosis has made are taken."""
     if found.nominal is not None and found.nominal.record == record.name:
         return found.nominal, found.augmented
-    values = values_on(found.decision.best, record)
-    nominal, augmented = replays(found.task.plant, record, [{}, values], found.task.cache)
+    task, final = found.task, found.final
+    values = values_on(final.decision.best, record)
+    if final is found:
+        nominal, augmented = replays(task.plant, record, [{}, values], task.cache)
+        return nominal, augmented
+    (nominal,) = replays(task.plant, record, [{}], task.cache)
+    (augmented,) = replays(final.task.plant, record, [values], task.cache)
     return nominal, augmented
 
 

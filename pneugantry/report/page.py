@@ -89,7 +89,7 @@ def write_page(found: Found, path: Path, extras: Extras | None = None) -> Path:
 
 
 def _context(found: Found, extras: Extras) -> dict[str, Any]:
-    facts = to_json(found.diagnosis)
+    facts = {**to_json(found.diagnosis), "learned": extras.learned}
     seen, unseen = shots(found)
     after = "tolerance fitted" if found.diagnosis.verdict == "none" else "augmented"
     doubted = confirmed(facts) is False
@@ -139,7 +139,7 @@ def _where(found: Found) -> dict[str, Any]:
 
 
 def _which(found: Found, facts: Mapping[str, Any]) -> dict[str, Any]:
-    chosen = found.decision.chosen
+    chosen = found.final.decision.chosen
     catalogue = found.task.catalogue
     causes = [
         {
@@ -221,15 +221,15 @@ def _json(data: dict[str, Any]) -> str:
 
 def _rest(found: Found, facts: Mapping[str, Any], unseen: Sequence[str]) -> dict[str, Any]:
     """Tolerance, what is left, limits and notes, each once."""
-    rows = tolerance(found)
+    rows = tolerance(found.final)
     few = [d for i, d in enumerate(rows) if d.unusual or i < FEW]
     limits = found.diagnosis.limits
     return {
         "tolerance": few,
         "tolerance_rest": [d for d in rows if d not in few],
-        "tolerance_scale": found.decision.best.scale,
-        "left": left_over(found),
-        "noise_level": found.excess.level,
+        "tolerance_scale": found.final.decision.best.scale,
+        "left": left_over(found.final),
+        "noise_level": found.final.excess.level,
         "limits": list(limits),
         "notes": list(dict.fromkeys(n for n in (*facts["notes"], *unseen) if n not in limits)),
     }

@@ -46,7 +46,7 @@ def label(keys: Sequence[str]) -> str:
 def summaries(found: Found) -> dict[str, str]:
     """What the effects of the answer are, in words, by their keys."""
     catalogue = found.task.catalogue
-    return {k: catalogue[k].summary for k in found.decision.chosen if k in catalogue}
+    return {k: catalogue[k].summary for k in found.final.decision.chosen if k in catalogue}
 
 
 # ---------------------------------------------------------------- which

@@ -35,7 +35,7 @@ from pyfmi_runner.enough_rows import long_enough
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import COLUMNS, log_warnings
 
-__all__ = ["at_full_rate", "both", "diagnose", "task_of"]
+__all__ = ["both", "diagnose", "finished", "task_of"]
 
 Say = Callable[[str], None]
 ONE_LOG = (
@@ -171,9 +171,15 @@ def _with(found: Found, diagnosis: Diagnosis) -> Found:
     return replace(found, diagnosis=diagnosis)
 
 
-def at_full_rate(found: Found, campaign: Campaign, rules: Rules) -> Found:
-    """With the gap as `diagnose` tells it, of a campaign as it was read."""
-    return _at_full_rate(found, rounded(campaign, coarse_channels(campaign)), rules)
+def finished(found: Found, campaign: Campaign, rules: Rules) -> Found:
+    """What the engine found of another plant's model, with gap and closed loop as `diagnose` tells
+    them; campaign: as it was read.
+    """
+    grid, plant = coarse_channels(campaign), found.task.plant
+    campaign = rounded(campaign, grid)
+    fmu = FmuFile.read(build_fmu(plant.class_name, plant.model).path)
+    found = _with(found, _coarse(found.diagnosis, grid))
+    return _in_loop(_at_full_rate(found, campaign, rules), campaign, fmu)
 
 
 def _at_full_rate(found: Found, campaign: Campaign, rules: Rules) -> Found:
@@ -210,7 +216,7 @@ def _in_loop(found: Found, campaign: Campaign, fmu: FmuFile) -> Found:
     closed: Mapping[str, float] | None = None
     d, notes = found.diagnosis, []
     try:
-        values = values_on(found.decision.best, record)
+        values = {**found.task.plant.parameters, **values_on(found.decision.best, record)}
         closed = rerun(fmu, held, values)
     except (RunError, ValueError) as error:
         notes.append(f"the closed loop could not be run again: {error}")

@@ -119,6 +119,15 @@ def test_quadratic_drag_is_learnt_named_and_written_back(
     assert size["ci95"][0] < -1.5 < size["ci95"][1]
     assert size["ci95"][1] < -1.2
     assert learned["gap"]["with"] < 1.3 * learned["gap"]["floor"] < learned["gap"]["without"]
+    assert (found["verdict"], found["causes"], found["answer_set"]) == (
+        "unknown",
+        [],
+        [["unknown"]],
+    )
+    assert found["gap"]["augmented"] == learned["gap"]["with"]
+    assert found["gap"]["shrink"] == pytest.approx(learned["gap"]["shrink"])
+    (place,) = found["where"]
+    assert (place["block"], place["share"]) == (term["block"], 1.0)
     at, value = (np.array(term["curve"][k]) for k in ("at", "value"))
     assert value == pytest.approx(-1.5 * at * np.abs(at), abs=0.15)
     assert "missing term (learnt)" in capsys.readouterr().out
@@ -182,8 +191,10 @@ def test_a_known_effect_is_told_beside_what_is_missing(tmp_path: Path) -> None:
     learned = found["learned"]
     assert learned["accepted"], learned["why"]
     assert (learned["term"]["regressor"], learned["term"]["form"]) == ("v", "signed square")
-    (cause,) = learned["causes"]
+    assert found["causes"] == learned["causes"]
+    (cause,) = found["causes"]
     assert cause["effect"] == "constant_force"
+    assert found["answer_set"][0] == ["constant_force", "unknown"]
     low, high = cause["parameters"]["F_0"]["ci95"]
     assert low < 2.0 < high < 2.5
 

@@ -16,6 +16,7 @@ from pneugantry.blind.campaigns import RESULT, Diagnoser, campaign_folders, diag
 from pneugantry.cli import main
 from pneugantry.jobs.job import Ended, Factory, Job, answer
 from pneugantry.plants.gantry.catalogue import FOLDER
+from pneugantry.report.page import Extras
 from pyfmi_runner.build import build_fmu
 
 RUNS: list[str] = []
@@ -37,14 +38,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         function = factory()
         return (answer(function, job) for job in jobs)
 
-    def report(found: Any) -> dict[str, Any]:
-        RUNS.append(found.name)
-        return {"verdict": "none", "strict": found.strict, "campaign": found.name}
+    def report(found: Any, learned: None) -> dict[str, Any]:
+        assert learned is None
+        seen = found.diagnosis
+        RUNS.append(seen.name)
+        return {"verdict": "none", "strict": seen.strict, "campaign": seen.name}
 
     for name, value in {
         "read_campaign": read,
         "run_jobs": here,
         "diagnose": lambda found, *_, **__: found,
+        "with_missing_term": lambda found, *_: (found, None),
         "to_json": report,
     }.items():
         monkeypatch.setattr(campaigns, name, value)
@@ -86,8 +90,8 @@ def test_the_command_says_a_line_for_each(
 ) -> None:
     cause = {"effect": "presliding", "axis": "z"}
     found = {"verdict": "identified", "causes": [cause], "gap": {"shrink": 0.91}}
-    monkeypatch.setattr(campaigns, "to_json", lambda _: found)
-    monkeypatch.setattr(campaigns, "extras_of", lambda *_: None)
+    monkeypatch.setattr(campaigns, "to_json", lambda *_: found)
+    monkeypatch.setattr(campaigns, "extras_of", lambda *_: Extras())
     monkeypatch.setattr(campaigns, "write_page", lambda _, path, *rest: path.touch())
     assert main(["diagnose", str(folder), "--json", str(folder / "all.json")]) == 0
     said = capsys.readouterr().out.splitlines()

@@ -1,0 +1,48 @@
+"""The missing term of a diagnosed plant, the gantry or one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from pneugantry.engine.result import to_json as diagnosis_json
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import Found
+from pneugantry.learn.answer import answered
+from pneugantry.learn.learn import Learned, learn, wanted
+from pneugantry.learn.result import to_json as learned_json
+from pneugantry.plants.gantry.diagnosis import finished
+from pyfmi_runner.campaign import Campaign
+
+__all__ = ["to_json", "with_missing_term"]
+
+
+def with_missing_term(
+    found: Found,
+    rules: Rules,
+    campaign: Campaign | None = None,
+    say: Callable[[str], None] = lambda stage: None,
+) -> tuple[Found, Learned | None]:
+    """The answer with the term that the plant's equations lack, looked for where what no catalogue
+    has is likely enough; else as it was, and None. campaign: of the gantry, as it was read. say:
+    told the name of each stage.
+    """
+    if found.task.epoch is not None or not wanted(found):
+        return found, None
+
+    def finish(other: Found) -> Found:
+        return other if campaign is None else finished(other, campaign, rules)
+
+    learned = learn(found, rules, say, finish)
+    made = answered(learned, rules)
+    stages = {**found.diagnosis.stages, "missing term": learned.seconds}
+    seconds = found.diagnosis.seconds + learned.seconds
+    told = replace(made.diagnosis, stages=stages, seconds=seconds)
+    return replace(made, diagnosis=told), learned
+
+
+def to_json(found: Found, learned: Learned | None) -> dict[str, Any]:
+    """gap/1, with `learned` where a term was looked for."""
+    told = diagnosis_json(found.diagnosis)
+    return told if learned is None else {**told, "learned": learned_json(learned)}
