@@ -271,12 +271,12 @@ class _Learning:
         total = {t: t.cost + float(told[t].sum()) for t in close}
 
         roots = self.apart.shape.roots
-        fed = {roots.get(name) for name in self.found.task.plant.inputs}
+        fed = {roots.get(name, name) for name in self.found.task.plant.inputs}
 
-        def rank(t: Tried) -> tuple[bool, bool, bool, float]:
+        def rank(t: Tried) -> tuple[bool, bool, bool, bool, float]:
             own = t.term.regressor
             follows = roots.get(own.plain.label) not in fed
-            return own.name == TIME, bool(own.speed), follows, total[t]
+            return own.name == TIME, own.travelled, bool(own.speed), follows, total[t]
 
         return tuple(sorted(close, key=rank))
 

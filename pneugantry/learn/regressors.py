@@ -1,11 +1,11 @@
-"""What a missing term may be a function of: the component's own variables, time, and what the
-component remembers of them.
+"""What a missing term may be a function of: the component's own variables, what its speeds have
+travelled since the record began (what wears or warms with use follows it), and time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,19 +21,20 @@ SAME = 1 - 1e-9  # correlation from which on two variables are one
 
 @dataclass(frozen=True)
 class Regressor:
-    """A variable of a component; or, where it has a speed, that times the speed's sign: what
-    resists a motion turns round with it.
+    """A variable of a component, or what it has travelled; where there is a speed, a term is turned
+    round by its sign: it resists the motion.
     """
 
     component: str  # path; "" for the plant's own class, or for all of them (time)
     name: str  # within the component's class
     speed: str = ""  # within the class, too
     width: float = 0.0  # of the speed, over which its smooth sign changes
+    travelled: bool = False  # the integral of the variable's magnitude
 
     @property
     def plain(self) -> Regressor:
         """The variable itself."""
-        return Regressor(self.component, self.name)
+        return replace(self, speed="", width=0.0)
 
     def signs(self, series: Mapping[Regressor, Mapping[str, Array]]) -> dict[str, Array] | None:
         """The smooth sign of the speed by record; None: there is no speed."""
@@ -50,6 +51,7 @@ class Regressor:
     def label(self) -> str:
         """In the whole plant."""
         found = f"{self.component}.{self.name}" if self.component else self.name
+        found = f"travel of {found}" if self.travelled else found
         return f"{found} against {self.speed}" if self.speed else found
 
 
@@ -59,8 +61,9 @@ def regressors_of(
     records: Sequence[Record],
     values: Mapping[str, Mapping[str, float]],
 ) -> dict[Regressor, dict[str, Array]]:
-    """Series by record of all variables of the points' components, each against each speed of its
-    component as well, and of time. values: parameters by record.
+    """Series by record of all variables of the points' components and of what their speeds have
+    travelled, each against each speed of its component as well, and of time. values: parameters by
+    record.
     """
     names = sorted({n for own in wanted.values() for n in own})
     made = opened.series(names, records, values) if names else {}
@@ -71,7 +74,9 @@ def regressors_of(
             regressor = Regressor(point.component, name.removeprefix(prefix))
             found[regressor] = {r: made[r][:, names.index(name)] for r in made}
     found = _distinct(opened, found)
-    found |= _against(opened, found)
+    speeds = _speeds(opened, found)
+    found |= _travelled(speeds, records)
+    found |= _against(speeds, found)
     found[Regressor("", TIME)] = {
         r.name: np.asarray(np.arange(r.rows) * r.period, dtype=np.float64) for r in records
     }
@@ -106,19 +111,46 @@ def _distinct(
     return found
 
 
-def _against(
-    opened: Opened, known: Mapping[Regressor, Mapping[str, Array]]
+def _speeds(
+    opened: Opened, known: Mapping[Regressor, dict[str, Array]]
 ) -> dict[Regressor, dict[str, Array]]:
-    """Each variable against each speed of its component: the rate of a state."""
-    found: dict[Regressor, dict[str, Array]] = {}
+    """Rates of states that go both ways."""
     roots, rates = opened.shape.roots, set(opened.shape.rates.values())
+    found: dict[Regressor, dict[str, Array]] = {}
     for speed, values in known.items():
-        low, high = np.quantile(np.concatenate(list(values.values())), (0.005, 0.995))
-        if roots.get(speed.label) not in rates or not low < 0 < high:
-            continue
-        width = 10.0 ** np.floor(np.log10(JUMP * (high - low)))
+        low, high = _ends(values)
+        if roots.get(speed.label) in rates and low < 0 < high:
+            found[speed] = values
+    return found
+
+
+def _ends(values: Mapping[str, Array]) -> tuple[float, float]:
+    low, high = np.quantile(np.concatenate(list(values.values())), (0.005, 0.995))
+    return float(low), float(high)
+
+
+def _travelled(
+    speeds: Mapping[Regressor, Mapping[str, Array]], records: Sequence[Record]
+) -> dict[Regressor, dict[str, Array]]:
+    """How far each has come at each row, both ways counted."""
+    periods = {r.name: r.period for r in records}
+    return {
+        replace(speed, travelled=True): {
+            r: (np.cumsum(np.abs(v)) - np.abs(v)) * periods[r] for r, v in values.items()
+        }
+        for speed, values in speeds.items()
+    }
+
+
+def _against(
+    speeds: Mapping[Regressor, Mapping[str, Array]], known: Mapping[Regressor, dict[str, Array]]
+) -> dict[Regressor, dict[str, Array]]:
+    """Each variable against each speed of its component."""
+    found: dict[Regressor, dict[str, Array]] = {}
+    for speed, values in speeds.items():
+        low, high = _ends(values)
+        width = float(10.0 ** np.floor(np.log10(JUMP * (high - low))))
         for other, own in known.items():
             if other.component == speed.component and other != speed:
-                against = Regressor(other.component, other.name, speed.name, float(width))
-                found[against] = dict(own)
+                found[replace(other, speed=speed.name, width=width)] = dict(own)
     return found

@@ -50,19 +50,22 @@ class Term:
         """As "signed square of v"."""
         return f"{self.law.name} of {self.regressor.label}"
 
+    @property
+    def _shown(self) -> str:
+        """The regressor in a formula."""
+        named = "t" if self.variable == TIME else self.variable
+        return f"travel({named})" if self.regressor.travelled else named
+
     def formula(self, digits: int = 4) -> str:
         """As a reader writes it, with the values in place."""
         turned = f"*sign({self.regressor.speed})" if self.regressor.speed else ""
         if self.law.tables:
-            return (
-                f"curve of {self.variable}{' times' + turned.replace('*', ' ') if turned else ''}"
-            )
+            return f"curve of {self._shown}{' times' + turned.replace('*', ' ') if turned else ''}"
         text = self.law.text
         for k, value in enumerate(self.values, 1):
             shown = f"{value:.{digits}g}"
             text = text.replace(f"p{k}", f"({shown})" if k > 1 and value < 0 else shown)
-        named = "t" if self.variable == TIME else self.variable
-        text = text.replace("3.141592653589793", "pi").replace("z", named)
+        text = text.replace("3.141592653589793", "pi").replace("z", self._shown)
         return f"({text}){turned}" if turned else text
 
     def addition(self, neutral: bool, blank: bool = False) -> Addition:
@@ -86,13 +89,24 @@ class Term:
         block = textwrap.indent(
             f'block {kind} "Missing term, learnt from logs: {self.law.name} of {self.variable}"\n'
             f"{parameters}"
-            "    input Real z;\n    output Real y;\n"
-            f"  equation\n    y = noEvent({self.law.text});\nend {kind};",
+            f"{self._read()}    y = noEvent({self.law.text});\nend {kind};",
             "  ",
         )
-        return Addition(
-            f"{block}\n  {kind} {name};", self._added(), f"    {name}.z = {self.variable};"
+        return Addition(f"{block}\n  {kind} {name};", self._added(), self._fed())
+
+    def _read(self) -> str:
+        """Inside of the block: z, what the term is a function of, and the equation of it."""
+        if not self.regressor.travelled:
+            return "    input Real z;\n    output Real y;\n  equation\n"
+        return (
+            "    input Real speed;\n    output Real y;\n    Real z(start = 0, fixed = true);\n"
+            "  equation\n    der(z) = noEvent(abs(speed));\n"
         )
+
+    def _fed(self) -> str:
+        """What the block is fed."""
+        own = "speed" if self.regressor.travelled else "z"
+        return f"    {self.point.name}.{own} = {self.variable};"
 
     def _added(self) -> str:
         """What stands in the equation."""
@@ -107,10 +121,10 @@ class Term:
         sizes = "".join(f"    parameter Real p{k}{LIMITS} = 1;\n" for k in range(2, count + 1))
         return Addition(
             f"  block {kind}\n    parameter Real form = 0;\n    parameter Real p1{LIMITS} = 0;\n"
-            f"{sizes}    input Real z;\n    output Real y;\n  equation\n"
+            f"{sizes}{self._read()}"
             f"    y = noEvent({chosen} {FORMS[-1].text});\n  end {kind};\n  {kind} {name};",
             self._added(),
-            f"    {name}.z = {self.variable};",
+            self._fed(),
         )
 
     @property
