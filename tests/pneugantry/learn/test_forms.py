@@ -87,7 +87,11 @@ def test_every_form_and_a_free_curve_are_the_same_in_modelica(tmp_path: Path) ->
 INPUT = np.linspace(-2.5, 3.5, 41)  # beyond the knots, too
 
 
-def simulated(laws: list[tuple[FormLaw, tuple[float, ...]]], folder: Path) -> np.ndarray:
+def simulated(
+    laws: list[tuple[FormLaw, tuple[float, ...]]],
+    folder: Path,
+    regressor: Regressor,
+) -> np.ndarray:
     """Forms as the terms of `y1 = 0*u`, `y2 = 0*u`, ... over INPUT: (rows, forms)."""
     path, names = folder / "M.mo", [f"y{k + 1}" for k in range(len(laws))]
     declared = "".join(f"  output Real {n};\n" for n in names)
@@ -95,11 +99,25 @@ def simulated(laws: list[tuple[FormLaw, tuple[float, ...]]], folder: Path) -> np
     path.write_text(f"model M\n  input Real u;\n{declared}equation\n{body}end M;\n", "utf-8")
     additions = {}
     for e, (form, values) in zip(equations_of(path), laws, strict=True):
-        term = Term(Point("", e), Regressor("", "u"), form, values, (1.0,) * len(values), "block")
+        term = Term(Point("", e), regressor, form, values, (1.0,) * len(values), "block")
         additions[e] = term.addition(neutral=False)
     plant = Plant("m", path, "M", ("u",), (), {}, (), {})
     part = part_of(replace(plant, model=written(plant, additions, folder)), names, (), folder)
     return Subsystem(part).run([], np.zeros((1, 0)), Drive({"u": INPUT}), names, 0.01)[0]
+
+
+def test_what_a_speed_has_travelled_is_the_same_in_modelica(tmp_path: Path) -> None:
+    travelled, (linear, free) = Regressor("", "u", travelled=True), (FORMS[0], KNOTS)
+    start = free_curve(candidate(np.append(np.sin(free.at), 0.3), 0.1), free).start
+    told = simulated([(linear, (2.0,)), (start.law, start.values)], tmp_path, travelled)
+    held = np.concatenate([[0.0], np.cumsum(np.abs(INPUT))[:-1]]) * 0.01  # each row is held
+    assert told[:, 0] == pytest.approx(2.0 * held, abs=1e-6)
+    assert told[:, 1] == pytest.approx(start.law.law(held, start.values), abs=1e-6)
+    term = Term(
+        point_of("y"), Regressor("box", "w", "w", 0.01, True), linear, (0.3,), (0.1,), "box"
+    )
+    assert term.regressor.label == "travel of box.w against w"
+    assert term.formula() == "(0.3*travel(w))*sign(w)"
 
 
 def test_knots_lie_where_the_data_do() -> None:
@@ -111,10 +129,14 @@ def test_knots_lie_where_the_data_do() -> None:
     assert knots_over(np.full(10, 3.0)) is None
 
 
+def point_of(left: str) -> Point:
+    """The equation LEFT = u of the component box."""
+    return Point("box", EquationText(("M",), 1, left, "u", 0, 0, 0))
+
+
 def test_a_term_may_turn_round_with_a_speed() -> None:
     against = Regressor("box", "T", "w", 0.01)
-    point = Point("box", EquationText(("M",), 1, "y", "u", 0, 0, 0))
-    term = Term(point, against, FORMS[0], (0.3,), (0.1,), "box")
+    term = Term(point_of("y"), against, FORMS[0], (0.3,), (0.1,), "box")
     assert term.formula() == "(0.3*T)*sign(w)"
     assert term.addition(neutral=True).term == "missing_1.y*tanh(w/0.01)"
     assert against.label == "box.T against w"
