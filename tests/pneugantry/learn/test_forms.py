@@ -78,7 +78,7 @@ def test_a_curve_s_coefficients_make_it_again() -> None:
 def test_every_form_and_a_free_curve_are_the_same_in_modelica(tmp_path: Path) -> None:
     start = free_curve(candidate(np.append(np.sin(KNOTS.at), 0.3), 0.1), KNOTS).start
     laws = [(form, values_of(form)) for form in FORMS] + [(start.law, start.values)]
-    told = simulated(laws, tmp_path)
+    told = simulated(laws, tmp_path, Regressor("", "u"))
     for (form, values), column in zip(laws, told.T, strict=True):
         assert column == pytest.approx(form.law(INPUT, values), abs=1e-7), form.name
         assert np.ptp(column) > 0.5
@@ -88,9 +88,7 @@ INPUT = np.linspace(-2.5, 3.5, 41)  # beyond the knots, too
 
 
 def simulated(
-    laws: list[tuple[FormLaw, tuple[float, ...]]],
-    folder: Path,
-    regressor: Regressor,
+    laws: list[tuple[FormLaw, tuple[float, ...]]], folder: Path, regressor: Regressor
 ) -> np.ndarray:
     """Forms as the terms of `y1 = 0*u`, `y2 = 0*u`, ... over INPUT: (rows, forms)."""
     path, names = folder / "M.mo", [f"y{k + 1}" for k in range(len(laws))]
@@ -113,9 +111,8 @@ def test_what_a_speed_has_travelled_is_the_same_in_modelica(tmp_path: Path) -> N
     held = np.concatenate([[0.0], np.cumsum(np.abs(INPUT))[:-1]]) * 0.01  # each row is held
     assert told[:, 0] == pytest.approx(2.0 * held, abs=1e-6)
     assert told[:, 1] == pytest.approx(start.law.law(held, start.values), abs=1e-6)
-    term = Term(
-        point_of("y"), Regressor("box", "w", "w", 0.01, True), linear, (0.3,), (0.1,), "box"
-    )
+    against = Regressor("box", "w", "w", 0.01, travelled=True)
+    term = Term(point_of("y"), against, linear, (0.3,), (0.1,), "box")
     assert term.regressor.label == "travel of box.w against w"
     assert term.formula() == "(0.3*travel(w))*sign(w)"
 
