@@ -155,7 +155,8 @@ def _which(found: Found, facts: Mapping[str, Any]) -> dict[str, Any]:
         "sound": found.decision.none,
         "outside": found.decision.unknown,
         "rivals": rivals(found),
-        "runner_up": runner_up(found),
+        "runner_up": "" if found.learnt else runner_up(found),
+        "before_learning": found.learnt is not None,
         "answer_set": [label(keys) for keys in found.diagnosis.answer_set],
         "parameters": parameter_rows(facts["causes"], chosen),
         "search": [
