@@ -7,6 +7,7 @@ diagnosed as before. A term is accepted where the record that no fit saw is repl
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -183,14 +184,22 @@ class _Learning:
         tried.sort(key=lambda t: t.cost)
         answers = self._answers(tried)
         after = self._diagnosed(answers[0])
+        if wanted(after):  # a single variable does not tell it all
+            self.say("missing term: products")
+            screens += [self._screened(fit, products=True) for fit in bases.values()]
+            products = [t for s in screens[-len(bases) :] for t in self._fitted(s, FINALISTS)]
+            if min((t.cost for t in products), default=math.inf) < tried[0].cost - self.rules.entry:
+                tried = sorted([*tried, *products], key=lambda t: t.cost)
+                answers = self._answers(tried)
+                after = self._diagnosed(answers[0])
         accepted, why = self._judged(answers[0], after)
         kept = _main(screens), accepted, why
         experiment = self._experiment(answers)
         return Learned(found, after, answers, tuple(tried), *kept, 0.0, experiment)
 
-    def _screened(self, fit: Fit) -> Screen:
+    def _screened(self, fit: Fit, products: bool = False) -> Screen:
         fitted, blamed = self.found.task.data.fitted, _blamed(self.found)
-        return screened(self.apart, fit, fitted, self.rules, blamed)
+        return screened(self.apart, fit, fitted, self.rules, blamed, products)
 
     def _worth_fitting(self, screen: Screen) -> list[Candidate]:
         """The best curve and the best wave of each variable in each block. Of equations that do as
@@ -199,13 +208,13 @@ class _Learning:
         least = self.rules.entry
         if screen.candidates:
             least = max(least, WORTH * screen.candidates[0].gain)
-        families: dict[tuple[str, str, str, bool], list[Candidate]] = {}
+        families: dict[tuple[str, str, str, str, bool], list[Candidate]] = {}
         for c in screen.candidates:
             root = self.apart.shape.roots.get(c.regressor.label, c.regressor.plain.label)
             if c.regressor.speed:
                 root = self.apart.shape.roots.get(c.regressor.plain.label, root)
             wave = isinstance(c.basis, Wave)
-            key = self.apart.block(c.point), root, c.regressor.speed, wave
+            key = self.apart.block(c.point), root, c.regressor.speed, c.regressor.times, wave
             if c.gain > least:
                 families.setdefault(key, []).append(c)
         found: list[Candidate] = []
@@ -276,7 +285,8 @@ class _Learning:
         def rank(t: Tried) -> tuple[bool, bool, bool, bool, float]:
             own = t.term.regressor
             follows = roots.get(own.plain.label) not in fed
-            return own.name == TIME, own.travelled, bool(own.speed), follows, total[t]
+            turned = bool(own.speed) or bool(own.times)
+            return own.name == TIME, own.travelled, turned, follows, total[t]
 
         return tuple(sorted(close, key=rank))
 

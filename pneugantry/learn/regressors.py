@@ -13,7 +13,7 @@ from pneugantry.engine.plant import Array, Record
 from pneugantry.learn.curve import JUMP
 from pneugantry.learn.points import Opened, Point
 
-__all__ = ["TIME", "Regressor", "regressors_of"]
+__all__ = ["TIME", "Regressor", "products_of", "regressors_of"]
 
 TIME = "time"
 SAME = 1 - 1e-9  # correlation from which on two variables are one
@@ -22,7 +22,8 @@ SAME = 1 - 1e-9  # correlation from which on two variables are one
 @dataclass(frozen=True)
 class Regressor:
     """A variable of a component, or what it has travelled; where there is a speed, a term is turned
-    round by its sign: it resists the motion.
+    round by its sign: it resists the motion. Where it is times another variable, that one's
+    coefficient varies.
     """
 
     component: str  # path; "" for the plant's own class, or for all of them (time)
@@ -30,14 +31,19 @@ class Regressor:
     speed: str = ""  # within the class, too
     width: float = 0.0  # of the speed, over which its smooth sign changes
     travelled: bool = False  # the integral of the variable's magnitude
+    times: str = ""  # within the class, too
 
     @property
     def plain(self) -> Regressor:
         """The variable itself."""
-        return replace(self, speed="", width=0.0)
+        return replace(self, speed="", width=0.0, times="")
 
-    def signs(self, series: Mapping[Regressor, Mapping[str, Array]]) -> dict[str, Array] | None:
-        """The smooth sign of the speed by record; None: there is no speed."""
+    def factors(self, series: Mapping[Regressor, Mapping[str, Array]]) -> dict[str, Array] | None:
+        """What a term is multiplied by, by record: the smooth sign of the speed, or the other
+        variable; None: nothing.
+        """
+        if self.times:
+            return dict(series[Regressor(self.component, self.times)])
         if not self.speed:
             return None
         speeds = series[Regressor(self.component, self.speed)]
@@ -45,13 +51,16 @@ class Regressor:
 
     def within(self, point: Point) -> bool:
         """Whether an equation can use it."""
-        return self.name == TIME or self.component == point.component
+        own = self.component == point.component
+        return point.reads(self.times) and own if self.times else self.name == TIME or own
 
     @property
     def label(self) -> str:
         """In the whole plant."""
         found = f"{self.component}.{self.name}" if self.component else self.name
         found = f"travel of {found}" if self.travelled else found
+        if self.times:
+            return f"{found} times {self.times}"
         return f"{found} against {self.speed}" if self.speed else found
 
 
@@ -81,6 +90,20 @@ def regressors_of(
         r.name: np.asarray(np.arange(r.rows) * r.period, dtype=np.float64) for r in records
     }
     return found
+
+
+def products_of(series: Mapping[Regressor, dict[str, Array]]) -> dict[Regressor, dict[str, Array]]:
+    """Each plain variable of a component, what it has travelled, and time, times each other
+    variable: a coefficient that varies.
+    """
+    plain = [r for r in series if not r.speed]
+    others = [r for r in plain if r.name != TIME and not r.travelled]
+    return {
+        replace(r, component=other.component, times=other.name): series[r]
+        for other in others
+        for r in plain
+        if r != other and (r.name == TIME or r.component == other.component)
+    }
 
 
 def _distinct(

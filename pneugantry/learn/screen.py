@@ -20,7 +20,7 @@ from pneugantry.engine.simulation import Cell
 from pneugantry.learn.curve import SIZES, Basis, Wave, finer, knots_over
 from pneugantry.learn.linear import Answer, Base, Response, base_of, response_of, trial_of
 from pneugantry.learn.points import Opened, OpenedView, Point
-from pneugantry.learn.regressors import TIME, Regressor, regressors_of
+from pneugantry.learn.regressors import TIME, Regressor, products_of, regressors_of
 from pneugantry.learn.reply import Pulses, Reply, blocks_of, reply_of
 from pneugantry.learn.waves import periods_of
 
@@ -46,13 +46,13 @@ class Course:
     """A regressor over the records."""
 
     values: Mapping[str, Array]
-    signs: Mapping[str, Array] | None  # by which its term is multiplied
+    factors: Mapping[str, Array] | None  # by which its term is multiplied
 
     def shapes(self, *bases: Basis) -> dict[str, Array]:
         """Shapes (rows, n) of each record."""
         found = {r: np.column_stack([b.shapes(v) for b in bases]) for r, v in self.values.items()}
-        signs = self.signs
-        return found if signs is None else {r: s * signs[r][:, None] for r, s in found.items()}
+        own = self.factors
+        return found if own is None else {r: s * own[r][:, None] for r, s in found.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +94,13 @@ def screened(
     records: Sequence[Record],
     rules: Rules,
     views: Collection[str] | None = None,
+    products: bool = False,
 ) -> Screen:
     """Every equation with every variable of its component, and time. records: those of the fit.
-    views: only equations that reach one of these; None: all.
+    views: only equations that reach one of these; None: all. products: variables times those that
+    stand in the equation, instead.
     """
-    return _Screening(opened, fit, records, rules).run(views)
+    return _Screening(opened, fit, records, rules, products).run(views)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +147,7 @@ class _Screening:
     fit: Fit
     records: Sequence[Record]
     rules: Rules
+    products: bool = False
     _zero: dict[Cell, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -158,32 +161,41 @@ class _Screening:
         groups = self._groups(views)
         heads = {p: self.opened.variables(p) for g in groups for p in g.heads}
         series = regressors_of(self.opened, heads, self.records, self.values)
+        tried = products_of(series) if self.products else series
         found: list[Candidate] = []
         for group in groups:
             replies = {c: self._reply(group, c) for c in group.cells}
             known = {c: r for c, r in replies.items() if r is not None}
             if known:
-                found += self._of_group(group, response_of(self.base, known), series)
+                found += self._of_group(group, response_of(self.base, known), tried, series)
         ordered = tuple(sorted(found, key=lambda c: -c.gain))
         return Screen(self.fit, ordered, series, len(found))
 
     def _of_group(
-        self, group: _Group, response: Response, series: Mapping[Regressor, Mapping[str, Array]]
+        self,
+        group: _Group,
+        response: Response,
+        tried: Mapping[Regressor, Mapping[str, Array]],
+        series: Mapping[Regressor, Mapping[str, Array]],
     ) -> list[Candidate]:
         """Every variable of the components whose equations do the same, in the equation in which
-        it stands already, where there is one.
+        it, or what it is times, stands already, where there is one.
         """
         found: list[Candidate] = []
         responses: dict[Point, Response] = {}
         for component in (p.component for p in group.heads):
-            for regressor, values in series.items():
-                head = group.head(component, regressor.name)
-                if regressor.name == TIME and head.component != group.points[0].component:
+            for regressor, values in tried.items():
+                head = group.head(component, regressor.times or regressor.name)
+                if (
+                    regressor.name == TIME
+                    and not regressor.times
+                    and head.component != group.points[0].component
+                ):
                     continue  # once is enough
                 if regressor.within(head):
                     if head not in responses:
                         responses[head] = response.times(group.factor(head))
-                    course = Course(values, regressor.signs(series))
+                    course = Course(values, regressor.factors(series))
                     found += self._of_pair(group.of(head), responses[head], regressor, course)
         return found
 
@@ -292,6 +304,8 @@ class _Screening:
         if knots is None:
             return []
         bases: list[Basis] = [knots]
+        if regressor.times:
+            return [self._candidate(group, response, regressor, knots, course)]
         if regressor.name == TIME:
             bases.append(finer(knots))
             periods = periods_of(self.fit, group.cells, self.opened.period_of)

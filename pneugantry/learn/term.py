@@ -58,7 +58,8 @@ class Term:
 
     def formula(self, digits: int = 4) -> str:
         """As a reader writes it, with the values in place."""
-        turned = f"*sign({self.regressor.speed})" if self.regressor.speed else ""
+        own = self.regressor
+        turned = f"*sign({own.speed})" if own.speed else f"*{own.times}" if own.times else ""
         if self.law.tables:
             return f"curve of {self._shown}{' times' + turned.replace('*', ' ') if turned else ''}"
         text = self.law.text
@@ -110,8 +111,9 @@ class Term:
 
     def _added(self) -> str:
         """What stands in the equation."""
-        speed, width = self.regressor.speed, self.regressor.width
-        return f"{self.point.name}.y" + (f"*tanh({speed}/{width!r})" if speed else "")
+        speed, width, times = self.regressor.speed, self.regressor.width, self.regressor.times
+        factor = f"*tanh({speed}/{width!r})" if speed else f"*{times}" if times else ""
+        return f"{self.point.name}.y{factor}"
 
     def _switched(self) -> Addition:
         """The block with all forms: `form` says which."""
