@@ -36,7 +36,8 @@ class Regressor:
     @property
     def plain(self) -> Regressor:
         """The variable itself."""
-        return replace(self, speed="", width=0.0, times="")
+        found = replace(self, speed="", width=0.0, times="")
+        return replace(found, component="") if self.name == TIME else found
 
     def factors(self, series: Mapping[Regressor, Mapping[str, Array]]) -> dict[str, Array] | None:
         """What a term is multiplied by, by record: the smooth sign of the speed, or the other
@@ -57,7 +58,8 @@ class Regressor:
     @property
     def label(self) -> str:
         """In the whole plant."""
-        found = f"{self.component}.{self.name}" if self.component else self.name
+        alone = not self.component or self.name == TIME
+        found = self.name if alone else f"{self.component}.{self.name}"
         found = f"travel of {found}" if self.travelled else found
         if self.times:
             return f"{found} times {self.times}"

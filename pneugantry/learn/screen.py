@@ -186,12 +186,9 @@ class _Screening:
         for component in (p.component for p in group.heads):
             for regressor, values in tried.items():
                 head = group.head(component, regressor.times or regressor.name)
-                if (
-                    regressor.name == TIME
-                    and not regressor.times
-                    and head.component != group.points[0].component
-                ):
-                    continue  # once is enough
+                once = regressor.name == TIME and not regressor.times
+                if once and head.component != group.points[0].component:
+                    continue
                 if regressor.within(head):
                     if head not in responses:
                         responses[head] = response.times(group.factor(head))

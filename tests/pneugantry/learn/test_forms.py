@@ -16,7 +16,7 @@ from pneugantry.learn.curve import Knots, knots_over
 from pneugantry.learn.forms import FORMS, FormLaw, distilled, free_curve
 from pneugantry.learn.linear import Answer, Base, Response
 from pneugantry.learn.points import Point, written
-from pneugantry.learn.regressors import Regressor
+from pneugantry.learn.regressors import TIME, Regressor, products_of
 from pneugantry.learn.screen import Candidate, Course
 from pneugantry.learn.sources import EquationText, equations_of
 from pneugantry.learn.term import Term
@@ -117,6 +117,24 @@ def test_what_a_speed_has_travelled_is_the_same_in_modelica(tmp_path: Path) -> N
     assert term.formula() == "(0.3*travel(w))*sign(w)"
 
 
+def test_a_coefficient_may_vary() -> None:
+    varying = Regressor("box", "i", times="v")
+    term = Term(point_of("y"), varying, FORMS[0], (0.3,), (0.1,), "box")
+    assert (varying.label, term.formula()) == ("box.i times v", "(0.3*i)*v")
+    assert term.addition(neutral=True).term == "missing_1.y*v"
+    clock, (i, v, rate) = Regressor("", TIME), (Regressor("box", n) for n in ("i", "v", "u"))
+    log = {"log": np.array([-1.0, 0.0, 2.0])}
+    made = products_of({i: log, v: log, rate: log, clock: log, replace(i, speed="v"): log})
+    assert {r.label for r in made} == {
+        *("box.i times v", "box.i times u", "box.v times i", "box.v times u", "box.u times i"),
+        *("box.u times v", "time times i", "time times v", "time times u"),
+    }
+    assert all(r.plain in (i, v, rate, clock) for r in made)
+    assert varying.factors({v: log}) == log
+    reads_u = [r.times for r in made if r.within(point_of("y"))]
+    assert set(reads_u) == {"u"}
+
+
 def test_knots_lie_where_the_data_do() -> None:
     values = np.concatenate([np.linspace(0.0, 1.0, 1000), [50.0]])
     knots = knots_over(values)
@@ -138,7 +156,7 @@ def test_a_term_may_turn_round_with_a_speed() -> None:
     assert term.addition(neutral=True).term == "missing_1.y*tanh(w/0.01)"
     assert against.label == "box.T against w"
     speeds = {Regressor("box", "w"): {"log": np.array([-1.0, 0.0, 2.0])}}
-    signs = against.signs(speeds)
+    signs = against.factors(speeds)
     assert signs is not None
     assert signs["log"] == pytest.approx([-1.0, 0.0, 1.0])
-    assert against.plain.signs(speeds) is None
+    assert against.plain.factors(speeds) is None
