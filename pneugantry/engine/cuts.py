@@ -17,7 +17,7 @@ from modelica_fmu.errors import RunError
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.synthetic import Nominal, changes_of, noisy
-from pneugantry.engine.views import SubsystemView, build_views
+from pneugantry.engine.views import Measured, SubsystemView, build_views
 
 __all__ = ["sharp_views"]
 
@@ -37,12 +37,13 @@ def sharp_views(
     is material where the nominal model itself is measured without noise.
 
     Of a view that is (`Rules.coarse`, `Rules.material`) the known signal that is most to blame is
-    taken as not measured there, and the model cut again. held: as of `build_views`.
+    taken as not measured there, and the model cut again. held: as of `Measured`.
     """
     coarse: dict[str, frozenset[str]] = {}
     ideal = _ideal(plant, measured, cache, records)
     while True:
-        views = build_views(plant, measured, cache, records[0].period, rules, coarse, held)
+        known = Measured(coarse, held)
+        views = build_views(plant, measured, cache, records[0].period, rules, known)
         dropped = {
             name: worst
             for view in views

@@ -25,7 +25,15 @@ from pneugantry.engine.readings import Readings
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, sensed, signal_of
 
-__all__ = ["SubsystemView", "View", "build_views", "known_variables", "part_of", "view_beside"]
+__all__ = [
+    "Measured",
+    "SubsystemView",
+    "View",
+    "build_views",
+    "known_variables",
+    "part_of",
+    "view_beside",
+]
 
 Values = Mapping[str, float]
 Errors = tuple[tuple[str, float], ...]  # of sensors
@@ -241,6 +249,17 @@ class SubsystemView:
 
 
 @dataclass(frozen=True, eq=False)
+class Measured:
+    """What records hold of the signals, beside their names. coarse: signals that a signal's view
+    does not take as known, for they are measured too coarsely. held: signals of each record; those
+    share no view that some record holds one of without the other.
+    """
+
+    coarse: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    held: Sequence[Collection[str]] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class _Sight:
     """What is measured of a plant, and how that hangs together."""
 
@@ -248,7 +267,7 @@ class _Sight:
     shape: Structure
     signals: Mapping[str, Signal]  # measured, by name
     cache: Path
-    coarse: Mapping[str, frozenset[str]] = field(default_factory=dict)  # see `build_views`
+    coarse: Mapping[str, frozenset[str]] = field(default_factory=dict)  # see `Measured`
 
     def root(self, signal: str) -> str:
         return self.shape.roots[self.signals[signal].variable]
@@ -271,16 +290,14 @@ def build_views(
     cache: Path,
     period: float,
     rules: Rules,
-    coarse: Mapping[str, frozenset[str]] | None = None,
-    held: Sequence[Collection[str]] = (),
+    known: Measured | None = None,
 ) -> list[SubsystemView]:
     """One view for each measured signal; signals that the same part computes share one.
 
-    period: s, between a record's rows; coarse: signals that a signal's view does not take as known,
-    for they are measured too coarsely; held: signals of each record, of which those share no view
-    that some record holds one of without the other. Raises InputError for a signal whose variable
-    the model lacks.
+    period: s, between a record's rows. Raises InputError for a signal whose variable the model
+    lacks.
     """
+    known = known or Measured()
     shape = _structure(plant, cache)
     signals = {s.name: s for s in plant.signals if s.name in measured}
     for signal in signals.values():
@@ -291,11 +308,11 @@ def build_views(
                 field=signal.variable,
                 hint=f"correct the variable of the signal {signal.name}",
             )
-    sight = _Sight(plant, shape, signals, cache, coarse or {})
+    sight = _Sight(plant, shape, signals, cache, known.coarse)
     decimation = max(1, round(1 / (rules.band * period)))
     grouped: dict[tuple[object, ...], list[str]] = {}
     for name in signals:
-        where = tuple(name in own for own in held)
+        where = tuple(name in own for own in known.held)
         grouped.setdefault((where, _same(*_cut(sight, [name]))), []).append(name)
     return [_view(sight, names, decimation, rules.observer) for names in grouped.values()]
 

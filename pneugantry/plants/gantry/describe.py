@@ -11,7 +11,7 @@ import numpy as np
 from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal, thinned
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.views import View, build_views
+from pneugantry.engine.views import Measured, View, build_views
 from pneugantry.plants.gantry.timing import ControllerView
 from pyfmi_runner.blocks import recomputed_commands
 from pyfmi_runner.build import default_model
@@ -123,7 +123,7 @@ def views_of(plant: Plant, campaign: Campaign, cache: Path, rules: Rules) -> lis
     """Views cut from the model, and that of the controller where it is known."""
     measured = [s.name for s in plant.signals]
     period, held = PERIOD * rules.thinning, [r.log.table.columns for r in campaign.logs.values()]
-    views = build_views(plant, measured, cache, period, rules, held=held)
+    views = build_views(plant, measured, cache, period, rules, Measured(held=held))
     return [*views, ControllerView(commanded(campaign.logs))]
 
 

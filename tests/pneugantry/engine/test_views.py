@@ -16,7 +16,7 @@ from pneugantry.engine.plant import Plant, Record, Signal, thinned
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import sensed, true_signal
 from pneugantry.engine.synthetic import Nominal
-from pneugantry.engine.views import SubsystemView, build_views
+from pneugantry.engine.views import Measured, SubsystemView, build_views
 from pneugantry.plants.gantry.describe import plant_of
 from pyfmi_runner.build import cache_folder
 
@@ -57,7 +57,8 @@ def test_signals_share_no_view_where_a_record_lacks_one_of_them() -> None:
     measured = [s.name for s in plant.signals]
     fewer = [n for n in measured if n != "f_z"]
     parts, rules = cache_folder() / "parts", Rules()
-    found = build_views(plant, measured, parts, 2e-3, rules, held=[measured, fewer])
+    known = Measured(held=[measured, fewer])
+    found = build_views(plant, measured, parts, 2e-3, rules, known)
     assert {("f_x",), ("f_z",)} < {v.signals for v in found}
 
 
