@@ -415,24 +415,37 @@ class Fitter:
     ) -> Solution:
         """The least of a view's descents: found, and those from the best of many points, where it
         stands above the noise: stick-slip has many optima. Points are tried in parts: once a
-        descent from afar comes to the same end, there is but one.
+        descent from afar comes to the same end, there is but one. The record that is met worst
+        tells, by itself, which descents are worth the others.
         """
         best, least = found, standing(problem, found)
         if not self.rules.followed or self._quiet(problem, found):
             return best
+        worst = self._worst(problem, starts[0])
+        alone = self._problem([worst], problem.prior, fine=False)
+        near = standing(alone, self._raced(alone, _in_cell(found, worst), math.inf))
         for points in self._scattered(problem, starts, share):
-            start = self._foremost(problem, points, starts[0])
-            columns = self.simulation.columns(
-                start.point, start.residuals, problem.cells, set(problem.prior.names), fine=False
-            )
-            start = Solution(start.point, start.residuals, columns)
-            other = self._raced(problem, start, min(bar, least))
+            start = self._foremost(problem, points, worst)
+            there = self._raced(alone, self._coarsely(alone, start.point), near)
+            cost = standing(alone, there)
+            if abs(cost - near) < ROUGH:
+                break
+            if cost > near:
+                continue
+            other = self._raced(problem, self._coarsely(problem, there.point), min(bar, least))
             before, cost = least, standing(problem, other)
             if cost < least:
                 best, least = other, cost
+                near = standing(alone, _in_cell(other, worst))
             if abs(cost - before) < ROUGH:
                 break
         return best
+
+    def _coarsely(self, problem: Problem, point: Point) -> Solution:
+        """A point with residuals, and columns that look over events."""
+        names = set(problem.prior.names)
+        found = self.simulation.linearised(point, problem.cells, names, fine=False)
+        return Solution(point, *found)
 
     def _scattered(
         self, problem: Problem, starts: Sequence[Solution], share: int
@@ -451,12 +464,16 @@ class Fitter:
         parts = np.array_split(np.arange(count), share * self.rules.followed)
         return [[points[i] for i in part] for part in parts]
 
-    def _foremost(self, problem: Problem, points: Sequence[Point], first: Solution) -> Solution:
-        """The best of some points, without columns. The record that `first` meets worst tells which
-        of them are simulated over the others.
+    @staticmethod
+    def _worst(problem: Problem, at: Solution) -> Cell:
+        """The cell whose record is met worst."""
+        return max(problem.cells, key=lambda c: float(np.nansum(at.residuals[c] ** 2)))
+
+    def _foremost(self, problem: Problem, points: Sequence[Point], worst: Cell) -> Solution:
+        """The best of some points, without columns. One cell tells which of them are simulated in
+        the others.
         """
-        telling = max(problem.cells, key=lambda c: float(np.nansum(first.residuals[c] ** 2)))
-        few = self._ranked(problem, points, [telling])[: max(len(points) // WINNOWED, 1)]
+        few = self._ranked(problem, points, [worst])[: max(len(points) // WINNOWED, 1)]
         return self._ranked(problem, [s.point for s in few], problem.cells)[0]
 
     def _ranked(
@@ -733,6 +750,12 @@ def _only(solution: Solution, view: str) -> Solution:
         {c: r for c, r in solution.residuals.items() if c[0] == view},
         {k: c for k, c in solution.columns.items() if k[0][0] == view},
     )
+
+
+def _in_cell(solution: Solution, cell: Cell) -> Solution:
+    """The part of one cell."""
+    columns = {k: c for k, c in solution.columns.items() if k[0] == cell}
+    return Solution(solution.point, {cell: solution.residuals[cell]}, columns)
 
 
 def _nominal(plant: Plant, views: Sequence[View]) -> dict[str, float]:

@@ -71,10 +71,11 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     bar = fitter.rules.effect + 2 * math.log(max(len(offered), 1))
     screened: list[Candidate] = []
     traces: Traces = {}
+    far: list[_Far] = []
     for _ in range(fitter.rules.rounds):
         rest = {k: e for k, e in offered.items() if k not in best.keys}
         screened = screen(fitter, best, rest, traces)
-        fits = _fits(fitter, best, screened, bar, rest)
+        fits = _fits(fitter, best, screened, bar, rest, far)
         finals = _finals(fitter, best, fits, bar)
         tried += [*fits, *finals]
         top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
@@ -115,15 +116,17 @@ def _fits(
     screened: Sequence[Candidate],
     bar: float,
     effects: Mapping[str, Effect],
+    far: list[_Far],
 ) -> list[Fit]:
     """What is predicted to gain most, with the best in their other forms. Where all that leaves
-    more than noise, also what is predicted from the nominal plant on.
+    more than noise, also what is predicted from the nominal plant on. far: that plant as it was
+    tested before; it is tested again where it is now.
     """
     rough: list[Fit] = []
     for own in _chosen(fitter, screened, bar, ("gain", "plain"), every=fitter.loud(base)):
         rough.append(_added(fitter, base, own, _ahead(rough)))
     if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
-        for own in _chosen(fitter, _afresh(fitter, base, effects), bar, ("afresh",)):
+        for own in _chosen(fitter, _afresh(fitter, base, effects, far), bar, ("afresh",)):
             hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
             rough.append(fitter.from_afar(hypothesis, base, [c.starts for c in own]))
     return rough + _other_forms(fitter, base, rough)
@@ -258,8 +261,8 @@ def screen(
         form = next(f for f in effect.forms if fitter.readable(f))
         starts = enumerate(_starts(fitter, base, form))
         by_effect.append([_Trial(effect, form, i, s) for i, s in starts])
-    if not base.keys:
-        fitter.prepare([base.hypothesis.plus(own[0].effect, own[0].form) for own in by_effect])
+    prepared = [own[0] for own in by_effect if not base.keys or own[0].form.settings]
+    fitter.prepare([base.hypothesis.plus(t.effect, t.form) for t in prepared])
     tests = (
         _Test(fitter, base, base.noise),
         _Test(fitter, base, fitter.plain(base.residuals)),
@@ -287,30 +290,56 @@ def screen(
     return made
 
 
-def _afresh(fitter: Fitter, base: Fit, effects: Mapping[str, Effect]) -> list[Candidate]:
-    """The same tests about the nominal plant, each effect at its usual size to either side.
+@dataclass(frozen=True, eq=False)
+class _Far:
+    """The nominal plant, and what effects change there."""
+
+    nominal: Fit
+    traces: Traces = field(default_factory=dict)
+
+
+def _afresh(
+    fitter: Fitter, base: Fit, effects: Mapping[str, Effect], far: list[_Far]
+) -> list[Candidate]:
+    """The same tests about the nominal plant, each effect at its usual size to either side: what it
+    gains beyond most of what tolerance alone is to leave there over the base. far: as of `_fits`; the last one's traces serve where they hold.
 
     Where much is missing, tolerance bends far from the truth to make up for it, and from there no
     slope tells what would do so better.
     """
-    nominal, traces = fitter.afresh(base), Traces()
+    nominal = fitter.afresh(base)
     if not all(np.isfinite(r).all() for r in nominal.residuals.values()):
         return []
-    test = _Test(fitter, nominal, flat_noise(fitter.simulation, base.residuals))
+    known = _kept(fitter, far[-1].traces, far[-1].nominal, nominal) if far else {}
+    far.append(_Far(nominal, known))
+    flat = flat_noise(fitter.simulation, base.residuals)
+    test = _Test(fitter, nominal, flat)
+    behind = (1 - CLOSE) * (test.cost - _standing(fitter, base, flat))
     cells, at = fitter.simulation.cells, nominal.point
     back = {c.parameter: c.value(0.0) for c in at.coordinates if not c.effect and c.record is None}
-    trials = [
-        _Trial(effect, form, i, starts)
-        for effect in effects.values()
-        for form in [next(f for f in effect.forms if fitter.readable(f))]
-        for i, starts in enumerate(_usual(fitter, base, form))
-    ]
-    _trace(fitter, nominal, trials, traces)
-    return [
-        Candidate(t.effect, t.form, {**back, **t.starts}, 0.0, 0.0, max(gain, 0.0))
-        for t in trials
-        for gain in [test.gain(t.columns(traces, cells))]
-    ]
+    by_effect = []
+    for effect in effects.values():
+        form = next(f for f in effect.forms if fitter.readable(f))
+        starts = enumerate(_usual(fitter, base, form))
+        by_effect.append([_Trial(effect, form, i, s) for i, s in starts])
+
+    def gain(t: _Trial) -> float:
+        return test.gain(t.columns(known, cells)) - behind
+
+    _trace(fitter, nominal, [t for own in by_effect for t in own], known, alone=True)
+    best = sorted((max(own, key=gain) for own in by_effect if own), key=gain, reverse=True)
+    few = best[: 2 * fitter.rules.screened]
+    _trace(fitter, nominal, few, known)
+    return [Candidate(t.effect, t.form, {**back, **t.starts}, 0.0, 0.0, gain(t)) for t in few]
+
+
+def _standing(fitter: Fitter, base: Fit, of_views: Noise) -> float:
+    """-2 log posterior of a fit under given noise."""
+    costs = Weighing(of_views, fitter.rules).costs(base.residuals)
+    coordinates, theta = base.point.coordinates, base.point.theta
+    worth = np.array([fitter.rules.tolerated if c.scales else 1.0 for c in coordinates])
+    spreads = np.array([c.spread for c in coordinates])
+    return sum(costs.values()) + float(worth @ (theta / spreads) ** 2)
 
 
 def _coordinates(fitter: Fitter, form: Form) -> list[Coordinate]:
@@ -427,6 +456,7 @@ NEARLY = 0.1  # share of the largest gain from which on an effect's other forms 
 STARTS = 2  # from which a form is fitted, beside the base
 FEW = 2  # starts that are screened with all their columns
 SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
+CLOSE = 0.3  # of what tolerance alone is predicted to leave over a base, from the nominal plant on
 NOTHING = 0.1  # share of `Rules.effect`; a start whose slopes predict less is looked at no closer
 CHUNK = 50  # rows of a residual that are drawn together where a gain is predicted
 
@@ -468,6 +498,9 @@ class _Test:
         self.least = {
             c: loss(self._moved(at, self.plain), self.tails) for c, at in self.cells.items()
         }
+        cost = sum(float(terms.sum()) for terms in self.least.values())
+        own = (self.worth * self.precision) @ (self.theta + self.plain) ** 2
+        self.cost = cost + float(own)  # -2 log posterior that the nuisances' own step is to lead to
 
     def gain(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
         """Fall of -2 log posterior that a step along these columns is to bring, less its doubt."""
