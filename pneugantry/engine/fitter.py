@@ -231,10 +231,12 @@ class Fitter:
         base: Fit,
         starts: Sequence[Mapping[str, float]] = (),
         ahead: Fit | None = None,
+        thorough: bool = True,
     ) -> Fit:
         """A hypothesis near `base`: views that its effects do not touch are their parabolas there.
         starts: values of effect parameters to start from, too. ahead: the best of its rivals so
-        far, behind which less is tried.
+        far, behind which less is tried. thorough: views above the noise are surveyed, too; they
+        always are under other equations than the base's.
         """
         own, known, cells = self._beside_base(hypothesis, base)
         columns = {k: c for k, c in base.columns.items() if k[0] in cells}
@@ -248,7 +250,8 @@ class Fitter:
             firsts.append(Solution(point, residuals, {**columns, **made}))
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
         rivals = [_as_of(f, own) for f in (base, ahead) if f is not None]
-        solution = self._by_view(firsts, known, cells, rivals, FRESH if another else 1)
+        share = FRESH if another else int(thorough)
+        solution = self._by_view(firsts, known, cells, rivals, share)
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
         before, after = (self._beside(s, base, known, cells) for s in (best, solution))
         if after > before:  # where the views lead apart is worse than where one of them stood
@@ -349,7 +352,7 @@ class Fitter:
         """Each view by itself, by steps that look over events, then the least of the sum of their
         parabolas. rivals: solutions that are known; a descent far behind the first is given up,
         what ends hopelessly behind any is not surveyed. share: of surveys, how much larger they
-        are.
+        are; 0: none.
         """
         start, total = starts[0], known
         columns = dict(start.columns)
@@ -366,13 +369,15 @@ class Fitter:
                 other = self._raced(problem, _only(other, view), min(bar, least))
                 if (cost := standing(problem, other)) < least:
                     solution, least = other, cost
-            contends = share > 1 or least - min(bars, default=math.inf) < self.rules.hopeless
-            ends.append((problem, solution, min(bar, least), contends))
+            contends = least - min(bars, default=math.inf) < self.rules.hopeless
+            surveyed = share > 1 or (share == 1 and contends)
+            ends.append((problem, solution, min(bar, least), surveyed))
         if not rivals:
             self._level = self._loudness([s.residuals for _, s, _, _ in ends])
-        for problem, solution, bar, contends in ends:
-            if contends:
-                solution = self._surveyed(problem, starts, solution, bar, share)
+        for problem, solution, bar, surveyed in ends:
+            if surveyed:
+                known_bar = bar if rivals else None
+                solution = self._surveyed(problem, starts, solution, known_bar, share)
             total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
             columns |= solution.columns
         before, least_of_all = start.point.theta, total.least()
@@ -410,33 +415,37 @@ class Fitter:
         problem: Problem,
         starts: Sequence[Solution],
         found: Solution,
-        bar: float,
+        bar: float | None,
         share: int = 1,
     ) -> Solution:
         """The least of a view's descents: found, and those from the best of many points, where it
         stands above the noise: stick-slip has many optima. Points are tried in parts: once a
-        descent from afar comes to the same end, there is but one. The record that is met worst
-        tells, by itself, which descents are worth the others.
+        descent from afar comes to the same end, there is but one. Where something is known already
+        (a bar), the record that is met worst tells, by itself, which descents are worth the others.
         """
         best, least = found, standing(problem, found)
         if not self.rules.followed or self._quiet(problem, found):
             return best
         worst = self._worst(problem, starts[0])
         alone = self._problem([worst], problem.prior, fine=False)
-        near = standing(alone, self._raced(alone, _in_cell(found, worst), math.inf))
+        near = math.inf
+        if bar is not None:
+            near = standing(alone, self._raced(alone, _in_cell(found, worst), math.inf))
         for points in self._scattered(problem, starts, share):
-            start = self._foremost(problem, points, worst)
-            there = self._raced(alone, self._coarsely(alone, start.point), near)
-            cost = standing(alone, there)
-            if abs(cost - near) < ROUGH:
-                break
-            if cost > near:
-                continue
-            other = self._raced(problem, self._coarsely(problem, there.point), min(bar, least))
+            start = self._foremost(problem, points, worst).point
+            if near < math.inf:
+                there = self._raced(alone, self._coarsely(alone, start), near)
+                ahead = near - standing(alone, there)
+                if abs(ahead) < ROUGH:
+                    break
+                if ahead < 0:
+                    continue
+                start = there.point
+            lowest = least if bar is None else min(bar, least)
+            other = self._raced(problem, self._coarsely(problem, start), lowest)
             before, cost = least, standing(problem, other)
             if cost < least:
                 best, least = other, cost
-                near = standing(alone, _in_cell(other, worst))
             if abs(cost - before) < ROUGH:
                 break
         return best

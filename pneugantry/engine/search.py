@@ -137,16 +137,30 @@ def _ahead(fits: Sequence[Fit]) -> Fit | None:
 
 
 def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[Fit]:
-    """The best effects, each in its best form, fitted to the end where there are several."""
+    """The best effects, each in its best form, fitted to the end where there are several. Where
+    they leave more than noise, or none gains anything, they are surveyed first.
+    """
     best: dict[str, Fit] = {}
-    largest = max((base.evidence - f.evidence for f in fits), default=0.0)
     for fit in sorted(fits, key=lambda f: f.evidence):
-        if base.evidence - fit.evidence > max(fitter.rules.hopeful * largest, 0.0):
-            best.setdefault(fit.keys[-1], fit)
-    chosen = list(best.values())[: fitter.rules.finalists]
+        best.setdefault(fit.keys[-1], fit)
+    foremost = list(best.values())[: fitter.rules.finalists]
+    least = fitter.rules.hopeful * max((base.evidence - f.evidence for f in foremost), default=0.0)
+    hopeful = [f for f in foremost if base.evidence - f.evidence > least]
+    surveyed = [_surveyed(fitter, base, f) for f in (hopeful or foremost)[:SURVEYED]]
+    chosen = [f for f in (*surveyed, *hopeful[SURVEYED:]) if f.evidence < base.evidence]
     if len(chosen) == 1 and chosen[0].gain(base, fitter.rules) > bar:
         return chosen
     return [fitter.again(f) for f in chosen]
+
+
+def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
+    """The better of a fit and a thorough one from where it ended, where it leaves more than noise
+    and has not been surveyed, for its equations are the base's.
+    """
+    if fit.hypothesis.settings != base.hypothesis.settings or not fitter.loud(fit):
+        return fit
+    other = fitter.explore(fit.hypothesis, base, [fit.values(None)], fit)
+    return min(fit, other, key=lambda f: f.evidence)
 
 
 def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list[Fit]) -> Fit:
@@ -172,7 +186,8 @@ def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate], ahead: Fit | Non
     candidates = [c.starts for c in own]
     listed = [*candidates, *(s for s in _starts(fitter, base, form) if s not in candidates)]
     starts = [s for s in listed if s][:STARTS]
-    return fitter.explore(base.hypothesis.plus(effect, form), base, starts, ahead)
+    hypothesis = base.hypothesis.plus(effect, form)
+    return fitter.explore(hypothesis, base, starts, ahead, thorough=False)
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
@@ -189,7 +204,7 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
             hypothesis = base.hypothesis.plus(effect, form)
             starts = [fit.values(None), *(s for s in _starts(fitter, base, form) if s)]
             ahead = _ahead([*fits, *made])
-            made.append(fitter.explore(hypothesis, base, starts[:STARTS], ahead))
+            made.append(fitter.explore(hypothesis, base, starts[:STARTS], ahead, thorough=False))
     return made
 
 
@@ -302,7 +317,8 @@ def _afresh(
     fitter: Fitter, base: Fit, effects: Mapping[str, Effect], far: list[_Far]
 ) -> list[Candidate]:
     """The same tests about the nominal plant, each effect at its usual size to either side: what it
-    gains beyond most of what tolerance alone is to leave there over the base. far: as of `_fits`; the last one's traces serve where they hold.
+    gains beyond most of what tolerance alone is to leave there over the base. far: as of `_fits`;
+    the last one's traces serve where they hold.
 
     Where much is missing, tolerance bends far from the truth to make up for it, and from there no
     slope tells what would do so better.
@@ -454,6 +470,7 @@ def _starts(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
 NEAR = 0.05  # usual sizes off the base, where its own slopes are taken
 NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
 STARTS = 2  # from which a form is fitted, beside the base
+SURVEYED = 2  # of the best effects at each step
 FEW = 2  # starts that are screened with all their columns
 SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
 CLOSE = 0.3  # of what tolerance alone is predicted to leave over a base, from the nominal plant on
