@@ -429,7 +429,7 @@ class Fitter:
         worst = self._worst(problem, starts[0])
         alone = self._problem([worst], problem.prior, fine=False)
         near = math.inf
-        if bar is not None:
+        if bar is not None and len(problem.cells) > 1:
             near = standing(alone, self._raced(alone, _in_cell(found, worst), math.inf))
         for points in self._scattered(problem, starts, share):
             start = self._foremost(problem, points, worst).point

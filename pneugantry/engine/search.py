@@ -70,11 +70,10 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
     bar = fitter.rules.effect + 2 * math.log(max(len(offered), 1))
     screened: list[Candidate] = []
-    traces: Traces = {}
-    far: list[_Far] = []
+    near, far = _Memory(), _Memory()
     for _ in range(fitter.rules.rounds):
         rest = {k: e for k, e in offered.items() if k not in best.keys}
-        screened = screen(fitter, best, rest, traces)
+        screened = screen(fitter, best, rest, near.about(fitter, best))
         fits = _fits(fitter, best, screened, bar, rest, far)
         finals = _finals(fitter, best, fits, bar)
         tried += [*fits, *finals]
@@ -92,9 +91,23 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
         if set(best.keys) == set(before.keys) and before.evidence - best.evidence < least:
             best = min(before, best, key=lambda f: f.evidence)
             break  # nothing to be screened that was not; what came was dropped again
-        traces = _kept(fitter, traces, before, best)
     null = min((f for f in tried if not f.keys), key=lambda f: f.evidence)
     return Search(null, best, tuple(steps), tuple(tried), tuple(screened))
+
+
+class _Memory:
+    """Traces about a fit that changes from round to round, as long as they serve."""
+
+    def __init__(self) -> None:
+        self._fit: Fit | None = None
+        self._traces: Traces = {}
+
+    def about(self, fitter: Fitter, fit: Fit) -> Traces:
+        """Those that serve about a fit; what is added to them is kept."""
+        if self._fit is not None and fit is not self._fit:
+            self._traces = _kept(fitter, self._traces, self._fit, fit)
+        self._fit = fit
+        return self._traces
 
 
 def _kept(fitter: Fitter, traces: Traces, before: Fit, after: Fit) -> Traces:
@@ -116,11 +129,10 @@ def _fits(
     screened: Sequence[Candidate],
     bar: float,
     effects: Mapping[str, Effect],
-    far: list[_Far],
+    far: _Memory,
 ) -> list[Fit]:
     """What is predicted to gain most, with the best in their other forms. Where all that leaves
-    more than noise, also what is predicted from the nominal plant on. far: that plant as it was
-    tested before; it is tested again where it is now.
+    more than noise, also what is predicted from the nominal plant on, of which `far` is.
     """
     rough: list[Fit] = []
     for own in _chosen(fitter, screened, bar, ("gain", "plain"), every=fitter.loud(base)):
@@ -305,20 +317,12 @@ def screen(
     return made
 
 
-@dataclass(frozen=True, eq=False)
-class _Far:
-    """The nominal plant, and what effects change there."""
-
-    nominal: Fit
-    traces: Traces = field(default_factory=dict)
-
-
 def _afresh(
-    fitter: Fitter, base: Fit, effects: Mapping[str, Effect], far: list[_Far]
+    fitter: Fitter, base: Fit, effects: Mapping[str, Effect], far: _Memory
 ) -> list[Candidate]:
     """The same tests about the nominal plant, each effect at its usual size to either side: what it
-    gains beyond most of what tolerance alone is to leave there over the base. far: as of `_fits`;
-    the last one's traces serve where they hold.
+    gains beyond most of what tolerance alone is to leave there over the base. far: of that plant,
+    from round to round.
 
     Where much is missing, tolerance bends far from the truth to make up for it, and from there no
     slope tells what would do so better.
@@ -326,8 +330,7 @@ def _afresh(
     nominal = fitter.afresh(base)
     if not all(np.isfinite(r).all() for r in nominal.residuals.values()):
         return []
-    known = _kept(fitter, far[-1].traces, far[-1].nominal, nominal) if far else {}
-    far.append(_Far(nominal, known))
+    known = far.about(fitter, nominal)
     flat = flat_noise(fitter.simulation, base.residuals)
     test = _Test(fitter, nominal, flat)
     behind = (1 - CLOSE) * (test.cost - _standing(fitter, base, flat))
