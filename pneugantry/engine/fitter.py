@@ -356,7 +356,7 @@ class Fitter:
         """
         start, total = starts[0], known
         columns = dict(start.columns)
-        ends: list[tuple[Problem, Solution, float, bool]] = []
+        ends: list[tuple[Problem, Solution, float | None, bool]] = []
         for view in dict.fromkeys(c[0] for c in cells):
             own = [c for c in cells if c[0] == view]
             if not any(k[0] in own for k in columns):
@@ -371,13 +371,12 @@ class Fitter:
                     solution, least = other, cost
             contends = least - min(bars, default=math.inf) < self.rules.hopeless
             surveyed = share > 1 or (share == 1 and contends)
-            ends.append((problem, solution, min(bar, least), surveyed))
+            ends.append((problem, solution, min(bar, least) if rivals else None, surveyed))
         if not rivals:
             self._level = self._loudness([s.residuals for _, s, _, _ in ends])
-        for problem, solution, bar, surveyed in ends:
+        for problem, solution, lowest, surveyed in ends:
             if surveyed:
-                known_bar = bar if rivals else None
-                solution = self._surveyed(problem, starts, solution, known_bar, share)
+                solution = self._surveyed(problem, starts, solution, lowest, share)
             total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
             columns |= solution.columns
         before, least_of_all = start.point.theta, total.least()

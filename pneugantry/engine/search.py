@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -283,11 +283,7 @@ def screen(
     columns only of those that tell most without. `known`: traces simulated before, of cells where
     the base is much as it was then; new ones are added to it.
     """
-    by_effect: list[list[_Trial]] = []
-    for effect in effects.values():
-        form = next(f for f in effect.forms if fitter.readable(f))
-        starts = enumerate(_starts(fitter, base, form))
-        by_effect.append([_Trial(effect, form, i, s) for i, s in starts])
+    by_effect = _trials(fitter, effects, lambda form: _starts(fitter, base, form))
     prepared = [own[0] for own in by_effect if not base.keys or own[0].form.settings]
     fitter.prepare([base.hypothesis.plus(t.effect, t.form) for t in prepared])
     tests = (
@@ -331,34 +327,34 @@ def _afresh(
     if not all(np.isfinite(r).all() for r in nominal.residuals.values()):
         return []
     known = far.about(fitter, nominal)
-    flat = flat_noise(fitter.simulation, base.residuals)
-    test = _Test(fitter, nominal, flat)
-    behind = (1 - CLOSE) * (test.cost - _standing(fitter, base, flat))
+    test = _Test(fitter, nominal, flat_noise(fitter.simulation, base.residuals))
+    behind = (1 - CLOSE) * (test.ahead - test.standing(base))
     cells, at = fitter.simulation.cells, nominal.point
     back = {c.parameter: c.value(0.0) for c in at.coordinates if not c.effect and c.record is None}
-    by_effect = []
-    for effect in effects.values():
-        form = next(f for f in effect.forms if fitter.readable(f))
-        starts = enumerate(_usual(fitter, base, form))
-        by_effect.append([_Trial(effect, form, i, s) for i, s in starts])
+    by_effect = _trials(fitter, effects, lambda form: _usual(fitter, base, form))
 
     def gain(t: _Trial) -> float:
         return test.gain(t.columns(known, cells)) - behind
 
     _trace(fitter, nominal, [t for own in by_effect for t in own], known, alone=True)
-    best = sorted((max(own, key=gain) for own in by_effect if own), key=gain, reverse=True)
-    few = best[: 2 * fitter.rules.screened]
+    first = {id(t): gain(t) for own in by_effect for t in own}
+    best = [max(own, key=lambda t: first[id(t)]) for own in by_effect if own]
+    few = sorted(best, key=lambda t: -first[id(t)])[: 2 * fitter.rules.screened]
     _trace(fitter, nominal, few, known)
     return [Candidate(t.effect, t.form, {**back, **t.starts}, 0.0, 0.0, gain(t)) for t in few]
 
 
-def _standing(fitter: Fitter, base: Fit, of_views: Noise) -> float:
-    """-2 log posterior of a fit under given noise."""
-    costs = Weighing(of_views, fitter.rules).costs(base.residuals)
-    coordinates, theta = base.point.coordinates, base.point.theta
-    worth = np.array([fitter.rules.tolerated if c.scales else 1.0 for c in coordinates])
-    spreads = np.array([c.spread for c in coordinates])
-    return sum(costs.values()) + float(worth @ (theta / spreads) ** 2)
+def _trials(
+    fitter: Fitter,
+    effects: Mapping[str, Effect],
+    starts_of: Callable[[Form], Sequence[Mapping[str, float]]],
+) -> list[list[_Trial]]:
+    """Of each effect, the starts of the first form that a view reads."""
+    made = []
+    for effect in effects.values():
+        form = next(f for f in effect.forms if fitter.readable(f))
+        made.append([_Trial(effect, form, i, s) for i, s in enumerate(starts_of(form))])
+    return made
 
 
 def _coordinates(fitter: Fitter, form: Form) -> list[Coordinate]:
@@ -518,9 +514,17 @@ class _Test:
         self.least = {
             c: loss(self._moved(at, self.plain), self.tails) for c, at in self.cells.items()
         }
+
+    @property
+    def ahead(self) -> float:
+        """-2 log posterior to which the nuisances' own step is to lead."""
         cost = sum(float(terms.sum()) for terms in self.least.values())
-        own = (self.worth * self.precision) @ (self.theta + self.plain) ** 2
-        self.cost = cost + float(own)  # -2 log posterior that the nuisances' own step is to lead to
+        return cost + float((self.worth * self.precision) @ (self.theta + self.plain) ** 2)
+
+    def standing(self, fit: Fit) -> float:
+        """That of a fit of the same coordinates."""
+        costs = self.weighing.costs(fit.residuals)
+        return sum(costs.values()) + float((self.worth * self.precision) @ fit.point.theta**2)
 
     def gain(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
         """Fall of -2 log posterior that a step along these columns is to bring, less its doubt."""
