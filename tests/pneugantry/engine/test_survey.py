@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneugantry.engine.descent import Solution, newton, prior, standing
+from pneugantry.engine.descent import Problem, Solution, newton, prior, standing
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Plant, Record
@@ -66,3 +66,26 @@ def test_a_step_stops_at_a_bound_and_the_rest_goes_on_without_it() -> None:
     end = newton(Point(coordinates, theta, {}), square, square @ theta - pull)
     assert np.linalg.solve(square, pull)[0] < 0
     assert end.theta == pytest.approx([0.0, 0.5])
+
+
+@pytest.mark.parametrize("bar", [None, math.inf])
+def test_beside_a_bar_one_record_tells_which_descents_are_worth_the_others(
+    cart: Plant, push: Record, cache: Path, monkeypatch: pytest.MonkeyPatch, bar: float | None
+) -> None:
+    clean = Nominal(cart, ["f", "v"], cache).record(push)
+    records = [replace(noisy(cart, clean), name=name) for name in ("push", "again")]
+    views = build_views(cart, ["force", "speed"], cache, 2e-3, Rules())
+    fitter = Fitter(cart, views, records, Rules())
+    found, problem = at(fitter, 15.0)
+    raced, race = [], fitter._raced
+
+    def watched(problem: Problem, start: Solution, bar: float) -> Solution:
+        raced.append(len(problem.cells))
+        return race(problem, start, bar)
+
+    monkeypatch.setattr(fitter, "_raced", watched)
+    other = fitter._surveyed(problem, [found], found, bar)
+    fitter.close()
+    assert standing(problem, other) <= standing(problem, found)
+    assert raced[0] == (2 if bar is None else 1)
+    assert (1 in raced) == (bar is not None)
