@@ -48,6 +48,7 @@ class EpochView:
         self.view, self.epoch = view, epoch
         self.name, self.blocks = f"{view.name}@{epoch.name}", view.blocks
         self.signals, self.sigmas, self.decimation = view.signals, view.sigmas, view.decimation
+        self.remembers = view.remembers
         own = {epoch.own(p): v for p, v in epoch.neutral.items()}
         self.defaults: Mapping[str, float] = {**view.defaults, **own}
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,8 +39,8 @@ class Candidate:
     afresh: float = 0.0  # from the nominal plant on, under white noise of what the base leaves
 
 
-# What an effect's start, counted, changes in a cell: 0 the start itself, n its n-th parameter.
-Traces = dict[tuple[str, int, Cell, int], Array]
+# What a start, counted, of a form changes in a cell: 0 the start itself, n its n-th parameter.
+Traces = dict[tuple[str, str, int, Cell, int], Array]
 
 
 @dataclass(frozen=True)
@@ -66,33 +66,110 @@ class Search:
 
 def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search:
     """Effects are added while one brings evidence, and dropped where a later one replaces them."""
-    best, steps, tried, thorough = null, [], [null], False
+    best, steps, tried, thorough, wide = null, [], [null], False, False
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
     bar = fitter.rules.effect + 2 * math.log(max(len(offered), 1))
     screened: list[Candidate] = []
     near, far = _Memory(), _Memory()
     for _ in range(fitter.rules.rounds):
-        rest = {k: e for k, e in offered.items() if k not in best.keys}
-        screened = screen(fitter, best, rest, near.about(fitter, best))
-        fits = _fits(fitter, best, screened, bar, rest, far)
+        rest = [e for k, e in offered.items() if k not in best.keys]
+        if wide:
+            fits = _wider(fitter, best, rest, bar, tried)
+        else:
+            forms = _main_forms(fitter, rest)
+            screened = screen(fitter, best, forms, near.about(fitter, best))
+            fits = _fits(fitter, best, screened, bar, forms, far)
         finals = _finals(fitter, best, fits, bar)
         tried += [*fits, *finals]
         top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
-        if top is None or top.gain(best, fitter.rules) < bar:
-            if thorough:
-                break
-            top = best  # whose own best optimum may still be elsewhere
-        else:
+        if top is not None and top.gain(best, fitter.rules) < bar:
+            top = None
+        if top is not None:
             steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-        before, thorough = best, True
+        before, least = best, fitter.rules.entry if top is None else bar
+        if top is not None or not thorough:  # its own best optimum may still be elsewhere
+            best = _pruned(fitter, fitter.again(top or best, thorough=True), bar, steps, tried)
+            tried.append(best)
+        thorough = True
+        if set(best.keys) != set(before.keys) or before.evidence - best.evidence >= least:
+            wide = False
+            continue
+        best = min(before, best, key=lambda f: f.evidence)
+        if wide or not fitter.loud(best):
+            break  # nothing to be screened that was not; what came was dropped again
+        wide = True
+    rivals = _rivals(fitter, best, offered, bar, tried)
+    tried += rivals
+    top = min((best, *rivals), key=lambda f: f.evidence)
+    if top is not best:
+        steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
         best = _pruned(fitter, fitter.again(top, thorough=True), bar, steps, tried)
         tried.append(best)
-        least = fitter.rules.entry if top is before else bar
-        if set(best.keys) == set(before.keys) and before.evidence - best.evidence < least:
-            best = min(before, best, key=lambda f: f.evidence)
-            break  # nothing to be screened that was not; what came was dropped again
     null = min((f for f in tried if not f.keys), key=lambda f: f.evidence)
     return Search(null, best, tuple(steps), tuple(tried), tuple(screened))
+
+
+Offer = tuple[Effect, Form]
+
+
+def _main_forms(fitter: Fitter, effects: Sequence[Effect]) -> list[Offer]:
+    """Of each effect the first form that a view reads."""
+    return [(e, next(f for f in e.forms if fitter.readable(f))) for e in effects]
+
+
+def _wider(
+    fitter: Fitter, base: Fit, effects: Sequence[Effect], bar: float, tried: Sequence[Fit]
+) -> list[Fit]:
+    """The effects in their other forms, of what is predicted to gain most, but for what was tried
+    beside these effects.
+    """
+    main = {(e.key, f.name) for e, f in _main_forms(fitter, effects)}
+    known = {_told(f.hypothesis.effects) for f in tried}
+    left = [
+        (e, f)
+        for e in effects
+        for f in e.forms
+        if fitter.readable(f)
+        and (e.key, f.name) not in main
+        and _told(base.hypothesis.plus(e, f).effects) not in known
+    ]
+    fits: list[Fit] = []
+    for own in _chosen(fitter, screen(fitter, base, left, {}), bar, ("gain", "plain"), every=True):
+        fits.append(_added(fitter, base, own, _ahead(fits)))
+    return fits
+
+
+def _rivals(
+    fitter: Fitter, best: Fit, offered: Mapping[str, Effect], bar: float, tried: Sequence[Fit]
+) -> list[Fit]:
+    """Instead of each effect what may be in its block, if it is predicted to do nearly as well: in
+    forms that were not tried beside the others, for a form of the right effect may look worse than
+    one of a wrong effect.
+    """
+    known = {_told(f.hypothesis.effects) for f in tried}
+    fits: list[Fit] = []
+    for effect, _ in best.hypothesis.effects:
+        rest = {k for k in best.keys if k != effect.key}
+        bases = [f for f in tried if set(f.keys) == rest]
+        if not bases:
+            continue
+        base = min(bases, key=lambda f: f.evidence)
+        forms = [
+            (e, f)
+            for k, e in offered.items()
+            for f in e.forms
+            if e.block == effect.block and k not in best.keys and fitter.readable(f)
+            if _told(base.hypothesis.plus(e, f).effects) not in known
+        ]
+        screened = screen(fitter, base, forms, {})
+        least = max(fitter.rules.hopeful * (base.evidence - best.evidence), bar)
+        for own in _chosen(fitter, screened, least, ("gain", "plain")):
+            fits.append(_added(fitter, base, own, best))
+    return fits
+
+
+def _told(effects: Sequence[Offer]) -> frozenset[tuple[str, str]]:
+    return frozenset((e.key, f.name) for e, f in effects)
 
 
 class _Memory:
@@ -119,8 +196,8 @@ def _kept(fitter: Fitter, traces: Traces, before: Fit, after: Fit) -> Traces:
     moved = {
         c for c, r in after.residuals.items() if not np.array_equal(r, before.residuals[c])
     } | changed
-    alone = {k[:3] for k in traces if k[3] == 0}  # of starts that differ from the base
-    return {k: v for k, v in traces.items() if k[2] not in (changed if k[:3] in alone else moved)}
+    alone = {k[:4] for k in traces if k[4] == 0}  # of starts that differ from the base
+    return {k: v for k, v in traces.items() if k[3] not in (changed if k[:4] in alone else moved)}
 
 
 def _fits(
@@ -128,7 +205,7 @@ def _fits(
     base: Fit,
     screened: Sequence[Candidate],
     bar: float,
-    effects: Mapping[str, Effect],
+    forms: Sequence[Offer],
     far: _Memory,
 ) -> list[Fit]:
     """What is predicted to gain most, with the best in their other forms. Where all that leaves
@@ -138,7 +215,7 @@ def _fits(
     for own in _chosen(fitter, screened, bar, ("gain", "plain"), every=fitter.loud(base)):
         rough.append(_added(fitter, base, own, _ahead(rough)))
     if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
-        for own in _chosen(fitter, _afresh(fitter, base, effects, far), bar, ("afresh",)):
+        for own in _chosen(fitter, _afresh(fitter, base, forms, far), bar, ("afresh",)):
             hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
             rough.append(fitter.from_afar(hypothesis, base, [c.starts for c in own]))
     return rough + _other_forms(fitter, base, rough)
@@ -203,11 +280,18 @@ def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate], ahead: Fit | Non
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
-    """The best effects in their other forms."""
+    """The best effects in their other forms. Where nothing gains and more than noise is left, also
+    of those that do not: a form of an effect may have equations of its own.
+    """
     made: list[Fit] = []
-    gains = {id(f): base.evidence - f.evidence for f in fits}
-    least = max(gains.values(), default=0.0) * NEARLY
-    near = sorted((f for f in fits if gains[id(f)] > max(least, 0.0)), key=lambda f: f.evidence)
+    best: dict[str, Fit] = {}
+    for fit in sorted(fits, key=lambda f: f.evidence):
+        best.setdefault(fit.keys[-1], fit)
+    gains = {k: base.evidence - f.evidence for k, f in best.items()}
+    least = max(max(gains.values(), default=0.0) * NEARLY, 0.0)
+    near = [f for k, f in best.items() if gains[k] > least]
+    if not near and fitter.loud(base):
+        near = list(best.values())
     for fit in near[: fitter.rules.reformed]:
         effect, main = fit.hypothesis.effects[-1]
         for form in effect.forms:
@@ -229,20 +313,37 @@ def _chosen(
 ) -> list[list[Candidate]]:
     """The effects of the largest predicted gain, by any measure, each with its best starts: the
     measures may differ in them. every: twice as many, however far behind the best: about a base
-    that is bent, gains are predicted badly.
+    that is bent, gains are predicted badly. So they are of other equations, of which a start shows
+    no more than one point: of these as many besides, if they are predicted to be worth a step.
     """
-    chosen: dict[str, list[Candidate]] = {}
+    chosen: dict[tuple[str, str], list[Candidate]] = {}
     for measure in measures:
         ranked = sorted(screened, key=lambda c: -getattr(c, measure))
         hopeful = fitter.rules.hopeful * getattr(ranked[0], measure) if ranked else 0.0
         least = bar if every else max(bar, hopeful)
-        best = {c.effect.key: c for c in reversed(ranked) if getattr(c, measure) > least}
         few = fitter.rules.screened * (2 if every else 1)
-        for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[:few]:
-            own = chosen.setdefault(c.effect.key, [])
+        best = {_form_of(c): c for c in reversed(ranked) if getattr(c, measure) > least}
+        others = {
+            _form_of(c): c
+            for c in reversed(ranked)
+            if c.form.settings and getattr(c, measure) > min(least, fitter.rules.entry)
+        }
+        for c in (
+            *_foremost(best.values(), measure, few),
+            *_foremost(others.values(), measure, few),
+        ):
+            own = chosen.setdefault(_form_of(c), [])
             if c not in own:
                 own.append(c)
     return list(chosen.values())
+
+
+def _foremost(candidates: Iterable[Candidate], measure: str, few: int) -> list[Candidate]:
+    return sorted(candidates, key=lambda c: -getattr(c, measure))[:few]
+
+
+def _form_of(c: Candidate) -> tuple[str, str]:
+    return c.effect.key, c.form.name
 
 
 @dataclass(frozen=True)
@@ -255,6 +356,10 @@ class _Trial:
     starts: Mapping[str, float]
 
     @property
+    def key(self) -> tuple[str, str, int]:
+        return self.effect.key, self.form.name, self.number
+
+    @property
     def moves(self) -> bool:
         """Whether the start differs from the base."""
         return bool(self.starts or self.form.settings)
@@ -262,12 +367,7 @@ class _Trial:
     def columns(self, known: Traces, cells: Sequence[Cell]) -> dict[Cell, list[Array]]:
         """What is known of what it changes, as many columns in each cell that it reaches."""
         parts = range(1 + len(self.form.parameters))
-        own = {
-            (c, n): known[k]
-            for c in cells
-            for n in parts
-            if (k := (self.effect.key, self.number, c, n)) in known
-        }
+        own = {(c, n): known[k] for c in cells for n in parts if (k := (*self.key, c, n)) in known}
         told = sorted({n for _, n in own})
         reached = {c: column for (c, _), column in own.items()}
         return {
@@ -276,15 +376,13 @@ class _Trial:
         }
 
 
-def screen(
-    fitter: Fitter, base: Fit, effects: Mapping[str, Effect], known: Traces
-) -> list[Candidate]:
-    """Score test of every start of every effect's main form; where there are many, the parameters'
+def screen(fitter: Fitter, base: Fit, forms: Sequence[Offer], known: Traces) -> list[Candidate]:
+    """Score test of every start of effects' forms; where there are many, the parameters'
     columns only of those that tell most without. `known`: traces simulated before, of cells where
     the base is much as it was then; new ones are added to it.
     """
-    by_effect = _trials(fitter, effects, lambda form: _starts(fitter, base, form))
-    prepared = [own[0] for own in by_effect if not base.keys or own[0].form.settings]
+    by_form = _trials(forms, lambda form: _starts(fitter, base, form))
+    prepared = [own[0] for own in by_form if not base.keys or own[0].form.settings]
     fitter.prepare([base.hypothesis.plus(t.effect, t.form) for t in prepared])
     tests = (
         _Test(fitter, base, base.noise),
@@ -292,20 +390,24 @@ def screen(
     )
     cells = fitter.simulation.cells
 
-    def gains(t: _Trial) -> list[float]:
-        columns = t.columns(known, cells)
-        return [test.gain(columns) for test in tests]
+    def columns(t: _Trial) -> dict[Cell, list[Array]]:
+        return t.columns(known, cells)
 
-    few = [t for own in by_effect if len(own) <= FEW for t in own]
-    many = [own for own in by_effect if len(own) > FEW]
-    _trace(fitter, base, few, known)
+    trials = [t for own in by_form if len(own) <= FEW for t in own]
+    many = [own for own in by_form if len(own) > FEW]
+    _trace(fitter, base, trials, known)
     _trace(fitter, base, [t for own in many for t in own], known, alone=True)
-    first = {id(t): gains(t) for own in many for t in own}
-    best = [max(own, key=lambda t: first[id(t)][k]) for own in many for k in range(len(tests))]
-    _trace(fitter, base, best, known)
-    made = [Candidate(t.effect, t.form, t.starts, *gains(t)) for own in by_effect for t in own]
+    for own in many:
+        hoped = [[test.onward(c) for test in tests] for c in map(columns, own)]
+        best = {max(range(len(own)), key=lambda i: hoped[i][k]) for k in range(len(tests))}
+        trials += [own[i] for i in sorted(best)]
+    _trace(fitter, base, trials, known)
+    made = [
+        Candidate(t.effect, t.form, t.starts, *(test.gain(c) for test in tests))
+        for t, c in ((t, columns(t)) for t in trials)
+    ]
     reliefs = Reliefs(fitter, base)
-    for own in by_effect:
+    for own in by_form:
         effect, form = own[0].effect, own[0].form
         relief = reliefs.of(form)
         if relief is not None:
@@ -313,9 +415,7 @@ def screen(
     return made
 
 
-def _afresh(
-    fitter: Fitter, base: Fit, effects: Mapping[str, Effect], far: _Memory
-) -> list[Candidate]:
+def _afresh(fitter: Fitter, base: Fit, forms: Sequence[Offer], far: _Memory) -> list[Candidate]:
     """The same tests about the nominal plant, each effect at its usual size to either side: what it
     gains beyond most of what tolerance alone is to leave there over the base. far: of that plant,
     from round to round.
@@ -331,30 +431,24 @@ def _afresh(
     behind = (1 - CLOSE) * (test.ahead - test.standing(base))
     cells, at = fitter.simulation.cells, nominal.point
     back = {c.parameter: c.value(0.0) for c in at.coordinates if not c.effect and c.record is None}
-    by_effect = _trials(fitter, effects, lambda form: _usual(fitter, base, form))
+    by_form = _trials(forms, lambda form: _usual(fitter, base, form))
 
     def gain(t: _Trial) -> float:
         return test.gain(t.columns(known, cells)) - behind
 
-    _trace(fitter, nominal, [t for own in by_effect for t in own], known, alone=True)
-    first = {id(t): gain(t) for own in by_effect for t in own}
-    best = [max(own, key=lambda t: first[id(t)]) for own in by_effect if own]
+    _trace(fitter, nominal, [t for own in by_form for t in own], known, alone=True)
+    first = {id(t): gain(t) for own in by_form for t in own}
+    best = [max(own, key=lambda t: first[id(t)]) for own in by_form if own]
     few = sorted(best, key=lambda t: -first[id(t)])[: 2 * fitter.rules.screened]
     _trace(fitter, nominal, few, known)
     return [Candidate(t.effect, t.form, {**back, **t.starts}, 0.0, 0.0, gain(t)) for t in few]
 
 
 def _trials(
-    fitter: Fitter,
-    effects: Mapping[str, Effect],
-    starts_of: Callable[[Form], Sequence[Mapping[str, float]]],
+    forms: Sequence[Offer], starts_of: Callable[[Form], Sequence[Mapping[str, float]]]
 ) -> list[list[_Trial]]:
-    """Of each effect, the starts of the first form that a view reads."""
-    made = []
-    for effect in effects.values():
-        form = next(f for f in effect.forms if fitter.readable(f))
-        made.append([_Trial(effect, form, i, s) for i, s in enumerate(starts_of(form))])
-    return made
+    """The starts of each form."""
+    return [[_Trial(e, f, i, s) for i, s in enumerate(starts_of(f))] for e, f in forms]
 
 
 def _coordinates(fitter: Fitter, form: Form) -> list[Coordinate]:
@@ -390,7 +484,7 @@ def _trace(
         names = {p.name for p in t.form.parameters} | set(t.form.settings)
         shared = _shared(fitter, base, t.form) if not t.starts else None
         for cell in fitter.simulation.cells:
-            view, key = fitter.simulation.views[cell[0]], (t.effect.key, t.number, cell)
+            view, key = fitter.simulation.views[cell[0]], (*t.key, cell)
             there = known.get((*key, 0))
             if not any(view.depends_on(n) for n in names) or (*key, len(points) - 1) in known:
                 continue
@@ -406,9 +500,9 @@ def _trace(
     for t, cell, at, points in owners:
         runs = found[cell][at : at + len(points)]
         if t.moves:
-            known[t.effect.key, t.number, cell, 0] = runs[0] - base.residuals[cell]
+            known[*t.key, cell, 0] = runs[0] - base.residuals[cell]
         for n, (_, step) in enumerate(points[1:], 1):
-            known[t.effect.key, t.number, cell, n] = (runs[n] - runs[0]) / step
+            known[*t.key, cell, n] = (runs[n] - runs[0]) / step
 
 
 def _points(
@@ -528,9 +622,27 @@ class _Test:
 
     def gain(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
         """Fall of -2 log posterior that a step along these columns is to bring, less its doubt."""
+        straight, step, nuisances, white = self._stepped(columns)
+        if straight < NOTHING * self.rules.effect:
+            return straight
+        return max(self._fall(white, share * step, share * nuisances) for share in SHARES)
+
+    def onward(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
+        """The same of a step towards a start, were the cost a parabola: what lies the other way is
+        another start's.
+        """
+        straight, step, _, _ = self._stepped(columns)
+        return straight if np.all(step > 0) else 0.0
+
+    def _stepped(
+        self, columns: Mapping[Cell, Sequence[Array]]
+    ) -> tuple[float, Array, Array, dict[Cell, Array]]:
+        """Fall of the parabola, the step along the columns, the nuisances' beside it, and the
+        columns as innovations.
+        """
         k = max((len(c) for c in columns.values()), default=0)
         if k == 0 or not all(np.isfinite(c).all() for cs in columns.values() for c in cs):
-            return 0.0
+            return 0.0, np.zeros(k), self.plain, {}
         square, pull = np.eye(k) / self.rules.effect_prior**2, np.zeros(k)
         cross = np.zeros((len(self.gradient), k))
         white = {}
@@ -546,10 +658,8 @@ class _Test:
         square = square - cross.T @ self.inverse @ cross
         pull = pull - cross.T @ self.inverse @ self.gradient
         step = np.asarray(-np.linalg.lstsq(square, pull, rcond=1e-10)[0])
-        if (straight := float(-step @ pull)) < NOTHING * self.rules.effect:
-            return straight
         nuisances = np.asarray(-self.inverse @ (self.gradient + cross @ step))
-        return max(self._fall(white, share * step, share * nuisances) for share in SHARES)
+        return float(-step @ pull), step, nuisances, white
 
     def _fall(self, white: Mapping[Cell, Array], step: Array, nuisances: Array) -> float:
         """Of the cost, were all as straight as the columns, against a step of the nuisances."""

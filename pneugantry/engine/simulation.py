@@ -124,7 +124,9 @@ class Simulation:
         wanted: set[str],
         fine: bool = True,
     ) -> Columns:
-        """Columns of the coordinates named, about the residuals at a point."""
+        """Columns of the coordinates named, about the residuals at a point. fine: by small steps;
+        else by such as look over events, where a view has any.
+        """
         jobs: dict[Cell, list[dict[str, float]]] = {}
         moved: dict[Cell, list[tuple[Coordinate, float]]] = {}
         for cell in cells:
@@ -132,7 +134,7 @@ class Simulation:
             jobs[cell], moved[cell] = [], []
             for c, theta in zip(point.coordinates, point.theta, strict=True):
                 if c.name in wanted and self.in_cell(c, cell):
-                    step = self.step(c, theta, fine)
+                    step = self.step(c, theta, fine or not self.views[cell[0]].remembers)
                     jobs[cell].append({**base, c.parameter: c.value(theta + step)})
                     moved[cell].append((c, step))
         found = self.run({cell: job for cell, job in jobs.items() if job})

@@ -56,6 +56,11 @@ class View(Protocol):
         """The model's own values of the parameters that it reads."""
         ...
 
+    @property
+    def remembers(self) -> bool:
+        """Whether anything that happened keeps on: what has no memory has no event to miss."""
+        ...
+
     def shows(self, record: Record) -> bool: ...
 
     def depends_on(self, parameter: str) -> bool: ...
@@ -96,7 +101,7 @@ class SubsystemView:
             {s.name: s.sigma for s in self.plant.signals},
             self.pairs,
             frozenset(self.corrected.values()),
-            bool(self.part.of("state")),
+            self.remembers,
         )
         self._parameters = frozenset(self.part.of("parameter"))
         self._read = {
@@ -116,10 +121,14 @@ class SubsystemView:
         found = [v for v in self.part.variables if v.kind == "parameter"]
         return {v.name: v.start for v in found if v.start is not None}
 
+    @property
+    def remembers(self) -> bool:
+        return bool(self.part.of("state"))
+
     def shows(self, record: Record) -> bool:
         if not self._all <= set(record.signals):
             return False
-        if not self.part.of("state"):
+        if not self.remembers:
             return True
         quiet = [
             np.ptp(np.convolve(record.signals[s], np.ones(25) / 25, "valid")) < 3 * sigma

@@ -29,6 +29,7 @@ class ControllerView:
     blocks: tuple[str, ...] = ("timing", "timing")
     sigmas: tuple[float, ...] = (COMMAND_QUANTUM, COMMAND_QUANTUM)
     decimation = 1
+    remembers = True
     defaults: Mapping[str, float] = {}
 
     def __init__(self, runs: Mapping[str, LoggedRun]) -> None:

@@ -209,6 +209,7 @@ class Reading:
     signals = ("own",)
     sigmas = (0.01,)
     decimation = 1
+    remembers = True
     defaults: Mapping[str, float] = {}
 
     def shows(self, record: Record) -> bool:
