@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -64,33 +64,70 @@ class Search:
     screened: tuple[Candidate, ...] = field(default=())
 
 
+@dataclass(eq=False)
+class _Trail:
+    """What a search has to choose from, and where it has been."""
+
+    fitter: Fitter
+    offered: Mapping[str, Effect]
+    tried: list[Fit]
+    steps: list[Step] = field(default_factory=list)
+    screened: list[Candidate] = field(default_factory=list)
+
+    @property
+    def bar(self) -> float:
+        """Fall of -2 log evidence that an effect must bring."""
+        return self.fitter.rules.effect + 2 * math.log(max(len(self.offered), 1))
+
+    @property
+    def known(self) -> set[frozenset[tuple[str, str]]]:
+        """Which effects were tried together, in which forms."""
+        return {_told(f.hypothesis.effects) for f in self.tried}
+
+    def beside(self, keys: Collection[str]) -> list[Effect]:
+        return [e for k, e in self.offered.items() if k not in keys]
+
+    def polished(self, fit: Fit) -> Fit:
+        """At its best optimum, without what it no longer needs."""
+        best = _pruned(self, self.fitter.again(fit, thorough=True))
+        self.tried.append(best)
+        return best
+
+
 def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search:
-    """Effects are added while one brings evidence, and dropped where a later one replaces them."""
-    best, steps, tried, thorough, wide = null, [], [null], False, False
+    """Effects are added while one brings evidence, and dropped where a later one replaces them;
+    in the end each is held against what else may be in its place.
+    """
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
-    bar = fitter.rules.effect + 2 * math.log(max(len(offered), 1))
-    screened: list[Candidate] = []
+    trail = _Trail(fitter, offered, [null])
+    best = _exchanged(trail, _gathered(trail, null))
+    null = min((f for f in trail.tried if not f.keys), key=lambda f: f.evidence)
+    return Search(null, best, tuple(trail.steps), tuple(trail.tried), tuple(trail.screened))
+
+
+def _gathered(trail: _Trail, null: Fit) -> Fit:
+    """Forward, each effect in its main form and the best in their others. Where that comes to an
+    end above the noise, once more in all forms that it has not tried.
+    """
+    fitter, best, thorough, wide = trail.fitter, null, False, False
     near, far = _Memory(), _Memory()
     for _ in range(fitter.rules.rounds):
-        rest = [e for k, e in offered.items() if k not in best.keys]
         if wide:
-            fits = _wider(fitter, best, rest, bar, tried)
+            fits = _wider(trail, best)
         else:
-            forms = _main_forms(fitter, rest)
-            screened = screen(fitter, best, forms, near.about(fitter, best))
-            fits = _fits(fitter, best, screened, bar, forms, far)
-        finals = _finals(fitter, best, fits, bar)
-        tried += [*fits, *finals]
+            forms = _main_forms(fitter, trail.beside(best.keys))
+            trail.screened = screen(fitter, best, forms, near.about(fitter, best))
+            fits = _fits(fitter, best, trail.screened, trail.bar, forms, far)
+        finals = _finals(fitter, best, fits, trail.bar)
+        trail.tried += [*fits, *finals]
         top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
-        if top is not None and top.gain(best, fitter.rules) < bar:
+        if top is not None and top.gain(best, fitter.rules) < trail.bar:
             top = None
         if top is not None:
-            steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-        before, least = best, fitter.rules.entry if top is None else bar
+            trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
+        before, least = best, fitter.rules.entry if top is None else trail.bar
         if top is not None or not thorough:  # its own best optimum may still be elsewhere
-            best = _pruned(fitter, fitter.again(top or best, thorough=True), bar, steps, tried)
-            tried.append(best)
-        thorough = True
+            best, thorough = trail.polished(top or best), True
         if set(best.keys) != set(before.keys) or before.evidence - best.evidence >= least:
             wide = False
             continue
@@ -98,15 +135,19 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
         if wide or not fitter.loud(best):
             break  # nothing to be screened that was not; what came was dropped again
         wide = True
-    rivals = _rivals(fitter, best, offered, bar, tried)
-    tried += rivals
+    return best
+
+
+def _exchanged(trail: _Trail, best: Fit) -> Fit:
+    """With another effect in the place of one, where that does better."""
+    rivals = _rivals(trail, best)
+    trail.tried += rivals
     top = min((best, *rivals), key=lambda f: f.evidence)
-    if top is not best:
-        steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-        best = _pruned(fitter, fitter.again(top, thorough=True), bar, steps, tried)
-        tried.append(best)
-    null = min((f for f in tried if not f.keys), key=lambda f: f.evidence)
-    return Search(null, best, tuple(steps), tuple(tried), tuple(screened))
+    if top is best:
+        return best
+    trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
+    trail.steps += [Step(k, 0.0, top, dropped=True) for k in best.keys if k not in top.keys]
+    return trail.polished(top)
 
 
 Offer = tuple[Effect, Form]
@@ -117,52 +158,48 @@ def _main_forms(fitter: Fitter, effects: Sequence[Effect]) -> list[Offer]:
     return [(e, next(f for f in e.forms if fitter.readable(f))) for e in effects]
 
 
-def _wider(
-    fitter: Fitter, base: Fit, effects: Sequence[Effect], bar: float, tried: Sequence[Fit]
-) -> list[Fit]:
+def _wider(trail: _Trail, base: Fit) -> list[Fit]:
     """The effects in their other forms, of what is predicted to gain most, but for what was tried
     beside these effects.
     """
+    fitter, effects, known = trail.fitter, trail.beside(base.keys), trail.known
     main = {(e.key, f.name) for e, f in _main_forms(fitter, effects)}
-    known = {_told(f.hypothesis.effects) for f in tried}
     left = [
         (e, f)
         for e in effects
         for f in e.forms
-        if fitter.readable(f)
-        and (e.key, f.name) not in main
-        and _told(base.hypothesis.plus(e, f).effects) not in known
+        if fitter.readable(f) and (e.key, f.name) not in main
+        if _told(base.hypothesis.plus(e, f).effects) not in known
     ]
+    screened = screen(fitter, base, left, {})
     fits: list[Fit] = []
-    for own in _chosen(fitter, screen(fitter, base, left, {}), bar, ("gain", "plain"), every=True):
+    for own in _chosen(fitter, screened, trail.bar, ("gain", "plain"), every=True):
         fits.append(_added(fitter, base, own, _ahead(fits)))
     return fits
 
 
-def _rivals(
-    fitter: Fitter, best: Fit, offered: Mapping[str, Effect], bar: float, tried: Sequence[Fit]
-) -> list[Fit]:
+def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
     """Instead of each effect what may be in its block, if it is predicted to do nearly as well: in
     forms that were not tried beside the others, for a form of the right effect may look worse than
     one of a wrong effect.
     """
-    known = {_told(f.hypothesis.effects) for f in tried}
+    fitter, known = trail.fitter, trail.known
     fits: list[Fit] = []
     for effect, _ in best.hypothesis.effects:
-        rest = {k for k in best.keys if k != effect.key}
-        bases = [f for f in tried if set(f.keys) == rest]
+        rest = set(best.keys) - {effect.key}
+        bases = [f for f in trail.tried if set(f.keys) == rest]
         if not bases:
             continue
         base = min(bases, key=lambda f: f.evidence)
         forms = [
             (e, f)
-            for k, e in offered.items()
+            for e in trail.beside(best.keys)
             for f in e.forms
-            if e.block == effect.block and k not in best.keys and fitter.readable(f)
+            if e.block == effect.block and fitter.readable(f)
             if _told(base.hypothesis.plus(e, f).effects) not in known
         ]
         screened = screen(fitter, base, forms, {})
-        least = max(fitter.rules.hopeful * (base.evidence - best.evidence), bar)
+        least = max(fitter.rules.hopeful * (base.evidence - best.evidence), trail.bar)
         for own in _chosen(fitter, screened, least, ("gain", "plain")):
             fits.append(_added(fitter, base, own, best))
     return fits
@@ -252,19 +289,20 @@ def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
     return min(fit, other, key=lambda f: f.evidence)
 
 
-def _pruned(fitter: Fitter, fit: Fit, bar: float, steps: list[Step], tried: list[Fit]) -> Fit:
+def _pruned(trail: _Trail, fit: Fit) -> Fit:
     """Without effects whose removal costs less evidence than an effect must bring: of what was
     fitted to a worse optimum, or what a later effect replaces.
     """
+    fitter = trail.fitter
     while fit.keys:
-        tried.append(fit)
+        trail.tried.append(fit)
         drops = [fitter.explore(fit.hypothesis.without(k), fit) for k in fit.keys]
-        tried += drops
+        trail.tried += drops
         least = min(drops, key=lambda f: f.evidence)
-        if least.evidence - fit.evidence > bar:
+        if least.evidence - fit.evidence > trail.bar:
             return fit
         gone = next(k for k in fit.keys if k not in least.keys)
-        steps.append(Step(gone, fit.evidence - least.evidence, least, dropped=True))
+        trail.steps.append(Step(gone, fit.evidence - least.evidence, least, dropped=True))
         fit = fitter.again(least, thorough=True)
     return fit
 

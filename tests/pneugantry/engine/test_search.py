@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,13 +29,16 @@ model Drive "A motor's current, and the speed and position that it drives"
   parameter Real F_c = 0.8 "Coulomb friction";
   parameter Real drag = 0 "Quadratic drag; neutral 0";
   parameter Real leak = 0 "Neutral 0";
+  parameter Real cubic = 0 "Cubic drag; neutral 0";
+  parameter Real bump = 0 "Drag of hardly any speed; neutral 0";
   input Real u;
   output Real i(start = 0, fixed = true);
   output Real v(start = 0, fixed = true);
   output Real s(start = 0, fixed = true);
 equation
   tau*der(i) = K*u - i - leak*i^3;
-  m*der(v) = i - C*v - F_c*tanh(v/0.02) - drag*v*abs(v);
+  m*der(v) = i - C*v - F_c*tanh(v/0.02) - drag*v*abs(v) - cubic*v^3
+    - bump*v*exp(-(v/0.01)^2);
   der(s) = v;
 end Drive;
 """
@@ -171,6 +175,35 @@ def test_effects_are_named(
     for name, value in truth.items():
         assert values[name] == pytest.approx(value, rel=0.05)
     fitter.close()
+
+
+def in_forms(name: str, parameters: Mapping[str, float], block: str = "mechanics") -> Effect:
+    """An effect of which each parameter is a form of its own; scale of each."""
+    own = [effect(name, p, block, scale) for p, scale in parameters.items()]
+    forms = tuple(replace(e.forms[0], name=p) for e, p in zip(own, parameters, strict=True))
+    return replace(own[0], forms=forms)
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        pytest.param((), id="nothing else is in the catalogue"),
+        pytest.param(("leak", "current_bias", "mass", "friction"), id="others come first"),
+        pytest.param(("cubic",), id="another one in its place does nearly as well"),
+    ],
+)
+def test_an_effect_is_found_of_which_only_another_form_is_right(
+    plant: Plant, parts: Path, others: tuple[str, ...]
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    right = in_forms("right", {"bump": 2.0, "drag": 2.0})
+    known = {**CATALOGUE, "cubic": in_forms("cubic", {"cubic": 2.0})}
+    found = search(fitter, fitter.null(), {k: known[k] for k in others} | {right.key: right})
+    fitter.close()
+    assert [(e.key, f.name) for e, f in found.best.hypothesis.effects] == [("right", "drag")]
+    assert found.best.values(None)["drag"] == pytest.approx(2.0, rel=0.05)
+    named = {s.effect for s in found.steps if not s.dropped}
+    assert named - {s.effect for s in found.steps if s.dropped} == {"right"}
 
 
 def test_what_a_fit_leaves_of_a_sound_rig_is_the_sensors_noise(plant: Plant, parts: Path) -> None:

@@ -9,9 +9,11 @@ from typing import cast
 import numpy as np
 import pytest
 
+from pneugantry.engine.catalogue import Parameter
+from pneugantry.engine.hypothesis import effect_coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.simulation import Simulation
+from pneugantry.engine.simulation import Point, Simulation
 from pneugantry.engine.views import View
 
 
@@ -43,3 +45,39 @@ def test_each_run_comes_back_in_its_place(counts: tuple[int, int]) -> None:
     assert set(found) == {cell for cell, own in jobs.items() if own}
     for cell, made in found.items():
         assert made[:, 0, 0].tolist() == [job["p"] for job in jobs[cell]]
+
+
+class Wave:
+    """A view whose residual is a wave of some length."""
+
+    name, remembers = "wave", False
+
+    def shows(self, record: Record) -> bool:
+        return True
+
+    def depends_on(self, parameter: str) -> bool:
+        return parameter == "length"
+
+    def residuals(self, record: Record, values: Sequence[Mapping[str, float]]) -> Array:
+        place = np.linspace(0, 1, 200)
+        waves = [np.sin(2 * np.pi * place / v["length"]) for v in values]
+        return np.stack(waves)[:, :, None]
+
+
+@pytest.mark.parametrize(("remembers", "exact"), [(False, True), (True, False)])
+def test_columns_look_over_events_only_where_there_may_be_any(remembers: bool, exact: bool) -> None:
+    """A long step in a wave's length is one over many waves."""
+    view = Wave()
+    view.remembers = remembers
+    record = cast(Record, SimpleNamespace(name="a", rows=200, period=0.1))
+    simulation = Simulation([cast(View, view)], [record], Rules())
+    length = Parameter("length", 0.03, 0.02, 0.001, 1.0)
+    point = Point((effect_coordinate(length, 0.0, 2.0),), np.zeros(1), {})
+    cells = list(simulation.cells)
+    _, columns = simulation.linearised(point, cells, {"length"}, fine=False)
+    simulation.close()
+    place = np.linspace(0, 1, 200)
+    angle = 2 * np.pi * place / 0.03
+    slope = -0.02 * np.cos(angle) * angle / 0.03
+    error = np.abs(columns[cells[0], "length"][:, 0] - slope)
+    assert (error.max() < 0.01 * np.abs(slope).max()) == exact
