@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -106,18 +106,13 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
 
 
 def _gathered(trail: _Trail, null: Fit) -> Fit:
-    """Forward, each effect in its main form and the best in their others. Where that comes to an
-    end above the noise, once more in all forms that it has not tried.
-    """
-    fitter, best, thorough, wide = trail.fitter, null, False, False
+    """Forward, each effect in its main form and the best in their others."""
+    fitter, best, thorough = trail.fitter, null, False
     near, far = _Memory(), _Memory()
     for _ in range(fitter.rules.rounds):
-        if wide:
-            fits = _wider(trail, best)
-        else:
-            forms = _main_forms(fitter, trail.beside(best.keys))
-            trail.screened = screen(fitter, best, forms, near.about(fitter, best))
-            fits = _fits(fitter, best, trail.screened, trail.bar, forms, far)
+        forms = _main_forms(fitter, trail.beside(best.keys))
+        trail.screened = screen(fitter, best, forms, near.about(fitter, best))
+        fits = _fits(fitter, best, trail.screened, trail.bar, forms, far)
         finals = _finals(fitter, best, fits, trail.bar)
         trail.tried += [*fits, *finals]
         top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
@@ -125,16 +120,14 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
             top = None
         if top is not None:
             trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-        before, least = best, fitter.rules.entry if top is None else trail.bar
-        if top is not None or not thorough:  # its own best optimum may still be elsewhere
-            best, thorough = trail.polished(top or best), True
-        if set(best.keys) != set(before.keys) or before.evidence - best.evidence >= least:
-            wide = False
-            continue
-        best = min(before, best, key=lambda f: f.evidence)
-        if wide or not fitter.loud(best):
+        elif thorough:
+            break
+        before, thorough = best, True  # whose own best optimum may still be elsewhere
+        best = trail.polished(top or best)
+        least = fitter.rules.entry if top is None else trail.bar
+        if set(best.keys) == set(before.keys) and before.evidence - best.evidence < least:
+            best = min(before, best, key=lambda f: f.evidence)
             break  # nothing to be screened that was not; what came was dropped again
-        wide = True
     return best
 
 
@@ -154,34 +147,21 @@ Offer = tuple[Effect, Form]
 
 
 def _main_forms(fitter: Fitter, effects: Sequence[Effect]) -> list[Offer]:
-    """Of each effect the first form that a view reads."""
-    return [(e, next(f for f in e.forms if fitter.readable(f))) for e in effects]
-
-
-def _wider(trail: _Trail, base: Fit) -> list[Fit]:
-    """The effects in their other forms, of what is predicted to gain most, but for what was tried
-    beside these effects.
+    """Of each effect the first form that a view reads, of each set of equations: of one set, none
+    tells how another does.
     """
-    fitter, effects, known = trail.fitter, trail.beside(base.keys), trail.known
-    main = {(e.key, f.name) for e, f in _main_forms(fitter, effects)}
-    left = [
-        (e, f)
-        for e in effects
-        for f in e.forms
-        if fitter.readable(f) and (e.key, f.name) not in main
-        if _told(base.hypothesis.plus(e, f).effects) not in known
-    ]
-    screened = screen(fitter, base, left, {})
-    fits: list[Fit] = []
-    for own in _chosen(fitter, screened, trail.bar, ("gain", "plain"), every=True):
-        fits.append(_added(fitter, base, own, _ahead(fits)))
-    return fits
+    made: dict[tuple[str, frozenset[tuple[str, float]]], Offer] = {}
+    for e in effects:
+        for f in e.forms:
+            if fitter.readable(f):
+                made.setdefault((e.key, frozenset(f.settings.items())), (e, f))
+    return list(made.values())
 
 
 def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
-    """Instead of each effect what may be in its block, if it is predicted to do nearly as well: in
-    forms that were not tried beside the others, for a form of the right effect may look worse than
-    one of a wrong effect.
+    """Instead of each effect what may be in its block, if it is predicted to do better: in forms
+    that were not tried beside the others, for a form of the right effect may look worse than one of
+    a wrong effect.
     """
     fitter, known = trail.fitter, trail.known
     fits: list[Fit] = []
@@ -199,7 +179,7 @@ def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
             if _told(base.hypothesis.plus(e, f).effects) not in known
         ]
         screened = screen(fitter, base, forms, {})
-        least = max(fitter.rules.hopeful * (base.evidence - best.evidence), trail.bar)
+        least = max(base.evidence - best.evidence, trail.bar)
         for own in _chosen(fitter, screened, least, ("gain", "plain")):
             fits.append(_added(fitter, base, own, best))
     return fits
@@ -245,11 +225,17 @@ def _fits(
     forms: Sequence[Offer],
     far: _Memory,
 ) -> list[Fit]:
-    """What is predicted to gain most, with the best in their other forms. Where all that leaves
-    more than noise, also what is predicted from the nominal plant on, of which `far` is.
+    """What is predicted to gain most, with the best in their other forms. Beside more than noise
+    what has other equations is fitted if it is predicted to be worth a step: a start shows no more
+    than a point of them. Where all that leaves more than noise, also what is predicted from the
+    nominal plant on, of which `far` is.
     """
     rough: list[Fit] = []
-    for own in _chosen(fitter, screened, bar, ("gain", "plain"), every=fitter.loud(base)):
+    loud, measures = fitter.loud(base), ("gain", "plain")
+    chosen = _chosen(fitter, screened, bar, measures, every=loud)
+    known = {_form_of(own[0]) for own in chosen}
+    others = [c for c in screened if loud and c.form.settings and _form_of(c) not in known]
+    for own in (*chosen, *_chosen(fitter, others, fitter.rules.entry, measures)):
         rough.append(_added(fitter, base, own, _ahead(rough)))
     if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
         for own in _chosen(fitter, _afresh(fitter, base, forms, far), bar, ("afresh",)):
@@ -318,22 +304,18 @@ def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate], ahead: Fit | Non
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
-    """The best effects in their other forms. Where nothing gains and more than noise is left, also
-    of those that do not: a form of an effect may have equations of its own.
-    """
+    """The best effects in their other forms."""
     made: list[Fit] = []
+    known = {_told(f.hypothesis.effects[-1:]) for f in fits}
     best: dict[str, Fit] = {}
     for fit in sorted(fits, key=lambda f: f.evidence):
         best.setdefault(fit.keys[-1], fit)
-    gains = {k: base.evidence - f.evidence for k, f in best.items()}
-    least = max(max(gains.values(), default=0.0) * NEARLY, 0.0)
-    near = [f for k, f in best.items() if gains[k] > least]
-    if not near and fitter.loud(base):
-        near = list(best.values())
+    least = NEARLY * max((base.evidence - f.evidence for f in fits), default=0.0)
+    near = [f for f in best.values() if base.evidence - f.evidence > max(least, 0.0)]
     for fit in near[: fitter.rules.reformed]:
-        effect, main = fit.hypothesis.effects[-1]
+        effect, _ = fit.hypothesis.effects[-1]
         for form in effect.forms:
-            if form.name == main.name or not fitter.readable(form):
+            if _told([(effect, form)]) in known or not fitter.readable(form):
                 continue
             hypothesis = base.hypothesis.plus(effect, form)
             starts = [fit.values(None), *(s for s in _starts(fitter, base, form) if s)]
@@ -351,8 +333,7 @@ def _chosen(
 ) -> list[list[Candidate]]:
     """The effects of the largest predicted gain, by any measure, each with its best starts: the
     measures may differ in them. every: twice as many, however far behind the best: about a base
-    that is bent, gains are predicted badly. So they are of other equations, of which a start shows
-    no more than one point: of these as many besides, if they are predicted to be worth a step.
+    that is bent, gains are predicted badly.
     """
     chosen: dict[tuple[str, str], list[Candidate]] = {}
     for measure in measures:
@@ -361,23 +342,11 @@ def _chosen(
         least = bar if every else max(bar, hopeful)
         few = fitter.rules.screened * (2 if every else 1)
         best = {_form_of(c): c for c in reversed(ranked) if getattr(c, measure) > least}
-        others = {
-            _form_of(c): c
-            for c in reversed(ranked)
-            if c.form.settings and getattr(c, measure) > min(least, fitter.rules.entry)
-        }
-        for c in (
-            *_foremost(best.values(), measure, few),
-            *_foremost(others.values(), measure, few),
-        ):
+        for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[:few]:
             own = chosen.setdefault(_form_of(c), [])
             if c not in own:
                 own.append(c)
     return list(chosen.values())
-
-
-def _foremost(candidates: Iterable[Candidate], measure: str, few: int) -> list[Candidate]:
-    return sorted(candidates, key=lambda c: -getattr(c, measure))[:few]
 
 
 def _form_of(c: Candidate) -> tuple[str, str]:
@@ -437,8 +406,8 @@ def screen(fitter: Fitter, base: Fit, forms: Sequence[Offer], known: Traces) -> 
     _trace(fitter, base, [t for own in many for t in own], known, alone=True)
     for own in many:
         hoped = [[test.onward(c) for test in tests] for c in map(columns, own)]
-        best = {max(range(len(own)), key=lambda i: hoped[i][k]) for k in range(len(tests))}
-        trials += [own[i] for i in sorted(best)]
+        ranked = [sorted(range(len(own)), key=lambda i: -hoped[i][k]) for k in range(len(tests))]
+        trials += [own[i] for i in sorted({i for order in ranked for i in order[:FEW]})]
     _trace(fitter, base, trials, known)
     made = [
         Candidate(t.effect, t.form, t.starts, *(test.gain(c) for test in tests))
