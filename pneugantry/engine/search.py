@@ -110,7 +110,7 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
     fitter, best, thorough = trail.fitter, null, False
     near, far = _Memory(), _Memory()
     for _ in range(fitter.rules.rounds):
-        forms = _main_forms(fitter, trail.beside(best.keys))
+        forms = _main_forms(fitter, trail.beside(best.keys), every=fitter.loud(best))
         trail.screened = screen(fitter, best, forms, near.about(fitter, best))
         fits = _fits(fitter, best, trail.screened, trail.bar, forms, far)
         finals = _finals(fitter, best, fits, trail.bar)
@@ -146,15 +146,14 @@ def _exchanged(trail: _Trail, best: Fit) -> Fit:
 Offer = tuple[Effect, Form]
 
 
-def _main_forms(fitter: Fitter, effects: Sequence[Effect]) -> list[Offer]:
-    """Of each effect the first form that a view reads, of each set of equations: of one set, none
+def _main_forms(fitter: Fitter, effects: Sequence[Effect], every: bool = False) -> list[Offer]:
+    """Of each effect the first form that a view reads; every: of each set of equations, for none
     tells how another does.
     """
-    made: dict[tuple[str, frozenset[tuple[str, float]]], Offer] = {}
+    made: dict[tuple[str, object], Offer] = {}
     for e in effects:
-        for f in e.forms:
-            if fitter.readable(f):
-                made.setdefault((e.key, frozenset(f.settings.items())), (e, f))
+        for f in filter(fitter.readable, e.forms):
+            made.setdefault((e.key, frozenset(f.settings.items()) if every else None), (e, f))
     return list(made.values())
 
 
