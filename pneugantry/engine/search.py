@@ -224,18 +224,21 @@ def _fits(
     forms: Sequence[Offer],
     far: _Memory,
 ) -> list[Fit]:
-    """What is predicted to gain most, with the best in their other forms. Beside more than noise
-    what has other equations is fitted if it is predicted to be worth a step: a start shows no more
-    than a point of them. Where all that leaves more than noise, also what is predicted from the
-    nominal plant on, of which `far` is.
+    """What is predicted to gain most, with the best in their other forms. Where none of it brings
+    what an effect must and more than noise is left, what has other equations is fitted if it is
+    predicted to be worth a step: a start shows no more than a point of them. Where all that leaves
+    more than noise, also what is predicted from the nominal plant on, of which `far` is.
     """
     rough: list[Fit] = []
     loud, measures = fitter.loud(base), ("gain", "plain")
     chosen = _chosen(fitter, screened, bar, measures, every=loud)
-    known = {_form_of(own[0]) for own in chosen}
-    others = [c for c in screened if loud and c.form.settings and _form_of(c) not in known]
-    for own in (*chosen, *_chosen(fitter, others, fitter.rules.entry, measures)):
+    for own in chosen:
         rough.append(_added(fitter, base, own, _ahead(rough)))
+    if loud and not any(base.evidence - f.evidence > bar for f in rough):
+        known = {_form_of(own[0]) for own in chosen}
+        others = [c for c in screened if c.form.settings and _form_of(c) not in known]
+        for own in _chosen(fitter, others, fitter.rules.entry, measures):
+            rough.append(_added(fitter, base, own, _ahead(rough)))
     if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
         for own in _chosen(fitter, _afresh(fitter, base, forms, far), bar, ("afresh",)):
             hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
@@ -303,7 +306,9 @@ def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate], ahead: Fit | Non
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
-    """The best effects in their other forms."""
+    """The best effects in their other forms; where none gains anything and more than noise is left,
+    the best of those, too.
+    """
     made: list[Fit] = []
     known = {_told(f.hypothesis.effects[-1:]) for f in fits}
     best: dict[str, Fit] = {}
@@ -311,6 +316,8 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
         best.setdefault(fit.keys[-1], fit)
     least = NEARLY * max((base.evidence - f.evidence for f in fits), default=0.0)
     near = [f for f in best.values() if base.evidence - f.evidence > max(least, 0.0)]
+    if not near and fitter.loud(base):
+        near = list(best.values())
     for fit in near[: fitter.rules.reformed]:
         effect, _ = fit.hypothesis.effects[-1]
         for form in effect.forms:

@@ -17,7 +17,7 @@ from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import effect_coordinate
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.search import search
+from pneugantry.engine.search import _other_forms, search
 from pneugantry.engine.views import build_views
 
 MODEL = """
@@ -184,26 +184,33 @@ def in_forms(name: str, parameters: Mapping[str, float], block: str = "mechanics
     return replace(own[0], forms=forms)
 
 
-@pytest.mark.parametrize(
-    "others",
-    [
-        pytest.param((), id="nothing else is in the catalogue"),
-        pytest.param(("leak", "current_bias", "mass", "friction"), id="others come first"),
-        pytest.param(("cubic",), id="another one in its place does nearly as well"),
-    ],
-)
-def test_an_effect_is_found_of_which_only_another_form_is_right(
-    plant: Plant, parts: Path, others: tuple[str, ...]
-) -> None:
+def test_what_else_is_in_an_effects_place_is_tried(plant: Plant, parts: Path) -> None:
+    """The right effect's first form does worse than a wrong effect; its other one does not."""
     fitter = fitter_of(plant, parts, drag=2.0)
     right = in_forms("right", {"bump": 2.0, "drag": 2.0})
-    known = {**CATALOGUE, "cubic": in_forms("cubic", {"cubic": 2.0})}
-    found = search(fitter, fitter.null(), {k: known[k] for k in others} | {right.key: right})
+    wrong = in_forms("wrong", {"cubic": 2.0})
+    found = search(fitter, fitter.null(), {e.key: e for e in (wrong, right)})
     fitter.close()
     assert [(e.key, f.name) for e, f in found.best.hypothesis.effects] == [("right", "drag")]
     assert found.best.values(None)["drag"] == pytest.approx(2.0, rel=0.05)
-    named = {s.effect for s in found.steps if not s.dropped}
-    assert named - {s.effect for s in found.steps if s.dropped} == {"right"}
+    assert [(s.effect, s.dropped) for s in found.steps] == [
+        ("wrong", False),
+        ("right", False),
+        ("wrong", True),
+    ]
+
+
+def test_where_nothing_gains_the_other_forms_of_the_best_are_tried(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, own = fitter.null(), in_forms("right", {"bump": 2.0, "drag": 2.0})
+    first = fitter.explore(null.hypothesis.plus(own, own.forms[0]), null)
+    others = _other_forms(fitter, null, [first])
+    fitter.close()
+    assert null.evidence - first.evidence < fitter.rules.entry
+    assert [f.hypothesis.effects[-1][1].name for f in others] == ["drag"]
+    assert null.evidence - others[0].evidence > fitter.rules.effect
 
 
 def test_what_a_fit_leaves_of_a_sound_rig_is_the_sensors_noise(plant: Plant, parts: Path) -> None:
