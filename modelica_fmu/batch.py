@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from modelica_fmu import source_key
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.errors import InputError
+from modelica_fmu.lanes import in_lanes, with_elementary
 from modelica_fmu.toolchain import compile_library, find_compiler, host_platform
 
 __all__ = [
@@ -228,15 +229,14 @@ def part_key(model: Path, what: str) -> str:
 
 
 def _compile(compiled: CompiledModel, folder: Path) -> None:
-    from modelica_fmu.emit import in_lanes  # CasADi is loaded where there is something to compile
-
     target = host_platform()
     core = ("core.c", "core.h", "implicit.h", "newton.h")
     sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in core}
-    for name in ("batch.c", "lanes.h"):
+    for name in ("batch.c", "elementary.h", "lanes.h"):
         sources[name] = (CSRC / "batch" / name).read_text(encoding="utf-8")
     sources["core.c"] = f"#define MAX_EVENTS {EVENTS}\n{sources['core.c']}"
     sources |= dict(compiled.sources)
+    sources["model.c"] = with_elementary(compiled.sources["model.c"])
     sources["model_lanes.h"] = in_lanes(compiled.sources["model.c"], LANED)
     for name, text in sources.items():
         (folder / name).write_text(text, encoding="utf-8")

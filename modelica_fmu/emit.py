@@ -8,17 +8,10 @@ hoisted: computed when a parameter changes, read from an array afterwards.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
 
-MINMAX = """\
-static inline double model_min(double a, double b) { return a < b ? a : b; }
-static inline double model_max(double a, double b) { return a > b ? a : b; }
-"""
-CALLS = re.compile(r"\b(?!model_min|model_max|fabs|sqrt|if)[a-z]\w*\(")  # no vector instruction
 C_UNARY = {
     ca.OP_NEG: "-{0}",
     ca.OP_EXP: "exp({0})",
@@ -265,27 +258,6 @@ class Emitter:
             lines += [f"{indent}double w{i} = 0.0;", f"{indent}if ({condition}) {{", *inner]
             lines += [f"{indent}    w{i} = {value};", f"{indent}}}"]
         lines += _statements(nodes, ahead, shared, names, indent)
-
-
-def in_lanes(source: str, names: Sequence[str]) -> str:
-    """C functions `lanes_NAME` that do what `model_NAME` of a generated model.c does, for LANES
-    instances side by side: what differs between them has one index more. A loop that calls the
-    mathematical library is no vector code, and spares the lanes that are not in use.
-    """
-    made = []
-    for name in names:
-        start = source.index(f"void model_{name}(")
-        head, body = source[start : source.index("\n}\n", start)].split(" {\n", 1)
-        results = re.findall(r"double \*(\w+)", head)
-        body = re.sub(r"(q->(?:x|u|p|h|m|d|pre)\[\d+\])", r"\1[l]", body)
-        body = re.sub(rf"(?m)^(    (?:{'|'.join(results)})\[\d+\]) =", r"\1[l] =", body)
-        lanes = "q->n" if CALLS.search(body) else "LANES"
-        arrays = "".join(f", Lane *restrict {r}" for r in results)
-        made.append(
-            f"INLINE void lanes_{name}(const LaneData *restrict q{arrays}) {{\n"
-            f"    for (int l = 0; l < {lanes}; l++) {{\n{body}\n    }}\n}}\n"
-        )
-    return "\n".join((MINMAX, *made))
 
 
 def _visible(

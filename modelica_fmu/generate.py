@@ -11,9 +11,10 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from modelica_fmu.compiled import Variable
-from modelica_fmu.emit import MINMAX, Emitter, Hoist
+from modelica_fmu.emit import Emitter, Hoist
 from modelica_fmu.hybrid import TIME, HybridSystem
 from modelica_fmu.iterated import initial_functions, loop_functions
+from modelica_fmu.lanes import MINMAX
 from modelica_fmu.symbols import Scalar
 from modelica_fmu.tearing import Loop
 

@@ -37,7 +37,7 @@ typedef struct {
     double *result;            /* [n_runs][n_rows][n_outputs]; NaN behind a failure */
 } Batch;
 
-/* What one call finds out once of each drive: where things lie in an instance, and how far the inputs are sound. */
+/* What one call finds out once of each drive: where things lie in an instance, how far the inputs are sound, and what rows are like. */
 typedef struct {
     const double *at, *over, *measured;
     int place[AT_LEAST_1(N_INPUTS)];    /* of each input among the model's */
@@ -46,26 +46,18 @@ typedef struct {
     int same;                           /* inputs at the rows are those behind them */
     int plain;                          /* every output is a state, which inputs alone do not change */
     int laned;                          /* every output is a state or among the model's own outputs */
+    unsigned char *kind;                /* [n_rows], of RowKind */
 } Plan;
+
+typedef enum {
+    STEADY = 1,  /* no input changes up to the next row */
+    SWITCHED = 2 /* one that is no number changes behind the row before or up to the next */
+} RowKind;
 
 static int set_all(Instance *s, size_t n, const unsigned *references, const double *values) {
     for (size_t i = 0; i < n; i++)
         if (core_set(s, references[i], values[i]) > CORE_WARNING) return 0;
     return 1;
-}
-
-static int sound(const Batch *b, const double *row) {
-    for (size_t i = 0; i < b->n_inputs; i++) {
-        const ModelVariable *v = &model_variables[b->inputs[i]];
-        if (!(row[i] >= v->min && row[i] <= v->max && isfinite(row[i]))) return 0;
-    }
-    return 1;
-}
-
-static int sound_row(const Batch *b, const Plan *plan, size_t k) {
-    int good = sound(b, plan->at + k * b->n_inputs);
-    for (size_t j = 0; good && j < b->n_parts; j++) good = sound(b, plan->over + (k * b->n_parts + j) * b->n_inputs);
-    return good;
 }
 
 /* Inputs that are sound; of those that are no numbers (a clamp) a change may bring an event. */
@@ -76,19 +68,6 @@ static void put_inputs(Instance *s, const Batch *b, const Plan *plan, const doub
         *to = row[i];
     }
     invalidate(s);
-}
-
-/* Whether an input that is no number changes behind the row before or up to the next. */
-static int switched(const Batch *b, const Plan *plan, size_t k) {
-    const double *now = plan->at + k * b->n_inputs, *before = now - b->n_inputs;
-    const size_t first = (k - 1) * b->n_parts;
-    for (size_t i = 0; i < b->n_inputs; i++) {
-        if (model_variables[b->inputs[i]].type == VT_REAL) continue;
-        if (now[i] != before[i]) return 1;
-        for (size_t j = first; j < first + 2 * b->n_parts; j++)
-            if (plan->over[j * b->n_inputs + i] != now[i]) return 1;
-    }
-    return 0;
 }
 
 static int read_all(Instance *s, const Batch *b, double *row) {
@@ -106,19 +85,11 @@ static void correct(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     invalidate(s);
 }
 
-/* Whether no input changes between row k and the next. */
-static int steady(const Batch *b, const Plan *plan, size_t k) {
-    const double *row = plan->over + k * b->n_parts * b->n_inputs;
-    for (size_t j = 1; j < b->n_parts; j++)
-        if (memcmp(row, row + j * b->n_inputs, b->n_inputs * sizeof *row) != 0) return 0;
-    return 1;
-}
-
 /* From row k to the next; at once, where no input changes on the way. */
 static int pass(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     const double time = (double)k * b->period, part = b->period / (double)b->n_parts;
     const double *row = plan->over + k * b->n_parts * b->n_inputs;
-    if (steady(b, plan, k)) return core_step(s, time, b->period) <= CORE_WARNING;
+    if (plan->kind[k] & STEADY) return core_step(s, time, b->period) <= CORE_WARNING;
     for (size_t j = 0; j < b->n_parts; j++) {
         if (j > 0) put_inputs(s, b, plan, row + j * b->n_inputs);
         if (core_step(s, time + (double)j * part, part) > CORE_WARNING) return 0;
@@ -135,7 +106,7 @@ static int begin_run(Instance *s, const Batch *b, const Plan *plan, size_t run) 
 /* What row k says, then the way to the next one. */
 static int one_row(Instance *s, const Batch *b, const Plan *plan, size_t k, double *result) {
     const double time = (double)k * b->period;
-    const int settle = k == 0 || !plan->plain || switched(b, plan, k); /* else no output feels the new inputs at once */
+    const int settle = k == 0 || !plan->plain || plan->kind[k] & SWITCHED; /* else no output feels the new inputs at once */
     if (settle) {
         if (k > 0 || !plan->same) put_inputs(s, b, plan, plan->at + k * b->n_inputs);
         if (core_step(s, time, 0.0) > CORE_WARNING) return 0; /* events that the new inputs bring */
@@ -163,7 +134,42 @@ static int one_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
 
 #include "lanes.h"
 
-/* Whether what is to be corrected are states. */
+/* Rows until one is out of its inputs' bounds. */
+static size_t sound(const Batch *b, const double *rows, size_t n) {
+    double least[AT_LEAST_1(N_INPUTS)], most[AT_LEAST_1(N_INPUTS)];
+    for (size_t i = 0; i < b->n_inputs; i++) {
+        const ModelVariable *v = &model_variables[b->inputs[i]];
+        least[i] = fmax(v->min, -DBL_MAX), most[i] = fmin(v->max, DBL_MAX);
+    }
+    for (size_t k = 0; k < n; k++, rows += b->n_inputs) {
+        int good = 1;
+        for (size_t i = 0; i < b->n_inputs; i++) good &= rows[i] >= least[i] && rows[i] <= most[i];
+        if (!good) return k;
+    }
+    return n;
+}
+
+static void find_kinds(const Batch *b, Plan *plan) {
+    const size_t n = b->n_inputs, parts = b->n_parts;
+    memset(plan->kind, 0, b->n_rows);
+    for (size_t k = 0; k < b->n_rows; k++) {
+        const double *row = plan->over + k * parts * n;
+        int same = 1;
+        for (size_t j = n; j < parts * n; j++) same &= row[j] == row[j - n];
+        if (same) plan->kind[k] |= STEADY;
+    }
+    for (size_t i = 0; i < n; i++) {
+        if (model_variables[b->inputs[i]].type == VT_REAL) continue;
+        for (size_t k = 1; k < b->n_rows; k++) {
+            const double now = plan->at[k * n + i];
+            int changed = now != plan->at[(k - 1) * n + i];
+            for (size_t j = (k - 1) * parts; j < (k + 1) * parts; j++) changed |= plan->over[j * n + i] != now;
+            if (changed) plan->kind[k] |= SWITCHED;
+        }
+    }
+}
+
+/* Whether what is to be corrected are states, and there is memory. */
 static int planned(const Batch *b, size_t drive, Plan *plan) {
     plan->at = b->at[drive], plan->over = b->over[drive], plan->measured = b->measured[drive];
     for (size_t i = 0; i < b->n_corrected; i++) {
@@ -181,9 +187,14 @@ static int planned(const Batch *b, size_t drive, Plan *plan) {
         plan->laned &= v->kind == VK_STATE || (v->kind == VK_ALGEBRAIC && v->index < N_OUTPUTS);
     }
     for (size_t i = 0; i < b->n_inputs; i++) plan->place[i] = model_variables[b->inputs[i]].index;
-    plan->rows = 0;
-    while (plan->rows < b->n_rows && sound_row(b, plan, plan->rows)) plan->rows++;
-    return 1;
+    plan->rows = sound(b, plan->at, b->n_rows);
+    if (!plan->same) {
+        const size_t behind = sound(b, plan->over, b->n_rows * b->n_parts) / b->n_parts;
+        if (behind < plan->rows) plan->rows = behind;
+    }
+    plan->kind = malloc(b->n_rows);
+    if (plan->kind) find_kinds(b, plan);
+    return plan->kind != NULL;
 }
 
 /* Runs from `first` on side by side. Returns how many failed; -1: out of memory. */
@@ -232,10 +243,11 @@ static int all_runs(const Batch *b, const Plan *plans) {
 
 /* Returns how many runs failed; -1: out of memory or a corrected variable that is no state. */
 EXPORTED int batch_run(const Batch *b) {
-    Plan *plans = malloc(b->n_drives * sizeof *plans);
+    Plan *plans = calloc(b->n_drives, sizeof *plans);
     int good = plans != NULL;
     for (size_t i = 0; good && i < b->n_drives; i++) good = planned(b, i, plans + i);
     const int failed = good ? all_runs(b, plans) : -1;
+    for (size_t i = 0; plans && i < b->n_drives; i++) free(plans[i].kind);
     free(plans);
     return failed;
 }

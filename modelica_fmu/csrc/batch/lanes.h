@@ -14,7 +14,7 @@
 
 #if LANED
 #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
-#define WIDE __attribute__((target_clones("avx2", "default")))
+#define WIDE __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
 #define INLINE static inline __attribute__((always_inline)) /* for the processor of what calls it */
 #else
 #define WIDE
@@ -22,6 +22,7 @@
 #endif
 
 typedef double Lane[LANES];
+typedef int64_t Whole[LANES]; /* as wide: no vector is split */
 
 typedef struct {
     double time, initial, path, fired[AT_LEAST_1(N_BRANCHES)]; /* of all lanes */
@@ -30,6 +31,7 @@ typedef struct {
     Lane m[AT_LEAST_1(N_RELATIONS)], d[AT_LEAST_1(N_MEMORIES)], pre[AT_LEAST_1(N_MEMORIES)];
 } LaneData;
 
+#include "elementary.h"
 #include "model_lanes.h"
 
 typedef struct {
@@ -199,7 +201,7 @@ static void lanes_row(Lanes *w, const Batch *b, size_t k) {
     }
     if (N_STATES == 0 || k + 1 == b->n_rows) return;
     lanes_correct(w, b, k);
-    for (int l = 0; l < w->q.n; l++) whole &= w->off[l] || steady(b, w->plan[l], k);
+    for (int l = 0; l < w->q.n; l++) whole &= w->off[l] || (w->plan[l]->kind[k] & STEADY);
     for (size_t j = 0; j < (whole ? 1 : b->n_parts); j++) {
         lanes_put(w, b, 1, k * b->n_parts + j);
         lanes_pass(w, time + (double)j * part, whole ? b->period : part);
@@ -213,7 +215,7 @@ static void lanes_or_runs(Lanes *w, const Batch *b, size_t k) {
     memcpy(w->m0, w->q.m, sizeof w->m0);
     memcpy(w->condition0, w->condition, sizeof w->condition0);
     for (int l = 0; l < LANES; l++) {
-        w->off[l] = l >= w->q.n || w->failed[l] || k >= w->plan[l]->rows || k == 0 || switched(b, w->plan[l], k);
+        w->off[l] = l >= w->q.n || w->failed[l] || k >= w->plan[l]->rows || k == 0 || w->plan[l]->kind[k] & SWITCHED;
         left += !w->off[l];
     }
     if (left > 0) lanes_row(w, b, k);

@@ -1,0 +1,167 @@
+"""C functions of a generated model for several instances side by side, as loops that compilers
+vectorise: nothing in a loop branches. What calls a library stands in a loop of its own, and so does
+what parameters alone switch on, which is left out where no lane needs it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+__all__ = ["MINMAX", "in_lanes", "with_elementary"]
+
+MINMAX = """\
+static inline double model_min(double a, double b) { return a < b ? a : b; }
+static inline double model_max(double a, double b) { return a > b ? a : b; }
+"""
+ELEMENTARY = re.compile(r"\b(exp|log|pow|sin|cos|tanh)\(")  # those of elementary.h
+CALLS = re.compile(r"\b(?!model_|vector_|fabs|sqrt)[a-z]\w*\(")  # no vector instruction
+NAME = re.compile(r"\bw\d+\b")
+HELD = re.compile(r"q->(?:x|u|p|h|m|d|pre)\[\d+\]")
+CONSTANT = re.compile(r"q->[ph]\[\d+\]")  # parameters, and what depends on them alone
+
+
+@dataclass(frozen=True)
+class _Statement:
+    """`name` = `text` where all conditions hold, the outermost first; else 0."""
+
+    name: str
+    whole: bool  # a condition itself
+    text: str
+    conditions: tuple[str, ...]
+    gate: tuple[str, ...]  # parameters without which nothing needs it
+
+    @property
+    def calls(self) -> bool:
+        """A library's function."""
+        return CALLS.search(self.text) is not None
+
+    @property
+    def read(self) -> set[str]:
+        """Other statements' names."""
+        return {n for text in (self.text, *self.conditions) for n in NAME.findall(text)}
+
+
+def with_elementary(source: str) -> str:
+    """A generated model.c with the elementary functions that lanes use, for the same bits."""
+    return '#include "elementary.h"\n' + ELEMENTARY.sub(r"scalar_\1(", source)
+
+
+def in_lanes(source: str, names: Sequence[str]) -> str:
+    """C functions `lanes_NAME` that do what `model_NAME` of a generated model.c does, for LANES
+    instances: what differs between them has one index more.
+    """
+    made = [MINMAX]
+    for name in names:
+        start = source.index(f"void model_{name}(")
+        head, body = source[start : source.index("\n}\n", start)].split(" {\n", 1)
+        arrays = "".join(f", Lane *restrict {r}" for r in re.findall(r"double \*(\w+)", head))
+        statements, results = _read(ELEMENTARY.sub(r"vector_\1(", body).splitlines())
+        lines = "\n".join(_loops(statements, results))
+        made.append(f"WIDE void lanes_{name}(const LaneData *restrict q{arrays}) {{\n{lines}\n}}\n")
+    return "\n".join(made)
+
+
+def _read(lines: Sequence[str]) -> tuple[list[_Statement], list[str]]:
+    """Statements of a generated function, free of its branches, and what it puts into results.
+
+    What is declared inside a branch is read nowhere else, so that its value where the branch is not
+    taken is of no account; only a call is spared there.
+    """
+    statements: list[_Statement] = []
+    results: list[str] = []
+    wholes: dict[str, bool] = {}
+    branches: list[tuple[str, ...]] = []  # conditions of each branch that a line lies in
+
+    def note(name: str, text: str, inner: tuple[str, ...]) -> None:
+        every = tuple(dict.fromkeys(c for own in branches for c in own))
+        gate = tuple(c for c in every if CONSTANT.fullmatch(c))
+        conditions = every if CALLS.search(text) else inner
+        statements.append(_Statement(name, wholes[name], text, conditions, gate))
+
+    for line in map(str.strip, lines):
+        if begun := re.fullmatch(r"if \((.*)\) \{", line):
+            branches.append(tuple(begun[1].split(" && ")))
+        elif line == "}":
+            branches.pop()
+        elif declared := re.fullmatch(r"(int|double) (w\d+) = 0(?:\.0)?;", line):
+            wholes[declared[2]] = declared[1] == "int"
+        elif plain := re.fullmatch(r"const (int|double) (w\d+) = (.*);", line):
+            wholes[plain[2]] = plain[1] == "int"
+            note(plain[2], plain[3], ())
+        elif chosen := re.fullmatch(r"(w\d+) = (.*);", line):
+            note(chosen[1], chosen[2], branches[-1])
+        elif not line.startswith("(void)"):
+            results.append(line)
+    return statements, results
+
+
+def _loops(statements: Sequence[_Statement], results: Sequence[str]) -> list[str]:
+    """Declarations of what several loops read, then the loops."""
+    loops: list[list[_Statement]] = []
+    for s in statements:
+        before = loops[-1][-1] if loops else None
+        if before is None or s.calls or before.calls or s.gate != before.gate:
+            loops.append([])
+        loops[-1].append(s)
+    loop_of = {s.name: i for i, loop in enumerate(loops) for s in loop}
+    read = [(n, i) for i, loop in enumerate(loops) for s in loop for n in s.read]
+    read += [(n, len(loops)) for r in results for n in NAME.findall(r)]
+    shared = {n for n, i in read if loop_of[n] != i}
+    wholes = {s.name: s.whole for s in statements}
+    lines = [f"    {'Whole' if wholes[n] else 'Lane'} {n};" for n in sorted(shared)]
+    for loop in loops:
+        lines += _gated(loop, [_assigned(s, shared) for s in loop], shared)
+    return lines + _over_lanes([_put(r, shared) for r in results])
+
+
+def _gated(loop: Sequence[_Statement], lines: Sequence[str], shared: Collection[str]) -> list[str]:
+    """A loop, where some lane's parameters ask for it; else what others read of it is 0."""
+    if not loop[0].gate:
+        return _over_lanes(lines)
+    asked = " & ".join(_true(_of_lane(c, ())) for c in loop[0].gate)
+    zero = [f"memset({s.name}, 0, sizeof {s.name});" for s in loop if s.name in shared]
+    count = _over_lanes([f"asked += {asked};"])
+    inner = [f"    {line}" for line in _over_lanes(lines)]
+    rest = ["    } else {", *(f"        {z}" for z in zero)] if zero else []
+    return [
+        "    {",
+        "    int64_t asked = 0;",
+        *count,
+        "    if (asked) {",
+        *inner,
+        *rest,
+        "    }",
+        "    }",
+    ]
+
+
+def _over_lanes(lines: Sequence[str]) -> list[str]:
+    return ["    for (int l = 0; l < LANES; l++) {", *(f"        {x}" for x in lines), "    }"]
+
+
+def _assigned(s: _Statement, shared: Collection[str]) -> str:
+    text = _of_lane(s.text, shared)
+    if both := re.fullmatch(r"(.*) (&&|\|\|) (.*)", text):
+        text = f"{_true(both[1])} {both[2][0]} {_true(both[3])}"
+    if s.conditions:
+        joint = " && " if s.calls else " & "
+        text = f"({joint.join(_true(_of_lane(c, shared)) for c in s.conditions)}) ? ({text}) : 0"
+    if s.name in shared:
+        return f"{s.name}[l] = {text};"
+    return f"const {'int64_t' if s.whole else 'double'} {s.name} = {text};"
+
+
+def _put(result: str, shared: Collection[str]) -> str:
+    target, value = result.split(" = ", 1)
+    return f"{target}[l] = {_of_lane(value, shared)}"
+
+
+def _of_lane(text: str, shared: Collection[str]) -> str:
+    text = HELD.sub(lambda m: f"{m[0]}[l]", text)
+    return NAME.sub(lambda m: f"{m[0]}[l]" if m[0] in shared else m[0], text)
+
+
+def _true(text: str) -> str:
+    return f"({text} != 0)"
