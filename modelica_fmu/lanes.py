@@ -110,7 +110,7 @@ def _loops(statements: Sequence[_Statement], results: Sequence[str]) -> list[str
     read += [(n, len(loops)) for r in results for n in NAME.findall(r)]
     shared = {n for n, i in read if loop_of[n] != i}
     wholes = {s.name: s.whole for s in statements}
-    lines = [f"    {'Whole' if wholes[n] else 'Lane'} {n};" for n in sorted(shared)]
+    lines = [f"{'Whole' if wholes[n] else 'Lane'} {n};" for n in sorted(shared)]
     for loop in loops:
         lines += _gated(loop, [_assigned(s, shared) for s in loop], shared)
     return lines + _over_lanes([_put(r, shared) for r in results])
@@ -122,23 +122,17 @@ def _gated(loop: Sequence[_Statement], lines: Sequence[str], shared: Collection[
         return _over_lanes(lines)
     asked = " & ".join(_true(_of_lane(c, ())) for c in loop[0].gate)
     zero = [f"memset({s.name}, 0, sizeof {s.name});" for s in loop if s.name in shared]
-    count = _over_lanes([f"asked += {asked};"])
-    inner = [f"    {line}" for line in _over_lanes(lines)]
-    rest = ["    } else {", *(f"        {z}" for z in zero)] if zero else []
-    return [
-        "    {",
-        "    int64_t asked = 0;",
-        *count,
-        "    if (asked) {",
-        *inner,
-        *rest,
-        "    }",
-        "    }",
-    ]
+    body = ["int64_t asked = 0;", *_over_lanes([f"asked += {asked};"]), "if (asked) {"]
+    body += [*_indented(_over_lanes(lines)), *(["} else {", *_indented(zero)] if zero else []), "}"]
+    return ["{", *_indented(body), "}"]
 
 
 def _over_lanes(lines: Sequence[str]) -> list[str]:
-    return ["    for (int l = 0; l < LANES; l++) {", *(f"        {x}" for x in lines), "    }"]
+    return ["for (int l = 0; l < LANES; l++) {", *_indented(lines), "}"]
+
+
+def _indented(lines: Sequence[str]) -> list[str]:
+    return [f"    {line}" for line in lines]
 
 
 def _assigned(s: _Statement, shared: Collection[str]) -> str:

@@ -250,14 +250,19 @@ def _ahead(fits: Sequence[Fit]) -> Fit | None:
     return min(fits, key=lambda f: f.evidence, default=None)
 
 
+def _best_of_each(fits: Sequence[Fit]) -> list[Fit]:
+    """Of each effect that came last its best fit, the best of all first."""
+    best: dict[str, Fit] = {}
+    for fit in sorted(fits, key=lambda f: f.evidence):
+        best.setdefault(fit.keys[-1], fit)
+    return list(best.values())
+
+
 def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[Fit]:
     """The best effects, each in its best form, fitted to the end where there are several. Where
     they leave more than noise, or none gains anything, they are surveyed first.
     """
-    best: dict[str, Fit] = {}
-    for fit in sorted(fits, key=lambda f: f.evidence):
-        best.setdefault(fit.keys[-1], fit)
-    foremost = list(best.values())[: fitter.rules.finalists]
+    foremost = _best_of_each(fits)[: fitter.rules.finalists]
     least = fitter.rules.hopeful * max((base.evidence - f.evidence for f in foremost), default=0.0)
     hopeful = [f for f in foremost if base.evidence - f.evidence > least]
     surveyed = [_surveyed(fitter, base, f) for f in (hopeful or foremost)[:SURVEYED]]
@@ -311,13 +316,11 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     """
     made: list[Fit] = []
     known = {_told(f.hypothesis.effects[-1:]) for f in fits}
-    best: dict[str, Fit] = {}
-    for fit in sorted(fits, key=lambda f: f.evidence):
-        best.setdefault(fit.keys[-1], fit)
+    best = _best_of_each(fits)
     least = NEARLY * max((base.evidence - f.evidence for f in fits), default=0.0)
-    near = [f for f in best.values() if base.evidence - f.evidence > max(least, 0.0)]
+    near = [f for f in best if base.evidence - f.evidence > max(least, 0.0)]
     if not near and fitter.loud(base):
-        near = list(best.values())
+        near = best
     for fit in near[: fitter.rules.reformed]:
         effect, _ = fit.hypothesis.effects[-1]
         for form in effect.forms:
@@ -408,7 +411,6 @@ def screen(fitter: Fitter, base: Fit, forms: Sequence[Offer], known: Traces) -> 
 
     trials = [t for own in by_form if len(own) <= FEW for t in own]
     many = [own for own in by_form if len(own) > FEW]
-    _trace(fitter, base, trials, known)
     _trace(fitter, base, [t for own in many for t in own], known, alone=True)
     for own in many:
         hoped = [[test.onward(c) for test in tests] for c in map(columns, own)]
