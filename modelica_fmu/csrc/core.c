@@ -17,6 +17,7 @@
 
 #define EVENT_WIDTH 1e-10     /* s, bracket of an event; of a communication step no more than WIDTH_SHARE */
 #define WIDTH_SHARE 1e-6
+#define PARABOLAS 5           /* rounds of narrowing it in which operands are taken as parabolas */
 #define INDICATOR_MARGIN 1e-10 /* model exchange: indicators cross zero this far beyond the relation's own threshold */
 #define MAX_ITERATIONS 50     /* of one event iteration */
 #define MAX_RESTLESS 12       /* relations whose values are tried one after the other where following them leads nowhere */
@@ -566,36 +567,55 @@ static double stop_before_jump(Instance *s, double time, const double *x0, const
 }
 #endif
 
-/* Shortens the step that ends in a contradiction to the earliest one found: on return `trial` ends just behind it. */
+/* Where the parabola through three points (t, z) has its root next to the last one; NaN: nowhere. */
+static double root_of(const double *t, const double *z) {
+    const double slope = (z[2] - z[1]) / (t[2] - t[1]), bend = (slope - (z[1] - z[0]) / (t[1] - t[0])) / (t[2] - t[0]);
+    const double at_last = slope + bend * (t[2] - t[1]), root = sqrt(at_last * at_last - 4 * bend * z[2]);
+    return t[2] - 2 * z[2] / (at_last + copysign(root, at_last));
+}
+
+/* Shortens the step that ends in a contradiction to the earliest one found: on return `trial` ends just behind it. Parabolas through the
+ * last three trials first, which foretell a smooth operand's zero at once; else secants, whose end that stays counts half each time. */
 static double locate(Instance *s, double time, const double *x0, const double *k1, const double *z0, double h, Trial *trial) {
-    double low = 0, high = h, low_z[AT_LEAST_1(N_RELATIONS)], high_z[AT_LEAST_1(N_RELATIONS)];
+    double low = 0, high = h, low_share = 1, high_share = 1, t[3] = {0, 0, h};
+    double low_z[AT_LEAST_1(N_RELATIONS)], high_z[AT_LEAST_1(N_RELATIONS)], last_z[3][AT_LEAST_1(N_RELATIONS)];
     int side = 0;
     memcpy(low_z, z0, sizeof low_z);
     memcpy(high_z, trial->z, sizeof high_z);
+    memcpy(last_z[1], low_z, sizeof low_z);
+    memcpy(last_z[2], high_z, sizeof high_z);
     for (int round = 0; round < 100 && high - low > s->c.width; round++) {
         double guess = high;
         for (int i = 0; i < N_RELATIONS; i++) {
             if (holds(i, high_z[i]) == (s->c.q.m[i] != 0)) continue;
-            double rise = high_z[i] - low_z[i];
-            double share = rise != 0 ? -low_z[i] / rise : 0.5;
+            const double from = low_share * low_z[i], rise = high_share * high_z[i] - from, z[] = {last_z[0][i], last_z[1][i], last_z[2][i]};
+            double share = rise != 0 ? -from / rise : 0.5;
             if (!(share >= 0 && share <= 1)) share = 0.5;
-            if (low + share * (high - low) < guess) guess = low + share * (high - low);
+            double zero = round > 0 && round <= PARABOLAS ? root_of(t, z) : NAN;
+            if (!(zero >= low && zero <= high)) zero = low + share * (high - low);
+            if (zero < guess) guess = zero;
         }
         if (round > 30) guess = 0.5 * (low + high);
         if (guess < low + 0.4 * s->c.width) guess = low + 0.4 * s->c.width;
         if (guess > high - 0.4 * s->c.width) guess = high - 0.4 * s->c.width;
         Trial inner;
         attempt(s, time, x0, k1, guess, &inner);
+        memmove(t, t + 1, 2 * sizeof *t);
+        memmove(last_z, last_z + 1, 2 * sizeof *last_z);
+        t[2] = guess;
+        memcpy(last_z[2], inner.z, sizeof inner.z);
         if (contradicted(s->c.q.m, inner.z)) {
             high = guess;
+            high_share = 1;
             *trial = inner;
             memcpy(high_z, inner.z, sizeof high_z);
-            if (side < 0) for (int i = 0; i < N_RELATIONS; i++) low_z[i] *= 0.5;
+            if (side < 0) low_share *= 0.5;
             side = -1;
         } else {
             low = guess;
+            low_share = 1;
             memcpy(low_z, inner.z, sizeof low_z);
-            if (side > 0) for (int i = 0; i < N_RELATIONS; i++) high_z[i] *= 0.5;
+            if (side > 0) high_share *= 0.5;
             side = 1;
         }
     }
