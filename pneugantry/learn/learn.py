@@ -31,7 +31,7 @@ from pneugantry.learn.experiments import Experiment, Rival, telling
 from pneugantry.learn.forms import Distilled, FreeCurve, distilled, free_curve, wave_of
 from pneugantry.learn.points import Opened, Point, opened, recut
 from pneugantry.learn.regressors import TIME, Regressor
-from pneugantry.learn.screen import Candidate, Screen, screened
+from pneugantry.learn.screen import Candidate, Screen, Screening
 from pneugantry.learn.term import Term, with_term
 
 __all__ = ["Learned", "Tried", "learn", "wanted"]
@@ -168,7 +168,8 @@ class _Learning:
         found = self.found
         bases = {fit.keys: fit for fit in (found.search.null, found.decision.best)}
         self.say("missing term: screening")
-        screens = [self._screened(fit) for fit in bases.values()]
+        screenings = [self._screening(fit) for fit in bases.values()]
+        screens = [s.singles() for s in screenings]
         self.say("missing term: fits")
         tried: list[Tried] = []
         for screen in screens:
@@ -179,15 +180,16 @@ class _Learning:
         tried += made
         for fit in likely:
             if fit.keys not in bases:
-                screens.append(self._screened(fit))
+                screens.append(self._screening(fit).singles())
                 tried += self._fitted(screens[-1], 1)
         tried.sort(key=lambda t: t.cost)
         answers = self._answers(tried)
         after = self._diagnosed(answers[0])
         if wanted(after):  # a single variable does not tell it all
             self.say("missing term: products")
-            screens += [self._screened(fit, products=True) for fit in bases.values()]
-            products = [t for s in screens[-len(bases) :] for t in self._fitted(s, FINALISTS)]
+            twofold = [s.products() for s in screenings]
+            screens += twofold
+            products = [t for s in twofold for t in self._fitted(s, FINALISTS)]
             if min((t.cost for t in products), default=math.inf) < tried[0].cost - self.rules.entry:
                 tried = sorted([*tried, *products], key=lambda t: t.cost)
                 answers = self._answers(tried)
@@ -197,9 +199,9 @@ class _Learning:
         experiment = self._experiment(answers)
         return Learned(found, after, answers, tuple(tried), *kept, 0.0, experiment)
 
-    def _screened(self, fit: Fit, products: bool = False) -> Screen:
+    def _screening(self, fit: Fit) -> Screening:
         fitted, blamed = self.found.task.data.fitted, _blamed(self.found)
-        return screened(self.apart, fit, fitted, self.rules, blamed, products)
+        return Screening(self.apart, fit, fitted, self.rules, blamed)
 
     def _worth_fitting(self, screen: Screen) -> list[Candidate]:
         """The best curve and the best wave of each variable in each block. Of equations that do as

@@ -211,30 +211,33 @@ class Reduced:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What residuals reply to each block of rows of an addend, whitened: (rows of all signals,
-    blocks) by cell, and its products with itself, with the fit's columns and with the residuals by
-    cell and fold. Any term of the addend is then a product of small matrices.
+    """What residuals reply to each block of rows of an addend, whitened: its products with itself,
+    with the fit's columns and with the residuals by cell and fold. Any term of the addend is then a
+    product of small matrices.
     """
 
-    matrices: Mapping[Cell, Array]
-    blocks: Mapping[Cell, int]  # rows of the record in a block
+    base: Base
+    replies: Mapping[Cell, Reply]
     products: Mapping[Cell, Mapping[str, Products]]
+    factor: float = 1.0  # of the replies
 
     def times(self, factor: float) -> Response:
         """Of an addend that does so many times as much."""
-        return Response(
-            {c: factor * m for c, m in self.matrices.items()},
-            self.blocks,
-            {c: {f: p.times(factor) for f, p in own.items()} for c, own in self.products.items()},
-        )
+        products = {
+            c: {f: p.times(factor) for f, p in own.items()} for c, own in self.products.items()
+        }
+        return Response(self.base, self.replies, products, factor * self.factor)
 
     def shapes(self, cell: Cell, series: Mapping[str, Array]) -> Array:
         """Means (blocks, n) of series by record, (rows, n) or (rows,)."""
-        return means(series[cell[1]], self.blocks[cell])
+        return means(series[cell[1]], self.replies[cell].block)
 
     def columns(self, series: Mapping[str, Array]) -> dict[Cell, Array]:
         """Whitened replies (rows of all signals, n)."""
-        return {c: m @ self.shapes(c, series) for c, m in self.matrices.items()}
+        return {
+            c: self.factor * self.base.whitened_all(c, reply.matrix @ self.shapes(c, series))
+            for c, reply in self.replies.items()
+        }
 
     def pairs(self, shapes: Mapping[Cell, Array]) -> tuple[Array, Array]:
         """Of pairs of columns one behind the other (blocks, 2 n): products of each pair with itself
@@ -254,16 +257,16 @@ class Response:
 
 def response_of(base: Base, replies: Mapping[Cell, Reply]) -> Response:
     """See `Response`."""
-    matrices = {c: base.whitened_all(c, reply.matrix) for c, reply in replies.items()}
     products: dict[Cell, dict[str, Products]] = {}
-    for cell, matrix in matrices.items():
+    for cell, reply in replies.items():
+        matrix = base.whitened_all(cell, reply.matrix)
         own: dict[str, Products] = {}
         for fold, rows in base.folds[cell]:
             m, j, r = matrix[rows], base.columns[cell][rows], base.white[cell][rows]
             made = Products(m.T @ m, j.T @ m, m.T @ r)
             own[fold] = own[fold] + made if fold in own else made
         products[cell] = own
-    return Response(matrices, {c: r.block for c, r in replies.items()}, products)
+    return Response(base, replies, products)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.simulation import Cell
 from pneugantry.learn.points import OpenedView
 
-__all__ = ["Pulses", "Reply", "blocks_of", "means", "reply_of"]
+__all__ = ["Kernels", "Pulses", "Reply", "blocks_of", "means", "reply_of"]
 
 Answer = Callable[[Sequence[Array]], Array]  # series of an addend -> replies (n, rows, signals)
 MOST = 600  # blocks of a record
@@ -28,16 +29,18 @@ ENDED = 0.95  # share of what is left of the record that a reply lasts, if it is
 PEAK = 2.0  # noise levels to which a pulse is brought
 
 
-@dataclass(frozen=True, eq=False)
-class Reply:
+class Reply(Protocol):
     """Changes of a cell's residual per addend of each block of rows."""
 
-    matrix: Array  # (rows of the residual, signals, blocks)
-    block: int  # rows of the record
+    @property
+    def matrix(self) -> Array:
+        """(rows of the residual, signals, blocks)"""
+        ...
 
-    def to(self, shapes: Array) -> Array:
-        """Replies (rows, signals, n) to series (rows of the record, n)."""
-        return np.tensordot(self.matrix, means(shapes, self.block), 1)
+    @property
+    def block(self) -> int:
+        """Rows of the record."""
+        ...
 
 
 def blocks_of(view: OpenedView, record: Record) -> int:
@@ -75,7 +78,27 @@ class Pulses:
         return found
 
 
-def reply_of(pulses: Pulses, answer: Answer, size: float) -> Reply | None:
+@dataclass(frozen=True, eq=False)
+class Kernels:
+    """A reply as it was simulated, a hundredth of its matrix: what follows a pulse in some of the
+    blocks, (rows of the residual, signals) each.
+    """
+
+    pulses: Pulses
+    of_block: Mapping[int, Array]
+
+    @property
+    def matrix(self) -> Array:
+        """See `Reply`; made anew each time."""
+        return _between(self.pulses, self.of_block)
+
+    @property
+    def block(self) -> int:
+        """See `Reply`."""
+        return self.pulses.block
+
+
+def reply_of(pulses: Pulses, answer: Answer, size: float) -> Kernels | None:
     """The reply of a cell; None where nothing answers or simulations fail. size: of a first pulse,
     in the addend's unit.
     """
@@ -84,22 +107,22 @@ def reply_of(pulses: Pulses, answer: Answer, size: float) -> Reply | None:
     size = _sized(pulses, answer, places, size)
     if size == 0.0:
         return None
-    for k in places:
-        singles[k] = _after(pulses, answer([pulses.series([k], size)])[0] / size, k)
+    for k, made in zip(places, answer([pulses.series([k], size) for k in places]), strict=True):
+        singles[k] = _after(pulses, made / size, k)
     if not all(np.isfinite(s).all() for s in singles.values()):
         return None
     memory = max(_memory(pulses, s) for s in singles.values())
     apart = min(memory, pulses.blocks)
     kernels = {k: s[: apart * pulses.step] for k, s in singles.items()}
     stride = -(-apart // pulses.most)
-    for first in range(0, apart, stride):
-        at = list(range(first, pulses.blocks, apart))
-        made = answer([pulses.series(at, size)])[0] / size
-        if not np.isfinite(made).all():
-            return None
+    trains = [range(first, pulses.blocks, apart) for first in range(0, apart, stride)]
+    told = answer([pulses.series(at, size) for at in trains]) / size
+    if not np.isfinite(told).all():
+        return None
+    for at, made in zip(trains, told, strict=True):
         for k in at:
             kernels[k] = _after(pulses, made, k)[: apart * pulses.step]
-    return Reply(_between(pulses, kernels), pulses.block)
+    return Kernels(pulses, kernels)
 
 
 def _places(pulses: Pulses, answer: Answer, size: float) -> list[int]:

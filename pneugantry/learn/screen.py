@@ -7,9 +7,10 @@ curves and waves are then linear algebra.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from pneugantry.learn.regressors import TIME, Regressor, products_of, regressors
 from pneugantry.learn.reply import Pulses, Reply, blocks_of, reply_of
 from pneugantry.learn.waves import periods_of
 
-__all__ = ["Candidate", "Course", "Screen", "screened"]
+__all__ = ["Candidate", "Course", "Screen", "Screening"]
 
 WAVE = 9.0  # rad/s, of the term that probes an equation
 FIRST = 1e-3  # its size at first
@@ -32,7 +33,7 @@ PROBES = 3
 NEAR = 5.0  # factor by which its answer may miss one noise level
 PULSE = 10.0  # size of a first pulse, in units of the wave's
 PULSES = 24  # simulations of a record for an equation's reply, at most
-PATIENCE = 0.4  # s of one core, for the same
+PATIENCE = 1e6  # rows, for the same
 FEWEST = 3.0  # periods in the covered range, of a wave along a variable
 LINES = 400  # such periods, at most
 RESOLVED = 4.0  # blocks in a period, at least
@@ -88,21 +89,6 @@ class Screen:
     tried: int = 0  # curves
 
 
-def screened(
-    opened: Opened,
-    fit: Fit,
-    records: Sequence[Record],
-    rules: Rules,
-    views: Collection[str] | None = None,
-    products: bool = False,
-) -> Screen:
-    """Every equation with every variable of its component, and time. records: those of the fit.
-    views: only equations that reach one of these; None: all. products: variables times those that
-    stand in the equation, instead.
-    """
-    return _Screening(opened, fit, records, rules, products).run(views)
-
-
 @dataclass(frozen=True, eq=False)
 class _Group:
     """Equations whose addends do the same."""
@@ -111,7 +97,6 @@ class _Group:
     cells: tuple[Cell, ...]
     answer: Array  # of the first one to a slow wave, of length 1
     unit: float
-    seconds: float  # of one simulation
     factors: list[float]  # times what the first one does
 
     @property
@@ -136,47 +121,71 @@ class _Group:
         factor = self.factor(point)
         order = [point, *rest]
         factors = [self.factor(p) / factor for p in order]
-        return _Group(
-            order, self.cells, self.answer, self.unit / abs(factor), self.seconds, factors
-        )
+        return _Group(order, self.cells, self.answer, self.unit / abs(factor), factors)
 
 
 @dataclass(eq=False)
-class _Screening:
+class Screening:
+    """Every equation with every variable of its component, and time, beside a fit. records: those
+    of the fit. views: only equations that reach one of these; None: all.
+    """
+
     opened: Opened
     fit: Fit
     records: Sequence[Record]
     rules: Rules
-    products: bool = False
+    views: Collection[str] | None = None
     _zero: dict[Cell, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.base = base_of(self.fit, self.rules)
         self.values = {r.name: self.fit.values(r.name) for r in self.records}
         self.quiet = {r.name: self.opened.quiet(r) for r in self.records}
-        self.views = {v.name: v for v in self.opened.views}
-        self.of_name = {r.name: r for r in self.records}
+        self.of_name = {v.name: v for v in self.opened.views}
 
-    def run(self, views: Collection[str] | None) -> Screen:
-        groups = self._groups(views)
-        heads = {p: self.opened.variables(p) for g in groups for p in g.heads}
-        series = regressors_of(self.opened, heads, self.records, self.values)
-        tried = products_of(series) if self.products else series
-        found: list[Candidate] = []
-        for group in groups:
-            replies = {c: self._reply(group, c) for c in group.cells}
-            known = {c: r for c, r in replies.items() if r is not None}
-            if known:
-                found += self._of_group(group, response_of(self.base, known), tried, series)
+    def singles(self) -> Screen:
+        """Variables by themselves."""
+        return self._screen(self._series)
+
+    def products(self) -> Screen:
+        """Variables times those that stand in the equation."""
+        return self._screen(products_of(self._series))
+
+    def _screen(self, tried: Mapping[Regressor, Mapping[str, Array]]) -> Screen:
+        found = [c for g, r in self._responses for c in self._of_group(g, r, tried)]
         ordered = tuple(sorted(found, key=lambda c: -c.gain))
-        return Screen(self.fit, ordered, series, len(found))
+        return Screen(self.fit, ordered, self._series, len(found))
+
+    @cached_property
+    def _series(self) -> dict[Regressor, dict[str, Array]]:
+        heads = {p: self.opened.variables(p) for g in self._groups for p in g.heads}
+        return regressors_of(self.opened, heads, self.records, self.values)
+
+    @cached_property
+    def _responses(self) -> list[tuple[_Group, Response]]:
+        """Of equations that answer; two records are simulated at a time."""
+        asked = [(g, self.of_name[v], r) for g in self._groups for v, r in self._asked(g)]
+        with ThreadPoolExecutor(2) as pool:
+            told = list(pool.map(lambda each: self._reply(*each), asked))
+        found: list[tuple[_Group, Response]] = []
+        for group in self._groups:
+            known = {
+                (v.name, r.name): reply
+                for (g, v, r), reply in zip(asked, told, strict=True)
+                if g is group and reply is not None
+            }
+            if known:
+                found.append((group, response_of(self.base, known)))
+        return found
+
+    def _asked(self, group: _Group) -> list[tuple[str, Record]]:
+        return [(v, r) for v, name in group.cells for r in self.records if r.name == name]
 
     def _of_group(
         self,
         group: _Group,
         response: Response,
         tried: Mapping[Regressor, Mapping[str, Array]],
-        series: Mapping[Regressor, Mapping[str, Array]],
     ) -> list[Candidate]:
         """Every variable of the components whose equations do the same, in the equation in which
         it, or what it is times, stands already, where there is one.
@@ -192,21 +201,23 @@ class _Screening:
                 if regressor.within(head):
                     if head not in responses:
                         responses[head] = response.times(group.factor(head))
-                    course = Course(values, regressor.factors(series))
+                    course = Course(values, regressor.factors(self._series))
                     found += self._of_pair(group.of(head), responses[head], regressor, course)
         return found
 
     # -- equations
 
-    def _groups(self, views: Collection[str] | None) -> list[_Group]:
+    @cached_property
+    def _groups(self) -> list[_Group]:
         """Equations that residuals answer to, those that answer alike together, a balance first."""
         groups: list[_Group] = []
         for point in sorted(self.opened.points, key=lambda p: not p.balance):
             reached = {v.name for v in self.opened.readers(point)}
-            if views is not None and not reached & set(views):
+            if self.views is not None and not reached & set(self.views):
                 continue  # no need to simulate
             group = self._probed(point)
-            if group is None or (views is not None and not {c[0] for c in group.cells} & {*views}):
+            answers = {c[0] for c in group.cells} if group else set()
+            if group is None or (self.views is not None and not answers & set(self.views)):
                 continue
             for other in groups:
                 same = group.cells == other.cells and len(group.answer) == len(other.answer)
@@ -228,38 +239,35 @@ class _Screening:
             for r in self.records
         }
         for record in sorted(self.records, key=lambda r: -sizes[r.name]):
-            began = time.process_time()
-            cells, answer, unit, runs = self._probe(point, record)
-            seconds = (time.process_time() - began) / max(runs, 1)
+            cells, answer, unit = self._probe(point, record)
             if unit > 0:
                 names = {c[0] for c in cells}
                 every = tuple(c for c in sorted(self.base.white) if c[0] in names)
-                return _Group([point], every, answer, unit, seconds, [1.0])
+                return _Group([point], every, answer, unit, [1.0])
         return None
 
-    def _probe(self, point: Point, record: Record) -> tuple[list[Cell], Array, float, int]:
-        """Cells that answer, their answers one behind the other (of length 1), the size that
-        changes them by one noise level (0: nothing answers), and how many runs that took.
+    def _probe(self, point: Point, record: Record) -> tuple[list[Cell], Array, float]:
+        """Cells that answer, their answers one behind the other (of length 1), and the size that
+        changes them by one noise level; 0: nothing answers.
         """
         wave = np.sin(WAVE * np.arange(record.rows) * record.period)
         views = [v for v in self.opened.readers(point) if (v.name, record.name) in self.base.white]
-        size, runs = FIRST, 0
+        size = FIRST
         for _ in range(PROBES):
             told: dict[Cell, Array] = {}
             for view in views:
                 cell = (view.name, record.name)
                 change = self._answers(view, record, point)([size * wave])[0]
                 told[cell] = self.base.whitened(cell, change)
-                runs += 1
             rms = max((float(np.sqrt(np.mean(t**2))) for t in told.values()), default=0.0)
             if not 0.0 < rms < np.inf:
-                return [], np.zeros(0), 0.0, runs
+                return [], np.zeros(0), 0.0
             if 1 / NEAR < rms < NEAR:
                 break
             size /= rms
         cells = sorted(c for c in told if np.any(told[c]))
         whole = np.concatenate([told[c] for c in cells])
-        return cells, whole / np.linalg.norm(whole), size / rms, runs
+        return cells, whole / np.linalg.norm(whole), size / rms
 
     def _answers(
         self, view: OpenedView, record: Record, point: Point
@@ -279,12 +287,11 @@ class _Screening:
 
         return answer
 
-    def _reply(self, group: _Group, cell: Cell) -> Reply | None:
-        view, record = self.views[cell[0]], self.of_name[cell[1]]
-        block = blocks_of(view, record)
+    def _reply(self, group: _Group, view: OpenedView, record: Record) -> Reply | None:
+        cell, block = (view.name, record.name), blocks_of(view, record)
         height = record.rows // view.decimation
         sigma = np.array([w.sigma for w in self.base.weighing.noise[cell]])
-        most = int(np.clip(PATIENCE / max(group.seconds, 1e-6), 3, PULSES))
+        most = int(np.clip(PATIENCE / record.rows, 3, PULSES))
         pulses = Pulses(cell, record.rows, height, block, block // view.decimation, sigma, most)
         answer = self._answers(view, record, group.points[0])
         return reply_of(pulses, answer, PULSE * group.unit)
@@ -323,7 +330,7 @@ class _Screening:
         """
         values = list(course.values.values())
         low, high = np.quantile(np.concatenate(values), (0.005, 0.995))
-        over = {c: response.shapes(c, course.values)[:, 0] for c in response.matrices}
+        over = {c: response.shapes(c, course.values)[:, 0] for c in response.replies}
         moved = [np.abs(np.diff(v)) for v in over.values()]
         step = float(np.median(np.concatenate(moved)))
         span = float(high - low)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -12,7 +13,7 @@ from pneugantry.engine.fitter import Fit
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.simulation import Point
 from pneugantry.learn.linear import Base, response_of, trial_of
-from pneugantry.learn.reply import Reply
+from pneugantry.learn.reply import means
 
 ROWS, BLOCK, CELLS = 240, 4, (("view", "one"), ("view", "two"))
 RNG = np.random.default_rng(3)
@@ -36,15 +37,28 @@ def base() -> Base:
     return Base(fit, cast(Weighing, Plain()), roots, white, columns, folds)
 
 
+@dataclass
+class Told:
+    """A reply."""
+
+    matrix: np.ndarray
+    block: int
+
+
 def test_products_say_what_least_squares_over_all_rows_says() -> None:
     of, prior = base(), np.diag([0.5, 0.5, 2.0])
-    replies = {c: Reply(RNG.standard_normal((ROWS, 1, ROWS // BLOCK)), BLOCK) for c in CELLS}
+    replies = {c: Told(RNG.standard_normal((ROWS, 1, ROWS // BLOCK)), BLOCK) for c in CELLS}
     shapes = {c[1]: RNG.standard_normal((ROWS, 3)) for c in CELLS}
     trial = trial_of(of, response_of(of, replies), shapes)
     for left_out in ("", "two"):
         kept = [c for c in CELLS if c[1] != left_out]
         j = np.concatenate(
-            [np.column_stack([of.columns[c], replies[c].to(shapes[c[1]])[:, 0]]) for c in kept]
+            [
+                np.column_stack(
+                    [of.columns[c], (replies[c].matrix @ means(shapes[c[1]], BLOCK))[:, 0]]
+                )
+                for c in kept
+            ]
         )
         r = np.concatenate([of.white[c] for c in kept])
         precision = np.zeros((5, 5))
@@ -64,7 +78,7 @@ def test_a_term_that_is_there_foretells_what_it_has_not_seen() -> None:
     of, size = base(), np.array([0.8])
     shapes = {c[1]: np.repeat(RNG.standard_normal((ROWS // BLOCK, 1)), BLOCK, 0) for c in CELLS}
     kernel = {
-        c: Reply(np.kron(np.eye(ROWS // BLOCK), np.ones((BLOCK, 1)))[:, None], BLOCK) for c in CELLS
+        c: Told(np.kron(np.eye(ROWS // BLOCK), np.ones((BLOCK, 1)))[:, None], BLOCK) for c in CELLS
     }
     response = response_of(of, kernel)
     prior = np.eye(1)
