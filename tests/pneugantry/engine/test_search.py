@@ -17,7 +17,7 @@ from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import effect_coordinate
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.search import _other_forms, search
+from pneugantry.engine.search import _main_forms, _other_forms, screen, search
 from pneugantry.engine.views import build_views
 
 MODEL = """
@@ -211,6 +211,36 @@ def test_where_nothing_gains_the_other_forms_of_the_best_are_tried(
     assert null.evidence - first.evidence < fitter.rules.entry
     assert [f.hypothesis.effects[-1][1].name for f in others] == ["drag"]
     assert null.evidence - others[0].evidence > fitter.rules.effect
+
+
+def test_each_set_of_equations_is_offered_once_where_every_one_is_asked_for(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts)
+    plain = in_forms("right", {"bump": 2.0, "drag": 2.0})
+    other = replace(plain.forms[1], name="other", settings={"leak": 0.1})
+    again = replace(plain.forms[0], name="again", settings={"leak": 0.1})
+    own = replace(plain, forms=(*plain.forms, other, again))
+    first = [f.name for _, f in _main_forms(fitter, [own])]
+    every = [f.name for _, f in _main_forms(fitter, [own], every=True)]
+    fitter.close()
+    assert first == ["bump"]
+    assert every == ["bump", "other"]
+
+
+def test_of_many_starts_those_are_kept_towards_which_the_rig_lies(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    own = effect("drag", "drag", "mechanics", 2.0)
+    form = own.forms[0]
+    listed = replace(form.parameters[0], starts=(-2.0, -1.0, 1.0, 2.0))
+    form = replace(form, parameters=(listed,))
+    found = screen(fitter, fitter.null(), [(own, form)], {})
+    fitter.close()
+    kept = [c.starts["drag"] for c in found if c.starts]
+    assert kept
+    assert min(kept) > 0
 
 
 def test_what_a_fit_leaves_of_a_sound_rig_is_the_sensors_noise(plant: Plant, parts: Path) -> None:
