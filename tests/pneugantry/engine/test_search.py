@@ -234,7 +234,7 @@ def test_of_many_starts_those_are_kept_towards_which_the_rig_lies(
     fitter = fitter_of(plant, parts, drag=2.0)
     own = effect("drag", "drag", "mechanics", 2.0)
     form = own.forms[0]
-    listed = replace(form.parameters[0], starts=(-2.0, -1.0, 1.0, 2.0))
+    listed = replace(form.parameters[0], starts=(-3.0, -2.0, -1.0, 2.0))
     form = replace(form, parameters=(listed,))
     found = screen(fitter, fitter.null(), [(own, form)], {})
     fitter.close()
