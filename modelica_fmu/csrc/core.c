@@ -578,7 +578,7 @@ static double root_of(const double *t, const double *z) {
  * last three trials first, which foretell a smooth operand's zero at once; else secants, whose end that stays counts half each time. */
 static double locate(Instance *s, double time, const double *x0, const double *k1, const double *z0, double h, Trial *trial) {
     double low = 0, high = h, low_share = 1, high_share = 1, t[3] = {0, 0, h};
-    double low_z[AT_LEAST_1(N_RELATIONS)], high_z[AT_LEAST_1(N_RELATIONS)], last_z[3][AT_LEAST_1(N_RELATIONS)];
+    double low_z[AT_LEAST_1(N_RELATIONS)], high_z[AT_LEAST_1(N_RELATIONS)], last_z[3][AT_LEAST_1(N_RELATIONS)] = {{0}};
     int side = 0;
     memcpy(low_z, z0, sizeof low_z);
     memcpy(high_z, trial->z, sizeof high_z);

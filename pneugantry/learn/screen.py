@@ -33,7 +33,7 @@ PROBES = 3
 NEAR = 5.0  # factor by which its answer may miss one noise level
 PULSE = 10.0  # size of a first pulse, in units of the wave's
 PULSES = 24  # simulations of a record for an equation's reply, at most
-PATIENCE = 1e6  # rows, for the same
+WORK = 1e6  # rows of all of them, at most
 FEWEST = 3.0  # periods in the covered range, of a wave along a variable
 LINES = 400  # such periods, at most
 RESOLVED = 4.0  # blocks in a period, at least
@@ -68,10 +68,14 @@ class Candidate:
     unit: float  # of the addend: the size that changes residuals by one noise level
     size: float  # of the curve's prior, in the addend's unit
     bend: float  # its further parameter, see `Basis.bends`
-    base: Base  # what it was tried beside
     response: Response
     course: Course
     alike: tuple[Point, ...] = ()  # equations whose addend does the same
+
+    @property
+    def base(self) -> Base:
+        """What it was tried beside."""
+        return self.response.base
 
     @property
     def columns(self) -> dict[Cell, Array]:
@@ -291,7 +295,7 @@ class Screening:
         cell, block = (view.name, record.name), blocks_of(view, record)
         height = record.rows // view.decimation
         sigma = np.array([w.sigma for w in self.base.weighing.noise[cell]])
-        most = int(np.clip(PATIENCE / record.rows, 3, PULSES))
+        most = int(np.clip(WORK / record.rows, 3, PULSES))
         pulses = Pulses(cell, record.rows, height, block, block // view.decimation, sigma, most)
         answer = self._answers(view, record, group.points[0])
         return reply_of(pulses, answer, PULSE * group.unit)
@@ -364,7 +368,6 @@ class Screening:
             trial.gain(priors[best]),
             unit,
             *sizes[best],
-            base=self.base,
             response=response,
             course=course,
             alike=tuple(group.points[1:]),

@@ -149,6 +149,7 @@ static size_t sound(const Batch *b, const double *rows, size_t n) {
     return n;
 }
 
+/* Of what kind each row is. */
 static void find_kinds(const Batch *b, Plan *plan) {
     const size_t n = b->n_inputs, parts = b->n_parts;
     memset(plan->kind, 0, b->n_rows);
@@ -192,7 +193,7 @@ static int planned(const Batch *b, size_t drive, Plan *plan) {
         const size_t behind = sound(b, plan->over, b->n_rows * b->n_parts) / b->n_parts;
         if (behind < plan->rows) plan->rows = behind;
     }
-    plan->kind = malloc(b->n_rows);
+    plan->kind = malloc(b->n_rows + 1); /* of no row, too */
     if (plan->kind) find_kinds(b, plan);
     return plan->kind != NULL;
 }

@@ -1,5 +1,5 @@
 /* Elementary functions without a branch or a call, so that compilers make vector code of loops that use them. Errors: some units in
- * the last place, `power` as many times |y log x| more. What lies outside their range gives NaN: a lane leaves such a row to core.c,
+ * the last place, of x^y as many times |y log x| more. What lies outside their range gives NaN: a lane leaves such a row to core.c,
  * which asks the mathematical library then. Both get the same bits elsewhere.
  *
  * Arguments are reduced as Cody and Waite do (constants in parts whose products are exact); polynomials are Taylor's, long enough.
@@ -77,10 +77,9 @@ ELEMENTARY double vector_log(double x) {
 ELEMENTARY double vector_pow(double x, double y) {
     const double size = vector_exp(y * vector_log(fabs(x))), half = 0.5 * y;
     const double whole = (y + ROUNDER) - ROUNDER, even = (half + ROUNDER) - ROUNDER;
-    const double value = x == 0 && y > 0 ? 0 : size;
-    const double turned = half == even ? value : -value;
-    const double small = fabs(y) < 0x1p50 && whole == y ? turned : NAN;
-    return x > 0 ? size : x == 0 && y > 0 ? 0 : small;
+    const double turned = half == even ? size : -size;
+    const double of_negative = fabs(y) < 0x1p50 && whole == y ? turned : NAN;
+    return x > 0 ? size : x == 0 && y > 0 ? 0 : of_negative;
 }
 
 /* sin(x + turns pi/2) */

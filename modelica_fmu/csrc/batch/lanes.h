@@ -3,7 +3,7 @@
  * A lane does what core.c does in most rows: new relations where the inputs or the correction ask for them, then one Runge-Kutta step
  * with the modes that hold. Where a when-clause fires, a relation changes on the way, the error is not small or a value is not finite,
  * the lane is off: core.c does that row for its run alone, from where it began. So a run's result does not depend on what runs beside
- * it. model_lanes.h holds the model's own functions, a loop over the lanes around each.
+ * it. model_lanes.h holds the model's own functions as loops over the lanes.
  */
 #define LANES 8
 #define ROUNDS 6    /* of settling relations; core.c tries more */

@@ -46,8 +46,8 @@ def curve_of(form: FormLaw, values: tuple[float, ...]) -> np.ndarray:
 def candidate(curve: np.ndarray, sigma: float) -> Candidate:
     answer = Answer(curve, sigma**2 * np.eye(len(curve)), 0.0)
     base, course = cast(Base, None), Course({}, None)  # of no plant
-    response, u = Response({}, {}, {}), Regressor("", "u")
-    return Candidate(HERE, u, KNOTS, answer, 100.0, 1.0, 1.0, 1.0, base, response, course)
+    response, u = Response(base, {}, {}), Regressor("", "u")
+    return Candidate(HERE, u, KNOTS, answer, 100.0, 1.0, 1.0, 1.0, response, course)
 
 
 def values_of(form: FormLaw) -> tuple[float, ...]:
