@@ -46,7 +46,7 @@ def measure() -> dict[str, Any]:
         for view in views:
             name = next(n for n in nuisances if n in view.defaults)
             values = [{name: view.defaults[name] * (1 + 1e-9 * i)} for i in range(RUNS)]
-            seconds = _fastest(partial(view.simulate, record, values))
+            seconds = _fastest(partial(view.simulate, [(record, v) for v in values]))
             cost[f"{view.name}, {what}"] = seconds / (record.rows * RUNS)
             view.prepare([*nuisances, *record.parameters], {})
     whole = Nominal(plant, MEASURED, cache)

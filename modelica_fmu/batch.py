@@ -1,4 +1,4 @@
-"""A part of a model as a shared library that simulates many runs over one record in one call."""
+"""A part of a model as a shared library that simulates many runs over records in one call."""
 
 from __future__ import annotations
 
@@ -105,6 +105,12 @@ class Drive:
         over = [p[1].reshape(-1) if p[1].ndim == 2 else np.repeat(p[1], parts) for p in pairs]
         return at, np.ascontiguousarray(np.column_stack(over), dtype=float)
 
+    @property
+    def parts(self) -> int:
+        """Of a row, over which inputs may differ."""
+        at, over = self.columns
+        return len(over) // len(at)
+
     @cached_property
     def measured(self) -> Array:
         """Corrected states (N, states) as measured; one row where none is corrected."""
@@ -114,11 +120,12 @@ class Drive:
 
 class _Batch(ctypes.Structure):
     _fields_ = [
-        *((n, ctypes.c_size_t) for n in ("n_runs", "n_parameters", "n_rows", "n_parts")),
+        *((n, ctypes.c_size_t) for n in ("n_runs", "n_parameters", "n_parts")),
         *((n, ctypes.c_size_t) for n in ("n_inputs", "n_corrected", "n_outputs", "n_drives")),
         ("period", ctypes.c_double),
-        *((n, ctypes.c_void_p) for n in ("parameters", "values", "drive", "inputs", "at", "over")),
-        *((n, ctypes.c_void_p) for n in ("corrected", "measured", "gains", "outputs", "result")),
+        *((n, ctypes.c_void_p) for n in ("parameters", "values", "drive", "inputs", "rows")),
+        *((n, ctypes.c_void_p) for n in ("at", "over", "corrected", "measured", "gains")),
+        *((n, ctypes.c_void_p) for n in ("outputs", "result")),
     ]
 
 
@@ -150,6 +157,18 @@ class Subsystem:
         a correction of what is no state.
         """
         drives = [drives] if isinstance(drives, Drive) else drives
+        return np.stack(self.runs(names, values, drives, outputs, period, which))
+
+    def runs(
+        self,
+        names: Sequence[str],
+        values: Array,
+        drives: Sequence[Drive],
+        outputs: Sequence[str],
+        period: float,
+        which: Sequence[int] | None = None,
+    ) -> list[Array]:
+        """The same, (N, outputs) of each run: drives may differ in length."""
         inputs = drives[0].inputs
         strange = set(inputs) - self._inputs
         if strange:
@@ -158,25 +177,27 @@ class Subsystem:
                 field=min(strange),
                 hint=f"the part has {', '.join(sorted(self._inputs))}",
             )
-        at, over = drives[0].columns
-        if any([len(c) for c in d.columns] != [len(at), len(over)] for d in drives):
-            raise ValueError("drives of one call have the same rows and parts of them")
+        if len({d.parts for d in drives}) > 1:
+            raise ValueError("drives of one call have the same parts of their rows")
+        rows = np.array([len(d.columns[0]) for d in drives], dtype=np.uintp)
         values = np.ascontiguousarray(np.atleast_2d(values), dtype=float)
-        result = np.empty((len(values), len(at), len(outputs)))
+        own = np.array(which if which is not None else [0] * len(values), dtype=np.uint32)
+        order = np.argsort(-rows[own].astype(int), kind="stable")  # side by side: as long ones
+        values, own = np.ascontiguousarray(values[order]), own[order]
+        made = [np.empty((int(n), len(outputs))) for n in rows[own]]
         held = drives[0].correction or Correction((), np.zeros((1, 1)), (0.0,))
         shares = np.array(held.shares)
-        own = np.array(which if which is not None else [0] * len(values), dtype=np.uint32)
         lists = [self._references_of(n) for n in (names, tuple(inputs), held.states, outputs)]
         tables = [_addresses([d.columns[i] for d in drives]) for i in (0, 1)]
-        measured = _addresses([d.measured for d in drives])
-        runs = (len(values), len(names), len(at), len(over) // len(at))
+        measured, results = _addresses([d.measured for d in drives]), _addresses(made)
+        runs = (len(values), len(names), drives[0].parts)
         sizes = (*runs, len(inputs), len(held.states), len(outputs), len(drives))
-        arrays: tuple[NDArray[Any], ...] = (lists[0], values, own, lists[1], *tables, lists[2])
-        pointers = [a.ctypes.data for a in (*arrays, measured, shares, lists[3], result)]
-        batch = _Batch(*sizes, period, *pointers)
+        arrays: tuple[NDArray[Any], ...] = (lists[0], values, own, lists[1], rows, *tables)
+        behind: tuple[NDArray[Any], ...] = (lists[2], measured, shares, lists[3], results)
+        batch = _Batch(*sizes, period, *(a.ctypes.data for a in (*arrays, *behind)))
         if self._library.batch_run(ctypes.byref(batch)) < 0:
             raise InputError(f"cannot correct {', '.join(held.states)}: no states of the part")
-        return result
+        return [made[i] for i in np.argsort(order)]
 
     def _references_of(self, names: Sequence[str]) -> NDArray[np.uint32]:
         """Value references; one that nobody reads where there is no name."""

@@ -72,7 +72,8 @@ def _least_squares(
     def left(thetas: Array) -> Array:
         """Residuals (points, rows) of points (points, names), in usual sizes from the start."""
         given = [dict(zip(names, (first + unit * t).tolist(), strict=True)) for t in thetas]
-        parts = [_judged(view, r, view.residuals(r, given)) for r in records]
+        made = iter(view.residuals([(r, values) for r in records for values in given]))
+        parts = [np.stack([_judged(view, r, next(made)) for _ in given]) for r in records]
         return np.concatenate(parts, axis=1)
 
     def columns(theta: Array) -> Array:
@@ -84,14 +85,14 @@ def _least_squares(
 
 
 def _judged(view: View, record: Record, rows: Array) -> Array:
-    """Rows (points, rows) that count, of the only signal."""
+    """Rows (rows,) that count, of the only signal."""
     skipped = round(record.skip / (record.period * view.decimation))
-    return rows[:, skipped:, 0]
+    return rows[skipped:, 0]
 
 
 def relative(view: View, record: Record, values: Mapping[str, float]) -> float:
     """|measured - simulated| / |measured| of the view's rows."""
-    error = _judged(view, record, view.residuals(record, [values]))[0]
+    error = _judged(view, record, view.residuals([(record, values)])[0])
     signal = record.signals[view.signals[0]]
     rows = len(signal) // view.decimation
     means = signal[: rows * view.decimation].reshape(rows, view.decimation).mean(axis=1)

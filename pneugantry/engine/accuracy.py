@@ -49,8 +49,8 @@ def _error(views: Sequence[View], records: Sequence[Record], tolerance: float) -
     for view in views:
         for record in records:
             if view.depends_on(TOLERANCE) and view.shows(record):
-                values = [{TOLERANCE: t} for t in (tolerance, tolerance * REFERENCE)]
-                own, reference = view.residuals(record, values)
+                tolerances = (tolerance, tolerance * REFERENCE)
+                own, reference = view.residuals([(record, {TOLERANCE: t}) for t in tolerances])
                 off = (own - reference) / np.asarray(view.sigmas)
                 found.append(float(np.sqrt(np.nan_to_num(off**2).mean(axis=0).max())))
     return max(found)

@@ -34,7 +34,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task
 from pneugantry.engine.sensors import PREFIX
 from pneugantry.engine.sensors import neutral as neutral_of_sensor
-from pneugantry.engine.views import View
+from pneugantry.engine.views import Run, View
 
 __all__ = ["AFTER", "BEFORE", "EpochView", "changes_of", "gap_on", "joined", "with_changes"]
 
@@ -66,9 +66,9 @@ class EpochView:
             [n for n in own if n is not None], {n: v for n, v in kept.items() if n is not None}
         )
 
-    def residuals(self, record: Record, values: Sequence[Mapping[str, float]]) -> Array:
-        own = [record.read(given) for given in values]
-        return self.view.residuals(self._inside(record), own)
+    def residuals(self, runs: Sequence[Run]) -> list[Array]:
+        records = {r.name: self._inside(r) for r, _ in runs}
+        return self.view.residuals([(records[r.name], r.read(given)) for r, given in runs])
 
     def _inside(self, record: Record) -> Record:
         """Under the name that the campaign has for it."""

@@ -86,7 +86,7 @@ def _coarsest(view: SubsystemView, ideal: Sequence[Record], rules: Rules) -> str
     about its own model.
     """
     shown = [r for r in ideal if view.shows(r)]
-    left = [view.residuals(r, [{}])[0] / np.array(view.sigmas) for r in shown]
+    left = [r / np.array(view.sigmas) for r in view.residuals([(r, {}) for r in shown])]
     if not left or _rms(left) < rules.material:
         return None
     shares = {n: _changed(view, shown, [_rarer(r, n) for r in shown]) for n in _of(view)}

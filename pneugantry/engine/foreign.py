@@ -67,29 +67,26 @@ class ForeignSubsystem(Subsystem):
     def __init__(self, stages: Sequence[_Stage]) -> None:
         self.stages = tuple(stages)
 
-    def run(
+    def runs(
         self,
         names: Sequence[str],
         values: Array,
-        drives: Drive | Sequence[Drive],
+        drives: Sequence[Drive],
         outputs: Sequence[str],
         period: float,
         which: Sequence[int] | None = None,
-    ) -> Array:
-        """As a part's: outputs (runs, N, outputs), NaN from where a run failed on. Inputs are named
-        "FMU's number.input". An FMU's states cannot be corrected: InputError.
+    ) -> list[Array]:
+        """As a part's: outputs (N, outputs) of each run, NaN from where it failed on. Inputs are
+        named "FMU's number.input". An FMU's states cannot be corrected: InputError.
         """
-        drives = [drives] if isinstance(drives, Drive) else drives
         values = np.atleast_2d(values)
         own = np.asarray(which if which is not None else [0] * len(values))
-        result: Array | None = None
+        result: list[Array] = [np.empty((0, 0))] * len(values)
         for i, drive in enumerate(drives):
             runs = np.flatnonzero(own == i)
             made = self._driven(names, values[runs], drive, outputs, period)
-            if result is None:
-                result = np.empty((len(values), *made.shape[1:]))
-            result[runs] = made
-        assert result is not None
+            for run, found in zip(runs, made, strict=True):
+                result[run] = found
         return result
 
     def _driven(

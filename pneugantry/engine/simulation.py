@@ -9,8 +9,6 @@ from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-import numpy as np
-
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
@@ -18,10 +16,12 @@ from pneugantry.engine.views import View
 
 __all__ = ["Cell", "Columns", "Point", "Residuals", "Simulation"]
 
-SHARES = 4  # of a cell's runs, so that both threads end together
+SHARES = 4  # of a view's runs, so that both threads end together
 SHARE = 8  # runs at least: as many are simulated side by side
+MOST = 64  # runs of one call: their signals are in memory together
 USUAL = 0.1  # a tolerance's spread, in an effect's usual sizes
 Cell = tuple[str, str]  # view, record
+_Job = tuple[Cell, Mapping[str, float]]  # a run
 Residuals = dict[Cell, Array]  # (rows, signals), in the signals' units
 Columns = dict[tuple[Cell, str], Array]  # d residual / d theta, by the coordinate's name
 
@@ -78,31 +78,44 @@ class Simulation:
             self.views[v].depends_on(parameter) for v, r in self.cells if record in (None, r)
         )
 
-    def run(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> Residuals:
-        """Residuals (values, rows, signals) of each cell that has a job."""
+    def run(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> dict[Cell, list[Array]]:
+        """Residuals (rows, signals) of each cell's runs."""
 
-        def one(part: tuple[Cell, Sequence[Mapping[str, float]]]) -> Array:
-            cell, own = part
-            return self.views[cell[0]].residuals(self.records[cell[1]], own)
+        def one(share: list[_Job]) -> list[Array]:
+            view = self.views[share[0][0][0]]
+            return view.residuals([(self.records[c[1]], values) for c, values in share])
 
-        for (_, name), own in jobs.items():
-            record = self.records[name]
-            self.seconds += len(own) * record.rows * record.period
-        shares = {c: SHARE * -(-len(own) // (SHARES * SHARE)) for c, own in jobs.items() if own}
-        parts = [
-            (cell, own[at : at + shares[cell]])
-            for cell, own in jobs.items()
-            if own
-            for at in range(0, len(own), shares[cell])
-        ]
-        order = sorted(
-            range(len(parts)), key=lambda i: -len(parts[i][1]) * self.records[parts[i][0][1]].rows
-        )
-        made = dict(zip(order, self._pool.map(one, [parts[i] for i in order]), strict=True))
+        shares = self._shares([(cell, values) for cell, own in jobs.items() for values in own])
+        order = sorted(range(len(shares)), key=lambda i: -self._seconds(shares[i]))
+        made = dict(zip(order, self._pool.map(one, [shares[i] for i in order]), strict=True))
         found: dict[Cell, list[Array]] = {}
-        for i, (cell, _) in enumerate(parts):
-            found.setdefault(cell, []).append(made[i])
-        return {cell: np.concatenate(rows) for cell, rows in found.items()}
+        for i, share in enumerate(shares):
+            for (cell, _), residual in zip(share, made[i], strict=True):
+                found.setdefault(cell, []).append(residual)
+        return found
+
+    def _shares(self, jobs: Sequence[_Job]) -> list[list[_Job]]:
+        """Runs of one view each, that are simulated in one call: few calls, and lanes that are
+        full, but work for both threads.
+        """
+        of_views: dict[str, list[_Job]] = {}
+        for job in jobs:
+            of_views.setdefault(job[0][0], []).append(job)
+        everything = self._seconds(jobs)
+        self.seconds += everything
+        shares = []
+        for own in of_views.values():
+            size = min(SHARE * -(-len(own) // (SHARES * SHARE)), MOST)
+            if len(own) <= 2 * SHARE:
+                halved = self._seconds(own) > 0.5 * everything
+                size = -(-len(own) // 2) if halved else len(own)
+            shares += [own[at : at + size] for at in range(0, len(own), size)]
+        return shares
+
+    def _seconds(self, jobs: Sequence[_Job]) -> float:
+        """Of records, that runs go over."""
+        records = (self.records[cell[1]] for cell, _ in jobs)
+        return sum(r.rows * r.period for r in records)
 
     def residuals(self, point: Point, cells: Sequence[Cell]) -> Residuals:
         """At a point."""

@@ -73,6 +73,5 @@ def changes_of(
     shown = [other for other in others if view.shows(other)]
     if not shown:
         return []
-    quiet = view.residuals(record, [values])[0]
-    changes = [view.residuals(other, [values])[0] - quiet for other in shown]
-    return [change for change in changes if np.isfinite(change).all()]
+    quiet, *made = view.residuals([(r, values) for r in (record, *shown)])
+    return [other - quiet for other in made if np.isfinite(other - quiet).all()]

@@ -27,6 +27,7 @@ from pneugantry.engine.sensors import PREFIX, sensed, signal_of
 
 __all__ = [
     "Measured",
+    "Run",
     "SubsystemView",
     "View",
     "build_views",
@@ -36,7 +37,9 @@ __all__ = [
 ]
 
 Values = Mapping[str, float]
+Run = tuple[Record, Values]
 Errors = tuple[tuple[str, float], ...]  # of sensors
+_Felt = tuple[str, Errors, tuple[float, ...]]  # record, errors, parameters: what makes a run
 LONGEST_STEP = 0.002  # s, of the solver; its tolerance bounds the error, rows read no finer
 KEPT = 64  # inputs that a view keeps
 RATE = "der "  # before a signal's name: its rate, taken from its readings
@@ -70,8 +73,8 @@ class View(Protocol):
         parameters the model's own.
         """
 
-    def residuals(self, record: Record, values: Sequence[Values]) -> Array:
-        """(len(values), rows, signals) in the signals' own units; NaN: not judged."""
+    def residuals(self, runs: Sequence[Run]) -> list[Array]:
+        """(rows, signals) of each run in the signals' own units; NaN: it failed."""
         ...
 
 
@@ -155,65 +158,69 @@ class SubsystemView:
         given = {*self.plant.parameters, *self.plant.settings, *moving}
         self._pieces.prepare(given, settings)
 
-    def residuals(self, record: Record, values: Sequence[Values]) -> Array:
-        own = [{k: v for k, v in given.items() if self.depends_on(k)} for given in values]
-        simulated = self.simulate(record, own)
-        return self.errors(record, simulated, own)
+    def residuals(self, runs: Sequence[Run]) -> list[Array]:
+        own = [(r, {k: v for k, v in given.items() if self.depends_on(k)}) for r, given in runs]
+        made = zip(own, self.simulate(own), strict=True)
+        return [self.error(record, simulated, given) for (record, given), simulated in made]
 
-    def errors(self, record: Record, simulated: Array, values: Sequence[Values]) -> Array:
-        """Residuals (runs, rows, signals) of true signals (runs, N, signals) under sensors' errors,
-        which it puts into them.
-        """
+    def error(self, record: Record, simulated: Array, values: Values) -> Array:
+        """Residual (rows, signals) of true signals (N, signals) under sensors' errors."""
         rows = record.rows // self.decimation
-        result = np.empty((len(simulated), rows, len(self.signals)))
+        result = np.empty((rows, len(self.signals)))
         for c, signal in enumerate(self.signals):
-            for r, given in enumerate(values):
-                simulated[r, :, c] = sensed(signal, simulated[r, :, c], record, given)
-            error = record.signals[signal] - simulated[:, :, c]
+            error = record.signals[signal] - sensed(signal, simulated[:, c], record, values)
             if record.judged is not None and self.corrected:
-                error[:, ~record.judged] = 0.0
-            error = error[:, : rows * self.decimation].reshape(len(error), rows, self.decimation)
-            result[:, :, c] = error.mean(axis=2)
+                error[~record.judged] = 0.0
+            judged = error[: rows * self.decimation]
+            result[:, c] = judged.reshape(rows, self.decimation).mean(axis=1)
         return result
 
-    def simulate(self, record: Record, values: Sequence[Values]) -> Array:
-        """True signals (len(values), N, signals)."""
-        longest = min(record.period, LONGEST_STEP)
-        base = {"solver.max_step": longest, **self.plant.settings}
-        base |= {**self.plant.parameters, **record.parameters}
-        base = {k: v for k, v in base.items() if k in self._parameters}
+    def simulate(self, runs: Sequence[Run]) -> list[Array]:
+        """True signals (N, signals) of each run; those that feel the same are one."""
+        records = {r.name: r for r, _ in runs}
+        bases = {name: self._base(r) for name, r in records.items()}
         models = [
-            {**base, **{k: v for k, v in given.items() if not k.startswith(PREFIX)}}
-            for given in values
+            bases[r.name] | {k: v for k, v in given.items() if not k.startswith(PREFIX)}
+            for r, given in runs
         ]
         names = sorted({n for m in models for n in m})
-        groups: dict[Piece, dict[tuple[Errors, tuple[float, ...]], list[int]]] = {}
-        for i, (given, model) in enumerate(zip(values, models, strict=True)):
+        drives: dict[tuple[Piece, str, Errors], Drive] = {}
+        groups: dict[tuple[Piece, float, int], dict[_Felt, list[int]]] = {}
+        for i, ((record, given), model) in enumerate(zip(runs, models, strict=True)):
             piece = self._pieces.smallest(model)
+            errors = self._felt(piece, given)
+            key = piece, record.name, errors
+            drive = drives[key] = drives.get(key) or self._drive(record, piece, errors)
             row = tuple(
                 model.get(n, self._pieces.defaults.get(n, 0.0))
                 for n in names
                 if n in piece.parameters
             )
-            group = groups.setdefault(piece, {})
-            group.setdefault((self._felt(piece, given), row), []).append(i)
+            group = groups.setdefault((piece, record.period, drive.parts), {})
+            group.setdefault((record.name, errors, row), []).append(i)
         variables = {s.name: s.variable for s in self.plant.signals}
-        outputs = [variables[n] for n in self.signals]
-        result = np.empty((len(values), record.rows, len(outputs)))
-        for piece, runs in groups.items():
-            felt = list(dict.fromkeys(errors for errors, _ in runs))
-            own = [n for n in names if n in piece.parameters]
-            made = piece.subsystem.run(
-                own,
-                np.array([row for _, row in runs]),
-                [self._drive(record, piece, errors) for errors in felt],
-                outputs,
-                record.period,
-                [felt.index(errors) for errors, _ in runs],
+        result: list[Array] = [np.empty((0, 0))] * len(runs)
+        for (piece, period, _), own in groups.items():
+            driven = {k: i for i, k in enumerate(dict.fromkeys(felt[:2] for felt in own))}
+            made = piece.subsystem.runs(
+                [n for n in names if n in piece.parameters],
+                np.array([row for _, _, row in own]),
+                [drives[piece, *k] for k in driven],
+                [variables[n] for n in self.signals],
+                period,
+                [driven[felt[:2]] for felt in own],
             )
-            for run, members in zip(made, runs.values(), strict=True):
-                result[members] = run
+            for run, members in zip(made, own.values(), strict=True):
+                for i in members:
+                    result[i] = run
         return result
+
+    def _base(self, record: Record) -> dict[str, float]:
+        """Parameters of the part over a record, where nothing moves."""
+        longest = min(record.period, LONGEST_STEP)
+        base = {"solver.max_step": longest, **self.plant.settings}
+        base |= {**self.plant.parameters, **record.parameters}
+        return {k: v for k, v in base.items() if k in self._parameters}
 
     def _felt(self, piece: Piece, given: Values) -> Errors:
         """Errors of the sensors that a piece reads."""

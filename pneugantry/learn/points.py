@@ -89,8 +89,8 @@ class OpenedView(SubsystemView):
             for series in fed
         ]
         runs = np.repeat(table, len(fed), axis=0)
-        made = whole.subsystem.run(names, runs, drives, outputs, record.period, range(len(fed)))
-        return self.errors(record, made, [own] * len(fed))
+        made = whole.subsystem.runs(names, runs, drives, outputs, record.period, range(len(fed)))
+        return np.stack([self.error(record, simulated, own) for simulated in made])
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,8 @@ class Opened:
         own = {
             r: {k: v for k, v in given.items() if view.depends_on(k)} for r, given in values.items()
         }
-        return {r.name: view.simulate(self.quiet(r), [own[r.name]])[0] for r in records}
+        made = view.simulate([(self.quiet(r), own[r.name]) for r in records])
+        return {r.name: found for r, found in zip(records, made, strict=True)}
 
 
 def _known(plant: Plant, shape: Structure) -> dict[str, str]:

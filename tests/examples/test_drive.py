@@ -190,5 +190,5 @@ def test_the_drives_views_are_right_about_its_own_model() -> None:
     nominal = Nominal(task.plant, [s.variable for s in task.plant.signals], task.cache)
     for fitted in task.data.fitted:
         own = replace(nominal.record(fitted), name=f"{fitted.name}, nominal")
-        left = view.residuals(own, [{}])[0] / np.array(view.sigmas)
+        left = view.residuals([(own, {})])[0] / np.array(view.sigmas)
         assert np.sqrt(np.mean(left**2, axis=0)).max() < 0.05

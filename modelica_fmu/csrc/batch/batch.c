@@ -1,5 +1,5 @@
-/* Many runs of a model over one record, in one call. Parameters differ from run to run; runs may share what drives them: inputs and
- * measured states.
+/* Many runs of a model over records, in one call. Parameters differ from run to run; runs may share what drives them: inputs and
+ * measured states. Records may differ in length.
  *
  * Row k holds the values at k * period. Between rows the inputs are held, each for one of n_parts equal parts of the row. Outputs are
  * read at the rows; then a state may be drawn towards a measured value by a fixed share (an observer): outputs are predictions. Calls
@@ -22,19 +22,20 @@
 #define SIDE_BY_SIDE 2 /* runs from which on lanes are worth it */
 
 typedef struct {
-    size_t n_runs, n_parameters, n_rows, n_parts, n_inputs, n_corrected, n_outputs, n_drives;
+    size_t n_runs, n_parameters, n_parts, n_inputs, n_corrected, n_outputs, n_drives;
     double period;             /* s */
     const unsigned *parameters; /* value references */
     const double *values;      /* [n_runs][n_parameters] */
     const unsigned *drive;     /* [n_runs], what drives each run */
     const unsigned *inputs;
-    const double *const *at;   /* [n_drives] of [n_rows][n_inputs], at the rows */
-    const double *const *over; /* [n_drives] of [n_rows][n_parts][n_inputs], over the parts of the period behind each row */
+    const size_t *rows;        /* [n_drives], of each */
+    const double *const *at;   /* [n_drives] of [rows][n_inputs], at the rows */
+    const double *const *over; /* [n_drives] of [rows][n_parts][n_inputs], over the parts of the period behind each row */
     const unsigned *corrected; /* states */
-    const double *const *measured; /* [n_drives] of [n_rows][n_corrected]; NaN: no correction */
+    const double *const *measured; /* [n_drives] of [rows][n_corrected]; NaN: no correction */
     const double *gains;       /* [n_corrected], share of the difference that is taken away per period */
     const unsigned *outputs;
-    double *result;            /* [n_runs][n_rows][n_outputs]; NaN behind a failure */
+    double *const *result;     /* [n_runs] of [rows][n_outputs]; NaN behind a failure */
 } Batch;
 
 /* What one call finds out once of each drive: where things lie in an instance, how far the inputs are sound, and what rows are like. */
@@ -42,11 +43,12 @@ typedef struct {
     const double *at, *over, *measured;
     int place[AT_LEAST_1(N_INPUTS)];    /* of each input among the model's */
     size_t state[AT_LEAST_1(N_STATES)]; /* of each corrected state among the model's */
-    size_t rows;                        /* rows until an input is out of its bounds */
+    size_t rows;                        /* of the drive */
+    size_t sound;                       /* rows until an input is out of its bounds */
     int same;                           /* inputs at the rows are those behind them */
     int plain;                          /* every output is a state, which inputs alone do not change */
     int laned;                          /* every output is a state or among the model's own outputs */
-    unsigned char *kind;                /* [n_rows], of RowKind */
+    unsigned char *kind;                /* [rows], of RowKind */
 } Plan;
 
 typedef enum {
@@ -98,7 +100,7 @@ static int pass(Instance *s, const Batch *b, const Plan *plan, size_t k) {
 }
 
 static int begin_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
-    if (!set_all(s, b->n_parameters, b->parameters, b->values + run * b->n_parameters) || plan->rows == 0) return 0;
+    if (!set_all(s, b->n_parameters, b->parameters, b->values + run * b->n_parameters) || plan->sound == 0) return 0;
     put_inputs(s, b, plan, plan->at);
     return core_initialise(s, 0.0) <= CORE_WARNING;
 }
@@ -112,24 +114,23 @@ static int one_row(Instance *s, const Batch *b, const Plan *plan, size_t k, doub
         if (core_step(s, time, 0.0) > CORE_WARNING) return 0; /* events that the new inputs bring */
     }
     if (!read_all(s, b, result + k * b->n_outputs)) return 0;
-    if (N_STATES == 0 || k + 1 == b->n_rows) return 1;
+    if (N_STATES == 0 || k + 1 == plan->rows) return 1;
     if (!plan->same || !settle) put_inputs(s, b, plan, plan->over + k * b->n_parts * b->n_inputs);
     correct(s, b, plan, k);
     return pass(s, b, plan, k) && core_taken(s) < STEPS_AT_FIRST + STEPS_PER_ROW * (k + 1);
 }
 
 /* No more results from row k on. */
-static void end_run(const Batch *b, size_t k, double *result) {
-    for (size_t i = k * b->n_outputs; i < b->n_rows * b->n_outputs; i++) result[i] = NAN;
+static void end_run(const Batch *b, const Plan *plan, size_t k, double *result) {
+    for (size_t i = k * b->n_outputs; i < plan->rows * b->n_outputs; i++) result[i] = NAN;
 }
 
 static int one_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
-    double *result = b->result + run * b->n_rows * b->n_outputs;
     size_t k = 0;
     int good = begin_run(s, b, plan, run);
-    for (; good && k < plan->rows; k += good) good = one_row(s, b, plan, k, result);
-    end_run(b, k, result);
-    return k == b->n_rows;
+    for (; good && k < plan->sound; k += good) good = one_row(s, b, plan, k, b->result[run]);
+    end_run(b, plan, k, b->result[run]);
+    return k == plan->rows;
 }
 
 #include "lanes.h"
@@ -152,8 +153,8 @@ static size_t sound(const Batch *b, const double *rows, size_t n) {
 /* Of what kind each row is. */
 static void find_kinds(const Batch *b, Plan *plan) {
     const size_t n = b->n_inputs, parts = b->n_parts;
-    memset(plan->kind, 0, b->n_rows);
-    for (size_t k = 0; k < b->n_rows; k++) {
+    memset(plan->kind, 0, plan->rows);
+    for (size_t k = 0; k < plan->rows; k++) {
         const double *row = plan->over + k * parts * n;
         int same = 1;
         for (size_t j = n; j < parts * n; j++) same &= row[j] == row[j - n];
@@ -161,7 +162,7 @@ static void find_kinds(const Batch *b, Plan *plan) {
     }
     for (size_t i = 0; i < n; i++) {
         if (model_variables[b->inputs[i]].type == VT_REAL) continue;
-        for (size_t k = 1; k < b->n_rows; k++) {
+        for (size_t k = 1; k < plan->rows; k++) {
             const double now = plan->at[k * n + i];
             int changed = now != plan->at[(k - 1) * n + i];
             for (size_t j = (k - 1) * parts; j < (k + 1) * parts; j++) changed |= plan->over[j * n + i] != now;
@@ -172,7 +173,7 @@ static void find_kinds(const Batch *b, Plan *plan) {
 
 /* Whether what is to be corrected are states, and there is memory. */
 static int planned(const Batch *b, size_t drive, Plan *plan) {
-    plan->at = b->at[drive], plan->over = b->over[drive], plan->measured = b->measured[drive];
+    plan->rows = b->rows[drive], plan->at = b->at[drive], plan->over = b->over[drive], plan->measured = b->measured[drive];
     for (size_t i = 0; i < b->n_corrected; i++) {
         size_t j = 0;
         while (j < model_n_states && model_state_references[j] != b->corrected[i]) j++;
@@ -188,12 +189,12 @@ static int planned(const Batch *b, size_t drive, Plan *plan) {
         plan->laned &= v->kind == VK_STATE || (v->kind == VK_ALGEBRAIC && v->index < N_OUTPUTS);
     }
     for (size_t i = 0; i < b->n_inputs; i++) plan->place[i] = model_variables[b->inputs[i]].index;
-    plan->rows = sound(b, plan->at, b->n_rows);
+    plan->sound = sound(b, plan->at, plan->rows);
     if (!plan->same) {
-        const size_t behind = sound(b, plan->over, b->n_rows * b->n_parts) / b->n_parts;
-        if (behind < plan->rows) plan->rows = behind;
+        const size_t behind = sound(b, plan->over, plan->rows * b->n_parts) / b->n_parts;
+        if (behind < plan->sound) plan->sound = behind;
     }
-    plan->kind = malloc(b->n_rows + 1); /* of no row, too */
+    plan->kind = malloc(plan->rows + 1); /* of no row, too */
     if (plan->kind) find_kinds(b, plan);
     return plan->kind != NULL;
 }
@@ -208,9 +209,9 @@ static int group(const Batch *b, const Plan *plans, size_t first, int n) {
     w->q.n = n;
     for (; l < n && (w->run[l] = core_new(NULL, NULL)) != NULL; l++) {
         w->plan[l] = plans + b->drive[first + (size_t)l];
-        w->result[l] = b->result + (first + (size_t)l) * b->n_rows * b->n_outputs;
+        w->result[l] = b->result[first + (size_t)l];
         w->failed[l] = !begin_run(w->run[l], b, w->plan[l], first + (size_t)l);
-        if (w->failed[l]) end_run(b, 0, w->result[l]);
+        if (w->failed[l]) end_run(b, w->plan[l], 0, w->result[l]);
     }
     if (l == n) failed = lanes_run(w, b);
     while (l-- > 0) core_free(w->run[l]);

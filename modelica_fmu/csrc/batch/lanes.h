@@ -185,7 +185,7 @@ static void lanes_correct(Lanes *w, const Batch *b, size_t k) {
 /* What row k says, then the way to the next one, of the lanes that are not off. */
 static void lanes_row(Lanes *w, const Batch *b, size_t k) {
     const double time = (double)k * b->period, part = b->period / (double)b->n_parts;
-    int whole = 1;
+    int whole = 1, further = 0;
     if (!w->plan[0]->plain) {
         lanes_put(w, b, 0, k);
         w->q.time = time;
@@ -199,7 +199,8 @@ static void lanes_row(Lanes *w, const Batch *b, size_t k) {
         for (int l = 0; l < w->q.n; l++)
             if (!w->off[l]) w->result[l][k * b->n_outputs + i] = (*from)[l];
     }
-    if (N_STATES == 0 || k + 1 == b->n_rows) return;
+    for (int l = 0; l < w->q.n; l++) further |= !w->off[l] && k + 1 < w->plan[l]->rows;
+    if (N_STATES == 0 || !further) return;
     lanes_correct(w, b, k);
     for (int l = 0; l < w->q.n; l++) whole &= w->off[l] || (w->plan[l]->kind[k] & STEADY);
     for (size_t j = 0; j < (whole ? 1 : b->n_parts); j++) {
@@ -215,15 +216,15 @@ static void lanes_or_runs(Lanes *w, const Batch *b, size_t k) {
     memcpy(w->m0, w->q.m, sizeof w->m0);
     memcpy(w->condition0, w->condition, sizeof w->condition0);
     for (int l = 0; l < LANES; l++) {
-        w->off[l] = l >= w->q.n || w->failed[l] || k >= w->plan[l]->rows || k == 0 || w->plan[l]->kind[k] & SWITCHED;
+        w->off[l] = l >= w->q.n || w->failed[l] || k >= w->plan[l]->sound || k == 0 || w->plan[l]->kind[k] & SWITCHED;
         left += !w->off[l];
     }
     if (left > 0) lanes_row(w, b, k);
     for (int l = 0; l < w->q.n; l++) {
-        if (!w->off[l] || w->failed[l] || k >= w->plan[l]->rows) continue;
+        if (!w->off[l] || w->failed[l] || k >= w->plan[l]->sound) continue;
         run_of_lane(w, l);
         w->failed[l] = !one_row(w->run[l], b, w->plan[l], k, w->result[l]);
-        if (w->failed[l]) end_run(b, k, w->result[l]);
+        if (w->failed[l]) end_run(b, w->plan[l], k, w->result[l]);
         lane_of_run(w, l);
     }
 }
@@ -231,14 +232,16 @@ static void lanes_or_runs(Lanes *w, const Batch *b, size_t k) {
 /* Runs a group of at most LANES runs; they are initialised. Returns how many failed. */
 static int lanes_run(Lanes *w, const Batch *b) {
     int failed = 0;
+    size_t rows = 0;
     for (int l = 0; l < LANES; l++) {
         if (l >= w->q.n) w->run[l] = w->run[0]; /* numbers to compute with */
         lane_of_run(w, l);
     }
-    for (size_t k = 0; k < b->n_rows; k++) lanes_or_runs(w, b, k);
+    for (int l = 0; l < w->q.n; l++) rows = w->plan[l]->sound > rows ? w->plan[l]->sound : rows;
+    for (size_t k = 0; k < rows; k++) lanes_or_runs(w, b, k);
     for (int l = 0; l < w->q.n; l++) {
-        if (!w->failed[l]) end_run(b, w->plan[l]->rows, w->result[l]);
-        failed += w->failed[l] || w->plan[l]->rows < b->n_rows;
+        if (!w->failed[l]) end_run(b, w->plan[l], w->plan[l]->sound, w->result[l]);
+        failed += w->failed[l] || w->plan[l]->sound < w->plan[l]->rows;
     }
     return failed;
 }

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.sensors import shifted
+from pneugantry.engine.views import Run
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.campaign import LoggedRun
 from pyfmi_runner.log import PERIOD
@@ -49,20 +50,20 @@ class ControllerView:
     def prepare(self, moving: Collection[str], settings: Mapping[str, float]) -> None:
         """Nothing to prepare."""
 
-    def residuals(self, record: Record, values: Sequence[Mapping[str, float]]) -> Array:
-        """(len(values), N, 2) V; 0 where no controller runs."""
-        run, measured = self._runs[record.name], self._measured[record.name]
+    def residuals(self, runs: Sequence[Run]) -> list[Array]:
+        """(N, 2) V of each run; 0 where no controller runs."""
+        return [self._residual(record.name, given) for record, given in runs]
+
+    def _residual(self, name: str, given: Mapping[str, float]) -> Array:
+        run, measured = self._runs[name], self._measured[name]
         recorded = np.column_stack([run.log["u_x"], run.log["u_z"]])
-        result = np.empty((len(values), *recorded.shape))
-        for i, given in enumerate(values):
-            acting, sensing = (given.get(name, 0.0) / PERIOD for name in DELAYS)
-            made = recomputed_commands(run, _late(measured, sensing))
-            assert made is not None
-            running: NDArray[np.bool_] = np.asarray(np.isfinite(made).all(axis=1))
-            first = int(np.argmax(running))
-            made[first:] = _late(made[first:], acting)
-            result[i] = np.where(running[:, None], recorded - made, 0.0)
-        return result
+        acting, sensing = (given.get(name, 0.0) / PERIOD for name in DELAYS)
+        made = recomputed_commands(run, _late(measured, sensing))
+        assert made is not None
+        running: NDArray[np.bool_] = np.asarray(np.isfinite(made).all(axis=1))
+        first = int(np.argmax(running))
+        made[first:] = _late(made[first:], acting)
+        return np.asarray(np.where(running[:, None], recorded - made, 0.0))
 
 
 def _late(values: Array, rows: float) -> Array:

@@ -29,7 +29,7 @@ print(Fitter(task.plant, task.views, task.data.fitted, rules).null().covariance.
 
 def error(view: View, record: Record, tolerance: float) -> float:
     """Of residuals against those of a far finer tolerance, in noise levels."""
-    coarse, fine = view.residuals(record, [{TOLERANCE: tolerance}, {TOLERANCE: 1e-10}])
+    coarse, fine = view.residuals([(record, {TOLERANCE: t}) for t in (tolerance, 1e-10)])
     return float(np.sqrt(np.mean(((coarse - fine) / view.sigmas) ** 2, axis=0).max()))
 
 

@@ -41,7 +41,7 @@ def column(moved: tuple[SubsystemView, Record], name: str, share: float) -> Arra
     view, record = moved
     nominal = view.defaults[name]
     jobs = [{name: nominal * (1 + share)}, {name: nominal * (1 - share)}]
-    up, down = view.residuals(record, jobs)
+    up, down = view.residuals([(record, job) for job in jobs])
     return np.asarray((up - down).ravel() / (2 * share))
 
 

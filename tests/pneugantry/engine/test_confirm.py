@@ -218,7 +218,7 @@ class Reading:
     def depends_on(self, parameter: str) -> bool:
         return parameter.split(".")[1] in ("own", "other")
 
-    def residuals(self, record: Record, values: object) -> Array:
+    def residuals(self, runs: object) -> list[Array]:
         raise NotImplementedError
 
 

@@ -101,7 +101,8 @@ def test_source_and_fmu_are_the_same_plant(folder: Path, cache: Path) -> None:
         (view,), notes = views_of(found)
         assert not notes
         assert view.depends_on("K")  # it reaches further than the force that is missing
-        residuals.append(view.residuals(found.data.fitted[0], [{}, {"m": 1.1}]))
+        record = found.data.fitted[0]
+        residuals.append(view.residuals([(record, {}), (record, {"m": 1.1})]))
     assert np.ptp(residuals[0]) > 0.1
     np.testing.assert_allclose(residuals[1], residuals[0], rtol=0, atol=1e-6)
     assert foreign.data.held_out is not None
@@ -136,7 +137,7 @@ def test_logs_of_other_rates_are_read_at_theirs(
     assert record.rows == len(time)
     assert not found.notes
     (view,), _ = views_of(found)
-    assert view.residuals(record, [{}]).shape == (1, len(time), 2)
+    assert view.residuals([(record, {})])[0].shape == (len(time), 2)
 
 
 def test_uneven_stamps_are_resampled_and_said(

@@ -94,25 +94,26 @@ def test_an_fmu_leaves_the_same_residuals_as_the_part_cut_from_its_source(
     (view,) = seen(foreign)
     assert view.signals == ("force", "speed")
     assert set(view.blocks) == {"cart"}
-    found = view.residuals(whole, SETS)
+    found = np.stack(view.residuals([(whole, v) for v in SETS]))
     for i, name in enumerate(view.signals):  # each cut as if it alone were measured
         (own,) = build_views(cart, [name], cache, PERIOD, Rules(observer=0.008))
-        expected = own.residuals(whole, SETS)
+        expected = np.stack(own.residuals([(whole, v) for v in SETS]))
         assert np.ptp(expected) > 0.1
         np.testing.assert_allclose(found[:, :, i], expected[:, :, 0], rtol=0, atol=1e-6)
 
 
 def test_the_same_instance_gives_the_same_bits_again(foreign: ForeignPlant, whole: Record) -> None:
     (view,) = seen(foreign)
-    first = view.residuals(whole, SETS)
-    np.testing.assert_array_equal(view.residuals(whole, SETS[::-1])[::-1], first)
+    runs = [(whole, v) for v in SETS]
+    first = view.residuals(runs)
+    np.testing.assert_array_equal(view.residuals(runs[::-1])[::-1], first)
 
 
 def test_several_steps_a_row_come_to_the_same(foreign: ForeignPlant, whole: Record) -> None:
     (view,) = seen(foreign)
     fine = replace(foreign, fmus=(replace(foreign.fmus[0], step=0.7e-3),))
     (other,) = seen(fine)
-    found, expected = other.residuals(whole, [{}]), view.residuals(whole, [{}])
+    found, expected = other.residuals([(whole, {})]), view.residuals([(whole, {})])
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
 
 
@@ -185,8 +186,9 @@ def test_an_fmu_fed_by_a_measured_signal_is_the_view_between_both(
     assert not views["speed",].depends_on("K")
     sets = [{}, {"m": 1.2, "sensors.force.scale": 1.05}]
     for view in build_views(cart, ["force", "speed"], cache, PERIOD, Rules(observer=0.008)):
-        found = views[view.signals].residuals(record, sets)
-        np.testing.assert_allclose(found, view.residuals(whole, sets), rtol=0, atol=1e-6)
+        found = views[view.signals].residuals([(record, v) for v in sets])
+        expected = view.residuals([(whole, v) for v in sets])
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
 
 
 def test_a_signal_that_is_missing_makes_the_view_reach_further(
@@ -200,7 +202,8 @@ def test_a_signal_that_is_missing_makes_the_view_reach_further(
     assert not view.depends_on("sensors.force.scale")
     (own,) = build_views(cart, ["speed"], cache, PERIOD, Rules(observer=0.008))
     sets = [{}, {"K": 2.4}]
-    found, expected = view.residuals(record, sets), own.residuals(whole, sets)
+    found = view.residuals([(record, v) for v in sets])
+    expected = own.residuals([(whole, v) for v in sets])
     # the actuator's force runs on in steps of a row's mean between both FMUs
     np.testing.assert_allclose(found, expected, rtol=0, atol=2e-4)
     assert np.ptp(found[1] - found[0]) > 0.05
@@ -252,10 +255,12 @@ def test_inputs_and_parameters_of_all_types_reach_the_fmu(
     plant = replace(plant, signals=signals)
     (view,) = seen(of_fmus(plant, known))
     assert view.signals == ("speed", "force")
-    stopped = view.simulate(record, [{}])[0]
+    stopped = view.simulate([(record, {})])[0]
     np.testing.assert_allclose(stopped, 0.0, atol=1e-9)
     released = replace(braked(cart, whole)[1], name="released")
-    free, locked, two = view.simulate(released, [{}, {"locked": 1.0}, {"bodies": 2.0}])
+    free, locked, two = view.simulate(
+        [(released, v) for v in ({}, {"locked": 1.0}, {"bodies": 2.0})]
+    )
     assert set(free[:, 1]) == {3.0}
     assert np.ptp(free[:, 0]) > 1.3 * np.ptp(two[:, 0]) > 0.1
     np.testing.assert_allclose(locked[:, 0], 0.0, atol=1e-9)
@@ -276,7 +281,7 @@ def test_two_components_of_one_file_are_told_apart(
     views = {v.signals: v for v in seen(of_fmus(replace(cart, signals=signals), *pair))}
     assert views["force",].depends_on("left.K")
     assert not views["force",].depends_on("right.K")
-    base, moved = views["speed",].simulate(whole, [{}, {"right.K": 4.0}])
+    base, moved = views["speed",].simulate([(whole, {}), (whole, {"right.K": 4.0})])
     np.testing.assert_allclose(moved, 2 * base, rtol=0, atol=1e-6)
 
 
@@ -284,7 +289,7 @@ def test_a_refused_parameter_is_nan_and_the_next_run_is_sound(
     foreign: ForeignPlant, whole: Record
 ) -> None:
     (view,) = seen(foreign)
-    good, bad, again = view.simulate(whole, [{}, {"tau": float("nan")}, {}])
+    good, bad, again = view.simulate([(whole, v) for v in ({}, {"tau": float("nan")}, {})])
     assert np.isnan(bad).all()
     np.testing.assert_array_equal(good, again)
 

@@ -37,10 +37,10 @@ def test_pieces_compute_what_the_whole_does(
     views: dict[str, SubsystemView], record: Record
 ) -> None:
     view = the_one_with(views, "spring")
-    whole = view.residuals(record, JOBS)
+    whole = np.stack(view.residuals([(record, job) for job in JOBS]))
     view.prepare(["c"], {})
     view.prepare(["c"], {"spring": 0.4})
-    assert np.abs(view.residuals(record, JOBS) - whole).max() < 1e-9
+    assert np.abs(np.stack(view.residuals([(record, job) for job in JOBS])) - whole).max() < 1e-9
     assert np.ptp(whole[1] - whole[0]) > 1e-4
     assert np.ptp(whole[3] - whole[0]) > 1e-4
 
@@ -89,14 +89,14 @@ def test_runs_that_feel_the_same_are_simulated_once(
 ) -> None:
     view, runs = the_one_with(views, "spring"), []
     subsystem = view._pieces.whole.subsystem
-    made = subsystem.run
+    made = subsystem.runs
 
     def counted(names: Any, values: Any, *rest: Any) -> Any:
         runs.append(len(values))
         return made(names, values, *rest)
 
-    monkeypatch.setattr(subsystem, "run", counted)
-    found = view.residuals(record, [{}, {"c": 0.7}, {}, {"c": 0.7}])
+    monkeypatch.setattr(subsystem, "runs", counted)
+    found = view.residuals([(record, v) for v in 2 * ({}, {"c": 0.7})])
     assert runs == [2]
     assert np.array_equal(found[0], found[2])
     assert np.array_equal(found[1], found[3])

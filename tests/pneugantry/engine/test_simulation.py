@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import cast
 
@@ -14,7 +14,7 @@ from pneugantry.engine.hypothesis import effect_coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Point, Simulation
-from pneugantry.engine.views import View
+from pneugantry.engine.views import Run, View
 
 
 class Scale:
@@ -25,8 +25,8 @@ class Scale:
     def shows(self, record: Record) -> bool:
         return True
 
-    def residuals(self, record: Record, values: Sequence[Mapping[str, float]]) -> Array:
-        return np.array([[[v["p"]]] for v in values])
+    def residuals(self, runs: Sequence[Run]) -> list[Array]:
+        return [np.array([[v["p"]]]) for _, v in runs]
 
 
 @pytest.mark.parametrize("counts", [(1, 0), (3, 40), (0, 0), (9, 70)])
@@ -44,7 +44,7 @@ def test_each_run_comes_back_in_its_place(counts: tuple[int, int]) -> None:
     simulation.close()
     assert set(found) == {cell for cell, own in jobs.items() if own}
     for cell, made in found.items():
-        assert made[:, 0, 0].tolist() == [job["p"] for job in jobs[cell]]
+        assert [own[0, 0] for own in made] == [job["p"] for job in jobs[cell]]
 
 
 class Wave:
@@ -58,10 +58,9 @@ class Wave:
     def depends_on(self, parameter: str) -> bool:
         return parameter == "length"
 
-    def residuals(self, record: Record, values: Sequence[Mapping[str, float]]) -> Array:
+    def residuals(self, runs: Sequence[Run]) -> list[Array]:
         place = np.linspace(0, 1, 200)
-        waves = [np.sin(2 * np.pi * place / v["length"]) for v in values]
-        return np.stack(waves)[:, :, None]
+        return [np.sin(2 * np.pi * place / v["length"])[:, None] for _, v in runs]
 
 
 @pytest.mark.parametrize(("remembers", "exact"), [(False, True), (True, False)])

@@ -67,7 +67,7 @@ def test_a_record_of_the_nominal_plant_leaves_nothing(
 ) -> None:
     whole = Nominal(cart, ["f", "v"], cache).record(push)
     for view in views(cart, cache):
-        residual = view.residuals(whole, [{}])[0]
+        residual = view.residuals([(whole, {})])[0]
         assert np.abs(residual).max() < 0.05 * min(s.sigma for s in cart.signals), view.name
 
 
@@ -78,9 +78,9 @@ def test_only_the_view_that_reads_a_parameter_changes_with_it(
     by_name = {v.name: v for v in views(cart, cache)}
     assert by_name["f"].depends_on("K")
     assert not by_name["v"].depends_on("K")
-    base, moved = by_name["v"].residuals(whole, [{}, {"m": 1.2}])
+    base, moved = by_name["v"].residuals([(whole, {}), (whole, {"m": 1.2})])
     assert np.abs(moved - base).max() > 0.01  # m/s
-    base, moved = by_name["v"].residuals(whole, [{}, {"K": 3.0}])
+    base, moved = by_name["v"].residuals([(whole, {}), (whole, {"K": 3.0})])
     np.testing.assert_array_equal(base, moved)
 
 

@@ -208,7 +208,7 @@ def test_periods_below_a_millisecond_are_read(tmp_path: Path, cache: Path) -> No
     described, task = described_task(written(tmp_path / "fast", 0.25e-3), None, cache)
     assert described.data.fitted[0].period == pytest.approx(0.25e-3)
     (view,) = task.views
-    left = view.residuals(described.data.fitted[0], [{"m": 2.04, "C": 3.92, "F_0": OFFSET}])
+    left = view.residuals([(described.data.fitted[0], {"m": 2.04, "C": 3.92, "F_0": OFFSET})])[0]
     assert np.sqrt(np.mean(left**2)) == pytest.approx(0.002, rel=0.1)
 
 

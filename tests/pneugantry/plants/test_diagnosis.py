@@ -72,7 +72,7 @@ def test_what_a_controller_reads_late_is_not_a_late_command(gantry: FmuFile) -> 
     view = ControllerView({"one": read_late})
     record = record_of("one", read_late)
     late = [{}, {"timing.delay": 0.005}, {"timing.sensing": 0.005}]
-    unmoved, acting, sensing = np.abs(view.residuals(record, late)).max(axis=(1, 2))
+    unmoved, acting, sensing = np.abs(view.residuals([(record, v) for v in late])).max(axis=(1, 2))
     assert sensing < 1e-3 * unmoved
     assert acting > 10 * sensing
 
