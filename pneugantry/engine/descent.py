@@ -58,10 +58,20 @@ class Weighing:
 
     def __init__(self, of_views: Noise, rules: Rules) -> None:
         self.noise, self.freedom = of_views, rules.tails
+        self._white: dict[tuple[Cell, str], tuple[Array, Array]] = {}  # columns, and as innovations
 
     def innovations(self, cell: Cell, values: Array) -> Array:
         """Whitened residual or column of a cell, flattened."""
         return np.concatenate([w(values[:, c]) for c, w in enumerate(self.noise[cell])])
+
+    def whitened(self, columns: Columns, cell: Cell, name: str) -> Array:
+        """A column's innovations, flattened; kept as long as the column is the same."""
+        column = columns[cell, name]
+        kept = self._white.get((cell, name))
+        if kept is None or kept[0] is not column:
+            white = np.nan_to_num(self.innovations(cell, column))
+            kept = self._white[cell, name] = column, white
+        return kept[1]
 
     def costs(self, residuals: Residuals) -> dict[str, float]:
         """-2 log likelihood by view."""
@@ -90,12 +100,9 @@ class Weighing:
             if index and np.isfinite(r).all():
                 w = self.innovations(cell, r)
                 root = np.sqrt(noise.weights(w, self.freedom))
-                j = np.column_stack(
-                    [self.innovations(cell, columns[cell, names[i]]) for i in index]
-                )
-                j = np.nan_to_num(j) * root[:, None]
-                normal[np.ix_(index, index)] += j.T @ j
-                gradient[index] += j.T @ (w * root)
+                j = np.stack([self.whitened(columns, cell, names[i]) for i in index]) * root
+                normal[np.ix_(index, index)] += j @ j.T
+                gradient[index] += j @ (w * root)
         return normal, gradient
 
 
@@ -165,10 +172,11 @@ def descend(
     damping = np.full(len(names), LEAST if problem.fine else rules.damping)
     views = {c[0] for c in problem.cells}
     old: set[str] = set()  # views whose columns are those of an earlier point
+    known = None if of_views is None else Weighing(of_views, rules)
     for steps in range(rules.iterations):
         if hopeless(steps, state):
             break
-        weighing = Weighing(of_views or flat_noise(sim, state.residuals), rules)
+        weighing = known or Weighing(flat_noise(sim, state.residuals), rules)
         step = _step(problem, state, weighing, damping, converged)
         if step is None:
             if not old:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneugantry.engine import noise
-from pneugantry.engine.catalogue import Form
+from pneugantry.engine.catalogue import Effect, Form
 from pneugantry.engine.descent import (
     FAILED,
     LARGE,
@@ -194,6 +194,13 @@ class Fitter:
         self.simulation.prepare(
             [({*nuisances, *(p.name for p in h.parameters)}, h.settings) for h in hypotheses]
         )
+
+    def prepare_any(self, base: Hypothesis, effects: Collection[Effect]) -> None:
+        """Before simulations of a hypothesis with any of the effects that keep its equations."""
+        forms = [f for e in effects for f in e.forms if not f.settings]
+        moving = {p.name for p in (*base.parameters, *(p for f in forms for p in f.parameters))}
+        moving |= {n.parameter for n in self.plant.nuisances}
+        self.simulation.prepare([(moving, base.settings)])
 
     def null(self) -> Fit:
         """Nuisances alone, under the tolerance that they show; not `again` thoroughly: few rigs

@@ -111,6 +111,8 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
     near, far = _Memory(), _Memory()
     for _ in range(fitter.rules.rounds):
         forms = _main_forms(fitter, trail.beside(best.keys), every=fitter.loud(best))
+        if best.keys:  # there are too many pairs to prepare each
+            fitter.prepare_any(best.hypothesis, trail.offered.values())
         trail.screened = screen(fitter, best, forms, near.about(fitter, best))
         fits = _fits(fitter, best, trail.screened, trail.bar, forms, far)
         finals = _finals(fitter, best, fits, trail.bar)
@@ -593,7 +595,11 @@ class _Cell:
     innovations: Array
     roots: Array
     index: list[int]
-    columns: Array  # (rows, nuisances)
+    columns: Array  # (nuisances, rows)
+
+    def along(self, nuisances: Array) -> Array:
+        """Change of the innovations (rows,) by a step of all nuisances."""
+        return nuisances[self.index] @ self.columns if self.index else np.zeros(len(self.roots))
 
 
 class _Test:
@@ -616,12 +622,13 @@ class _Test:
         for cell in fitter.simulation.cells:
             w = self.weighing.innovations(cell, base.residuals[cell])
             index = [i for i, name in enumerate(names) if (cell, name) in base.columns]
-            columns = [self.weighing.innovations(cell, base.columns[cell, names[i]]) for i in index]
-            j = np.nan_to_num(np.column_stack(columns or [np.zeros(len(w))]))
+            columns = [self.weighing.whitened(base.columns, cell, names[i]) for i in index]
+            j = np.stack(columns or [np.zeros(len(w))])
             roots = np.sqrt(weights(w, self.tails))
             self.cells[cell] = _Cell(w, roots, index, j)
         self.least = {
-            c: loss(self._moved(at, self.plain), self.tails) for c, at in self.cells.items()
+            c: loss(at.innovations + at.along(self.plain), self.tails)
+            for c, at in self.cells.items()
         }
 
     @property
@@ -640,7 +647,12 @@ class _Test:
         straight, step, nuisances, white = self._stepped(columns)
         if straight < NOTHING * self.rules.effect:
             return straight
-        return max(self._fall(white, share * step, share * nuisances) for share in SHARES)
+        along = {
+            cell: at.along(nuisances) + (step @ white[cell] if cell in white else 0.0)
+            for cell, at in self.cells.items()
+            if cell in white or at.index
+        }
+        return max(self._fall(along, share, step, nuisances) for share in SHARES)
 
     def onward(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
         """The same of a step towards a start, were the cost a parabola: what lies the other way is
@@ -663,34 +675,31 @@ class _Test:
         white = {}
         for cell, raw in columns.items():
             at = self.cells[cell]
-            d = np.column_stack([self.weighing.innovations(cell, c) for c in raw])
+            d = np.stack([self.weighing.innovations(cell, c) for c in raw])
             white[cell] = d
-            weighed = d * at.roots[:, None]
-            square += weighed.T @ weighed
-            pull += weighed.T @ (at.innovations * at.roots)
+            weighed = d * at.roots
+            square += weighed @ weighed.T
+            pull += weighed @ (at.innovations * at.roots)
             if at.index:
-                cross[at.index] += (at.columns * at.roots[:, None]).T @ weighed
+                cross[at.index] += at.columns @ (weighed * at.roots).T
         square = square - cross.T @ self.inverse @ cross
         pull = pull - cross.T @ self.inverse @ self.gradient
         step = np.asarray(-np.linalg.lstsq(square, pull, rcond=1e-10)[0])
         nuisances = np.asarray(-self.inverse @ (self.gradient + cross @ step))
         return float(-step @ pull), step, nuisances, white
 
-    def _fall(self, white: Mapping[Cell, Array], step: Array, nuisances: Array) -> float:
-        """Of the cost, were all as straight as the columns, against a step of the nuisances."""
+    def _fall(
+        self, along: Mapping[Cell, Array], share: float, step: Array, nuisances: Array
+    ) -> float:
+        """Of the cost, were all as straight as the columns, against a step of the nuisances. along:
+        change of the innovations by the whole of both steps.
+        """
         falls = []
-        for cell, at in self.cells.items():
-            if cell not in white and not at.index:
-                continue
-            moved = self._moved(at, nuisances)
-            if cell in white:
-                moved = moved + white[cell] @ step
-            fall = self.least[cell] - loss(moved, self.tails)
+        for cell, moved in along.items():
+            at = self.cells[cell]
+            fall = self.least[cell] - loss(at.innovations + share * moved, self.tails)
             falls.append(np.add.reduceat(fall, np.arange(0, len(fall), CHUNK)))
-        before, after = self.theta + self.plain, self.theta + nuisances
+        before, after = self.theta + self.plain, self.theta + share * nuisances
         prior = float((self.worth * self.precision) @ (before**2 - after**2))
-        prior -= float(step @ step) / self.rules.effect_prior**2
+        prior -= share**2 * float(step @ step) / self.rules.effect_prior**2
         return prior + doubted(np.concatenate(falls), self.rules.doubt)
-
-    def _moved(self, at: _Cell, nuisances: Array) -> Array:
-        return at.innovations + (at.columns @ nuisances[at.index] if at.index else 0.0)

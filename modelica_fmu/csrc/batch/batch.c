@@ -28,7 +28,8 @@ typedef struct {
     const double *values;      /* [n_runs][n_parameters] */
     const unsigned *drive;     /* [n_runs], what drives each run */
     const unsigned *inputs;
-    const size_t *rows;        /* [n_drives], of each */
+    const size_t *rows, *sound; /* [n_drives], of each, and until an input is out of its bounds */
+    const unsigned char *const *kind; /* [n_drives] of [rows], of RowKind */
     const double *const *at;   /* [n_drives] of [rows][n_inputs], at the rows */
     const double *const *over; /* [n_drives] of [rows][n_parts][n_inputs], over the parts of the period behind each row */
     const unsigned *corrected; /* states */
@@ -38,17 +39,16 @@ typedef struct {
     double *const *result;     /* [n_runs] of [rows][n_outputs]; NaN behind a failure */
 } Batch;
 
-/* What one call finds out once of each drive: where things lie in an instance, how far the inputs are sound, and what rows are like. */
+/* What one call finds out once of each drive: where things lie in an instance. */
 typedef struct {
     const double *at, *over, *measured;
+    const unsigned char *kind;
     int place[AT_LEAST_1(N_INPUTS)];    /* of each input among the model's */
     size_t state[AT_LEAST_1(N_STATES)]; /* of each corrected state among the model's */
-    size_t rows;                        /* of the drive */
-    size_t sound;                       /* rows until an input is out of its bounds */
+    size_t rows, sound;
     int same;                           /* inputs at the rows are those behind them */
     int plain;                          /* every output is a state, which inputs alone do not change */
     int laned;                          /* every output is a state or among the model's own outputs */
-    unsigned char *kind;                /* [rows], of RowKind */
 } Plan;
 
 typedef enum {
@@ -135,45 +135,10 @@ static int one_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
 
 #include "lanes.h"
 
-/* Rows until one is out of its inputs' bounds. */
-static size_t sound(const Batch *b, const double *rows, size_t n) {
-    double least[AT_LEAST_1(N_INPUTS)], most[AT_LEAST_1(N_INPUTS)];
-    for (size_t i = 0; i < b->n_inputs; i++) {
-        const ModelVariable *v = &model_variables[b->inputs[i]];
-        least[i] = fmax(v->min, -DBL_MAX), most[i] = fmin(v->max, DBL_MAX);
-    }
-    for (size_t k = 0; k < n; k++, rows += b->n_inputs) {
-        int good = 1;
-        for (size_t i = 0; i < b->n_inputs; i++) good &= rows[i] >= least[i] && rows[i] <= most[i];
-        if (!good) return k;
-    }
-    return n;
-}
-
-/* Of what kind each row is. */
-static void find_kinds(const Batch *b, Plan *plan) {
-    const size_t n = b->n_inputs, parts = b->n_parts;
-    memset(plan->kind, 0, plan->rows);
-    for (size_t k = 0; k < plan->rows; k++) {
-        const double *row = plan->over + k * parts * n;
-        int same = 1;
-        for (size_t j = n; j < parts * n; j++) same &= row[j] == row[j - n];
-        if (same) plan->kind[k] |= STEADY;
-    }
-    for (size_t i = 0; i < n; i++) {
-        if (model_variables[b->inputs[i]].type == VT_REAL) continue;
-        for (size_t k = 1; k < plan->rows; k++) {
-            const double now = plan->at[k * n + i];
-            int changed = now != plan->at[(k - 1) * n + i];
-            for (size_t j = (k - 1) * parts; j < (k + 1) * parts; j++) changed |= plan->over[j * n + i] != now;
-            if (changed) plan->kind[k] |= SWITCHED;
-        }
-    }
-}
-
-/* Whether what is to be corrected are states, and there is memory. */
+/* Whether what is to be corrected are states. */
 static int planned(const Batch *b, size_t drive, Plan *plan) {
-    plan->rows = b->rows[drive], plan->at = b->at[drive], plan->over = b->over[drive], plan->measured = b->measured[drive];
+    plan->rows = b->rows[drive], plan->sound = b->sound[drive], plan->kind = b->kind[drive];
+    plan->at = b->at[drive], plan->over = b->over[drive], plan->measured = b->measured[drive];
     for (size_t i = 0; i < b->n_corrected; i++) {
         size_t j = 0;
         while (j < model_n_states && model_state_references[j] != b->corrected[i]) j++;
@@ -189,14 +154,7 @@ static int planned(const Batch *b, size_t drive, Plan *plan) {
         plan->laned &= v->kind == VK_STATE || (v->kind == VK_ALGEBRAIC && v->index < N_OUTPUTS);
     }
     for (size_t i = 0; i < b->n_inputs; i++) plan->place[i] = model_variables[b->inputs[i]].index;
-    plan->sound = sound(b, plan->at, plan->rows);
-    if (!plan->same) {
-        const size_t behind = sound(b, plan->over, plan->rows * b->n_parts) / b->n_parts;
-        if (behind < plan->sound) plan->sound = behind;
-    }
-    plan->kind = malloc(plan->rows + 1); /* of no row, too */
-    if (plan->kind) find_kinds(b, plan);
-    return plan->kind != NULL;
+    return 1;
 }
 
 /* Runs from `first` on side by side. Returns how many failed; -1: out of memory. */
@@ -249,7 +207,6 @@ EXPORTED int batch_run(const Batch *b) {
     int good = plans != NULL;
     for (size_t i = 0; good && i < b->n_drives; i++) good = planned(b, i, plans + i);
     const int failed = good ? all_runs(b, plans) : -1;
-    for (size_t i = 0; plans && i < b->n_drives; i++) free(plans[i].kind);
     free(plans);
     return failed;
 }
