@@ -21,7 +21,13 @@ from modelica_fmu import source_key
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.errors import InputError
 from modelica_fmu.lanes import in_lanes, with_elementary
-from modelica_fmu.toolchain import compile_library, find_compiler, host_platform
+from modelica_fmu.toolchain import (
+    compile_library,
+    find_compiler,
+    host_platform,
+    own_processor,
+    processor,
+)
 
 __all__ = [
     "Correction",
@@ -287,8 +293,10 @@ def read_part(folder: Path, key: str) -> Part | None:
 
 
 def part_key(model: Path, what: str) -> str:
-    """Hash of what decides a part: sources, compiler, flags, outputs and known variables."""
-    key = source_key([model], f"{what}, {EVENTS} events", "batch", None)
+    """Hash of what decides a part: sources, compiler, flags, processor, outputs and known
+    variables.
+    """
+    key = source_key([model], f"{what}, {EVENTS} events, {processor()}", "batch", None)
     return hashlib.sha256(key.encode()).hexdigest()[:24]
 
 
@@ -306,7 +314,9 @@ def _compile(compiled: CompiledModel, folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
     names = [n for n in sources if n.endswith(".c") and n != "core.c"]  # batch.c holds it
     output = f"part{target.extension}"
-    compile_library(find_compiler(target), target, folder, names, output, VECTOR_FLAGS)
+    compiler = find_compiler(target)
+    flags = (*VECTOR_FLAGS, *own_processor(compiler, target))
+    compile_library(compiler, target, folder, names, output, flags)
     for name in sources:
         (folder / name).unlink()
     keys = ("name", "kind", "type", "start", "unit", "min", "max")

@@ -59,7 +59,9 @@ def in_lanes(source: str, names: Sequence[str]) -> str:
         arrays = "".join(f", Lane *restrict {r}" for r in re.findall(r"double \*(\w+)", head))
         statements, results = _read(ELEMENTARY.sub(r"vector_\1(", body).splitlines())
         lines = "\n".join(_loops(statements, results))
-        made.append(f"WIDE void lanes_{name}(const LaneData *restrict q{arrays}) {{\n{lines}\n}}\n")
+        made.append(
+            f"APART void lanes_{name}(const LaneData *restrict q{arrays}) {{\n{lines}\n}}\n"
+        )
     return "\n".join(made)
 
 

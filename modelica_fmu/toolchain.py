@@ -4,6 +4,7 @@ ziglang cc`.
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import os
 import platform as host
@@ -132,6 +133,24 @@ def flags_for(compiler: Compiler, target: Platform) -> tuple[str, ...]:
     flags = FLAGS if target.extension == ".dll" else (*FLAGS, "-fPIC")
     # zig adds debug information, which holds the build's folder and time, unless told not to
     return (*flags, "-g0", "-s", "-target", target.zig_target) if compiler.zig else flags
+
+
+def own_processor(compiler: Compiler, target: Platform) -> tuple[str, ...]:
+    """Flags for code that runs on this machine alone, and faster; none where the compiler or the
+    target has no such flag.
+    """
+    native = target == host_platform() and target.fmi3 == "x86_64-linux" and not compiler.zig
+    return ("-march=native",) if native else ()
+
+
+@functools.cache
+def processor() -> str:
+    """What this machine's processor can do, as Linux lists it; "" elsewhere."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return ""
+    return next((line for line in lines if line.startswith("flags")), "")
 
 
 def compile_library(

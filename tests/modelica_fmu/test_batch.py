@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from test_cut import CART, MEASURED
 from modelica_fmu.batch import Correction, Drive, Part, Subsystem, build_part, part_key, read_part
 from modelica_fmu.cut import cut
 from modelica_fmu.errors import InputError
+from modelica_fmu.toolchain import PLATFORMS, Compiler, host_platform, own_processor
 from pyfmi_runner.build import build_fmu, cache_folder, default_model
 from pyfmi_runner.campaign import LogSetup
 from pyfmi_runner.fmu import FmuFile
@@ -65,6 +67,24 @@ def test_inputs_may_change_within_rows(cart: Subsystem) -> None:
     mean = Drive({"u": parts.mean(axis=1)})
     averaged = cart.run(["K"], np.array([[2.0]]), mean, ["f"], 2 * PERIOD)[0]
     assert np.abs(averaged[:, 0] - expected[:, 0]).max() > 1e-4
+
+
+def test_code_for_this_processor_is_kept_apart_from_another_s(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder that machines share may hold parts of each."""
+    (tmp_path / "Toy.mo").write_text(CART, encoding="utf-8")
+    here = part_key(tmp_path / "Toy.mo", "cart")
+    assert here == part_key(tmp_path / "Toy.mo", "cart")
+    monkeypatch.setattr("modelica_fmu.batch.processor", lambda: "flags: fpu")
+    assert here != part_key(tmp_path / "Toy.mo", "cart")
+
+
+def test_code_for_others_is_for_any_processor() -> None:
+    own, zig = host_platform(), Compiler(("zig", "cc"), "", zig=True)
+    abroad = next(p for p in PLATFORMS if p != own)
+    assert own_processor(zig, own) == ()
+    assert own_processor(replace(zig, zig=False), abroad) == ()
 
 
 def test_an_input_that_the_part_lacks_is_refused(cart: Subsystem) -> None:

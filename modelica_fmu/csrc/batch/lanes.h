@@ -7,19 +7,14 @@
  */
 #define LANES 8
 #define ROUNDS 6    /* of settling relations; core.c tries more */
+#define AHEAD 32    /* rows */
 #define CALM 0.6561 /* error, in units of the tolerance, up to which core.c does not shorten its next step: 0.9^4 */
 
 /* A model for this: nothing but states, relations and memories. */
 #define LANED (N_DELAYS + N_SAMPLES + N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS + N_ASSERTIONS == 0)
 
 #if LANED
-#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
-#define WIDE __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
-#define INLINE static inline __attribute__((always_inline)) /* for the processor of what calls it */
-#else
-#define WIDE
-#define INLINE static inline
-#endif
+#define APART static __attribute__((noinline)) /* called from several places: copies would take long to compile */
 
 typedef double Lane[LANES];
 typedef int64_t Whole[LANES]; /* as wide: no vector is split */
@@ -40,50 +35,55 @@ typedef struct {
     Lane condition[AT_LEAST_1(N_BRANCHES)]; /* of when-clauses, after the last event */
     Lane x0[AT_LEAST_1(N_STATES)], m0[AT_LEAST_1(N_RELATIONS)], condition0[AT_LEAST_1(N_BRANCHES)]; /* where the row began */
     int kept;       /* m0 and condition0 are set: relations have changed since */
-    int alike;      /* one plan drives all lanes */
     Lane allowed;   /* s, step that each run's error allows; 0: an implicit one, which is core.c's alone */
-    Whole off;      /* lanes that leave this row to core.c */
-    Whole over;     /* lanes without a run, or whose run is over */
+    Lane off;       /* not 0: lanes that leave this row to core.c */
+    Lane over;      /* 1: lanes without a run, or whose run is over */
     Instance *run[LANES];
     const Plan *plan[LANES];
     double *result[LANES];
     int failed[LANES];
     size_t rows;         /* of the longest run */
     unsigned char *kind; /* [rows], STEADY where all lanes are, SWITCHED where one is or ends */
+    size_t ahead;        /* row from which on these are of all lanes, side by side; see look_ahead */
+    Lane *at, *over_parts, *measured;
 } Lanes;
 
-INLINE void contradict(const LaneData *q, const Lane *z, int64_t *restrict off) {
+/* Flags are doubles, as what they are made of: vectors are not converted. */
+static inline void contradict(const LaneData *q, const Lane *z, double *restrict off) {
     for (int i = 0; i < N_RELATIONS; i++) {
         const int inclusive = model_inclusive[i];
-        for (int l = 0; l < LANES; l++) off[l] |= (inclusive ? z[i][l] >= 0 : z[i][l] > 0) != (q->m[i][l] != 0);
+        for (int l = 0; l < LANES; l++) {
+            const double now = (inclusive ? z[i][l] >= 0 : z[i][l] > 0) ? 1 : 0;
+            off[l] += now != q->m[i][l] ? 1 : 0;
+        }
     }
 }
 
-INLINE void refuse_endless(const Lane *values, int n, int64_t *restrict off) {
+static inline void refuse_endless(const Lane *values, int n, double *restrict off) {
     for (int i = 0; i < n; i++)
-        for (int l = 0; l < LANES; l++) off[l] |= !(fabs(values[i][l]) < HUGE_VAL);
+        for (int l = 0; l < LANES; l++) off[l] += values[i][l] - values[i][l]; /* 0, or no number */
 }
 
-INLINE int64_t any(const int64_t *lanes) {
-    int64_t found = 0;
-    for (int l = 0; l < LANES; l++) found |= lanes[l];
-    return found;
+static inline int any(const double *lanes) {
+    double found = 0;
+    for (int l = 0; l < LANES; l++) found += lanes[l];
+    return found != 0;
 }
 
 /* Conditions under new relations; a lane in which one rises is off: its when-clause fires. */
-INLINE void condition_lanes(Lanes *w, const int64_t *changed) {
+static inline void condition_lanes(Lanes *w, const double *changed) {
     Lane now[AT_LEAST_1(N_BRANCHES)];
     lanes_conditions(&w->q, now);
     for (int i = 0; i < N_BRANCHES; i++)
         for (int l = 0; l < LANES; l++) {
-            w->off[l] |= changed[l] && now[i][l] != 0 && w->condition[i][l] == 0;
-            w->condition[i][l] = changed[l] ? now[i][l] : w->condition[i][l];
+            w->off[l] += (changed[l] != 0) & (now[i][l] != 0) & (w->condition[i][l] == 0) ? 1 : 0;
+            w->condition[i][l] = changed[l] != 0 ? now[i][l] : w->condition[i][l];
         }
 }
 
 /* Relations as they are now, and rates under them, as iterate_events of core.c finds them. */
-INLINE void settle_lanes(Lanes *w) {
-    Whole changed = {0}, odd = {0};
+static inline void settle_lanes(Lanes *w) {
+    Lane changed = {0}, odd = {0};
     for (int round = 0; round < ROUNDS; round++) {
         memset(odd, 0, sizeof odd);
         lanes_rates(&w->q, w->dx, w->z);
@@ -94,28 +94,28 @@ INLINE void settle_lanes(Lanes *w) {
             memcpy(w->condition0, w->condition, sizeof w->condition0);
             w->kept = 1;
         }
-        for (int l = 0; l < LANES; l++) changed[l] |= odd[l];
+        for (int l = 0; l < LANES; l++) changed[l] += odd[l];
         for (int i = 0; i < N_RELATIONS; i++) {
             const int inclusive = model_inclusive[i];
-            for (int l = 0; l < LANES; l++) w->q.m[i][l] = inclusive ? w->z[i][l] >= 0 : w->z[i][l] > 0;
+            for (int l = 0; l < LANES; l++) w->q.m[i][l] = (inclusive ? w->z[i][l] >= 0 : w->z[i][l] > 0) ? 1 : 0;
         }
     }
-    for (int l = 0; l < LANES; l++) w->off[l] |= odd[l] | (N_MEMORIES ? changed[l] : 0);
+    for (int l = 0; l < LANES; l++) w->off[l] += odd[l] + (N_MEMORIES ? changed[l] : 0);
     if (N_BRANCHES && any(changed)) condition_lanes(w, changed);
     refuse_endless(w->dx, N_STATES, w->off);
 }
 
 /* x of a stage, `share` of a step behind x0 at the rates dx. */
-INLINE void stage(Lane *restrict x, const Lane *restrict x0, double share, const Lane *restrict dx) {
+static inline void stage(Lane *restrict x, const Lane *restrict x0, double share, const Lane *restrict dx) {
     for (int i = 0; i < N_STATES; i++)
         for (int l = 0; l < LANES; l++) x[i][l] = x0[i][l] + share * dx[i][l];
 }
 
 /* One Runge-Kutta step of length h, as attempt_explicit of core.c. */
-INLINE void step_lanes(Lanes *w, double h) {
+static inline void step_lanes(Lanes *w, double h) {
     LaneData *q = &w->q;
     Lane x0[AT_LEAST_1(N_STATES)], k2[AT_LEAST_1(N_STATES)], k3[AT_LEAST_1(N_STATES)], k4[AT_LEAST_1(N_STATES)];
-    const double time = q->time, calm = CALM;
+    const double time = q->time;
     memcpy(x0, q->x, sizeof x0);
     q->time = time + 0.5 * h;
     stage(q->x, x0, 0.5 * h, w->dx);
@@ -130,46 +130,58 @@ INLINE void step_lanes(Lanes *w, double h) {
         for (int l = 0; l < LANES; l++) q->x[i][l] = x0[i][l] + h / 6 * (w->dx[i][l] + 2 * (k2[i][l] + k3[i][l]) + k4[i][l]);
     lanes_rates(q, w->dx, w->z);
     contradict(q, w->z, w->off);
-    for (int i = 0; i < N_STATES; i++)
+    for (int i = 0; i < N_STATES; i++) {
+        const double *restrict x = q->x[i], *restrict first = k4[i], *restrict last = w->dx[i], *restrict tolerance = q->p[P_TOLERANCE];
+        const double nominal = model_nominals[i];
+        double *restrict off = w->off;
         for (int l = 0; l < LANES; l++) {
-            const double size = fabs(q->x[i][l]) > model_nominals[i] ? fabs(q->x[i][l]) : model_nominals[i];
-            w->off[l] |= !(fabs(h * 0.1 * (k4[i][l] - w->dx[i][l])) <= calm * q->p[P_TOLERANCE][l] * size);
+            const double size = fabs(x[l]) > nominal ? fabs(x[l]) : nominal;
+            const double error = fabs(h * 0.1 * (first[l] - last[l]));
+            off[l] += error <= CALM * tolerance[l] * size ? 0.0 : 1.0;
         }
+    }
     refuse_endless(q->x, N_STATES, w->off);
     refuse_endless(w->dx, N_STATES, w->off);
 }
 
-/* Inputs, from a row of those at the rows or over parts of them. */
-INLINE void put_lanes(Lanes *w, const Batch *b, int over, size_t row) {
-    for (size_t i = 0; i < b->n_inputs; i++) {
-        double *to = w->q.u[w->plan[0]->place[i]];
-        const size_t at = row * b->n_inputs + i;
-        if (w->alike) {
-            const double value = (over ? w->plan[0]->over : w->plan[0]->at)[at];
-            for (int l = 0; l < LANES; l++) to[l] = value;
-        } else {
-            for (int l = 0; l < LANES; l++)
-                if (!w->over[l]) to[l] = (over ? w->plan[l]->over : w->plan[l]->at)[at];
-        }
+/* A table's rows, of all lanes side by side; a lane that is over keeps what it was given last. */
+static inline void beside(Lanes *w, Lane *to, const double *const *from, size_t first, size_t values) {
+    for (int l = 0; l < LANES; l++) {
+        const size_t left = w->plan[l]->rows > first ? w->plan[l]->rows - first : 0, n = (left < AHEAD ? left : AHEAD) * values;
+        const double *own = from[l] + first * values;
+        for (size_t i = 0; i < n; i++) to[i][l] = own[i];
     }
 }
 
-INLINE void draw_lanes(Lanes *w, const Batch *b, size_t k) {
+/* Inputs and measured states of the next rows: what is stored one by one cannot be read as a vector at once. */
+static inline void look_ahead(Lanes *w, const Batch *b, size_t k) {
+    const double *at[LANES], *over[LANES], *measured[LANES];
+    for (int l = 0; l < LANES; l++) at[l] = w->plan[l]->at, over[l] = w->plan[l]->over, measured[l] = w->plan[l]->measured;
+    if (!w->plan[0]->plain) beside(w, w->at, at, k, b->n_inputs);
+    beside(w, w->over_parts, over, k, b->n_inputs * b->n_parts);
+    beside(w, w->measured, measured, k, b->n_corrected);
+    w->ahead = k;
+}
+
+static inline void put_lanes(Lanes *w, const Batch *b, const Lane *row) {
+    for (size_t i = 0; i < b->n_inputs; i++) memcpy(w->q.u[w->plan[0]->place[i]], row[i], sizeof row[i]);
+}
+
+static inline void draw_lanes(Lanes *w, const Batch *b, const Lane *measured) {
     for (size_t i = 0; i < b->n_corrected; i++) {
-        double *x = w->q.x[w->plan[0]->state[i]];
-        const double gain = b->gains[i];
+        double *restrict x = w->q.x[w->plan[0]->state[i]];
+        const double *restrict to = measured[i], gain = b->gains[i];
         for (int l = 0; l < LANES; l++) {
-            if (w->over[l]) continue;
-            const double to = w->plan[l]->measured[k * b->n_corrected + i];
-            if (isfinite(to)) x[l] += gain * (to - x[l]);
+            const double drawn = x[l] + gain * (to[l] - x[l]);
+            x[l] = fabs(to[l]) < HUGE_VAL ? drawn : x[l];
         }
     }
 }
 
 /* Over a time under constant inputs, in steps as core.c would take. */
-INLINE void pass_lanes(Lanes *w, double time, double length) {
+static inline void pass_lanes(Lanes *w, double time, double length) {
     const double end = time + length, longest = w->run[0]->c.q.p[P_MAX_STEP], usual = length < longest ? length : longest;
-    for (int l = 0; l < LANES; l++) w->off[l] |= w->allowed[l] < usual;
+    for (int l = 0; l < LANES; l++) w->off[l] += w->allowed[l] < usual ? 1 : 0;
     w->q.time = time;
     settle_lanes(w);
     for (int last = 0; !last;) {
@@ -180,11 +192,11 @@ INLINE void pass_lanes(Lanes *w, double time, double length) {
 }
 
 /* What row k says, then the way to the next one, of the lanes that are not off. */
-INLINE void lanes_row(Lanes *w, const Batch *b, size_t k) {
+static inline void lanes_row(Lanes *w, const Batch *b, size_t k) {
     const double time = (double)k * b->period, part = b->period / (double)b->n_parts;
     const int whole = w->kind[k] & STEADY;
     if (!w->plan[0]->plain) {
-        put_lanes(w, b, 0, k);
+        put_lanes(w, b, w->at + (k - w->ahead) * b->n_inputs);
         w->q.time = time;
         settle_lanes(w);
         lanes_outputs(&w->q, w->y);
@@ -194,31 +206,32 @@ INLINE void lanes_row(Lanes *w, const Batch *b, size_t k) {
         const Lane *from = v->kind == VK_STATE ? &w->q.x[v->index] : &w->y[v->index];
         refuse_endless(from, 1, w->off);
         for (int l = 0; l < LANES; l++)
-            if (!w->off[l]) w->result[l][k * b->n_outputs + i] = (*from)[l];
+            if (w->off[l] == 0) w->result[l][k * b->n_outputs + i] = (*from)[l];
     }
     if (N_STATES == 0 || k + 1 == w->rows) return;
-    draw_lanes(w, b, k);
+    draw_lanes(w, b, w->measured + (k - w->ahead) * b->n_corrected);
     for (size_t j = 0; j < (whole ? 1 : b->n_parts); j++) {
-        put_lanes(w, b, 1, k * b->n_parts + j);
+        put_lanes(w, b, w->over_parts + ((k - w->ahead) * b->n_parts + j) * b->n_inputs);
         pass_lanes(w, time + (double)j * part, whole ? b->period : part);
     }
 }
 
 /* Rows from k on, until one that some lane leaves to core.c: that row. */
-WIDE size_t lanes_rows(Lanes *w, const Batch *b, size_t k) {
+static size_t lanes_rows(Lanes *w, const Batch *b, size_t k) {
     for (; k < w->rows; k++) {
-        int64_t left = 0, some = 0;
+        double left = 0, some = 0;
         if (w->kind[k] & SWITCHED)
-            for (int l = 0; l < LANES; l++) w->over[l] |= k >= w->plan[l]->sound;
+            for (int l = 0; l < LANES; l++) w->over[l] = k >= w->plan[l]->sound ? 1 : w->over[l];
         memcpy(w->off, w->over, sizeof w->off);
         if (w->kind[k] & SWITCHED || k == 0)
-            for (int l = 0; l < LANES; l++) w->off[l] |= k == 0 || (!w->over[l] && w->plan[l]->kind[k] & SWITCHED);
+            for (int l = 0; l < LANES; l++) w->off[l] += k == 0 || (w->over[l] == 0 && w->plan[l]->kind[k] & SWITCHED);
+        if (k == 0 || k >= w->ahead + AHEAD) look_ahead(w, b, k);
         memcpy(w->x0, w->q.x, sizeof w->x0);
         w->kept = 0;
-        for (int l = 0; l < LANES; l++) left |= !w->off[l];
-        if (left) lanes_row(w, b, k);
-        for (int l = 0; l < LANES; l++) some |= w->off[l] & !w->over[l];
-        if (some) return k;
+        for (int l = 0; l < LANES; l++) left += w->off[l] == 0 ? 1.0 : 0.0;
+        if (left > 0) lanes_row(w, b, k);
+        for (int l = 0; l < LANES; l++) some += (w->off[l] != 0) & (w->over[l] == 0) ? 1.0 : 0.0;
+        if (some > 0) return k;
     }
     return k;
 }
@@ -248,18 +261,19 @@ static void run_of_lane(const Lanes *w, int l) {
     invalidate(w->run[l]);
 }
 
-/* What the lanes' rows have in common. */
-static int find_joint(Lanes *w) {
+/* What the lanes' rows have in common, and room for what is looked ahead at. */
+static int prepare_rows(Lanes *w, const Batch *b) {
     for (int l = 0; l < w->q.n; l++) w->rows = w->plan[l]->sound > w->rows ? w->plan[l]->sound : w->rows;
     w->kind = malloc(w->rows + 1);
-    if (!w->kind) return 0;
+    w->at = calloc(AHEAD * (b->n_inputs * (1 + b->n_parts) + b->n_corrected) + 1, sizeof *w->at);
+    if (!w->kind || !w->at) return 0;
+    w->over_parts = w->at + AHEAD * b->n_inputs;
+    w->measured = w->over_parts + AHEAD * b->n_inputs * b->n_parts;
     memset(w->kind, STEADY, w->rows);
-    w->alike = 1;
     for (int l = 0; l < w->q.n; l++) {
         const Plan *plan = w->plan[l];
         for (size_t k = 0; k < plan->sound; k++) w->kind[k] = (w->kind[k] & plan->kind[k] & STEADY) | ((w->kind[k] | plan->kind[k]) & SWITCHED);
         if (plan->sound < w->rows) w->kind[plan->sound] |= SWITCHED;
-        w->alike &= plan == w->plan[0];
     }
     return 1;
 }
@@ -273,21 +287,22 @@ static int lanes_run(Lanes *w, const Batch *b) {
         parameters_of_run(w, l);
         lane_of_run(w, l);
     }
-    if (!find_joint(w)) return -1;
-    for (size_t k = lanes_rows(w, b, 0); k < w->rows; k = lanes_rows(w, b, k + 1))
+    if (!prepare_rows(w, b)) failed = -1;
+    for (size_t k = failed ? w->rows : lanes_rows(w, b, 0); k < w->rows; k = lanes_rows(w, b, k + 1))
         for (int l = 0; l < w->q.n; l++) {
-            if (!w->off[l] || w->over[l]) continue;
+            if (w->off[l] == 0 || w->over[l] != 0) continue;
             run_of_lane(w, l);
             w->failed[l] = !one_row(w->run[l], b, w->plan[l], k, w->result[l]);
             if (w->failed[l]) end_run(b, w->plan[l], k, w->result[l]);
             w->over[l] = w->failed[l];
             lane_of_run(w, l);
         }
-    for (int l = 0; l < w->q.n; l++) {
+    for (int l = 0; l < w->q.n && failed >= 0; l++) {
         if (!w->failed[l]) end_run(b, w->plan[l], w->plan[l]->sound, w->result[l]);
         failed += w->failed[l] || w->plan[l]->sound < w->plan[l]->rows;
     }
     free(w->kind);
+    free(w->at);
     return failed;
 }
 #endif

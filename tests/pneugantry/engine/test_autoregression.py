@@ -22,6 +22,17 @@ def test_coloured_noise_becomes_white_of_size_one() -> None:
     assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.05
 
 
+def test_the_size_is_that_of_the_innovations() -> None:
+    series = [
+        np.asarray(lfilter([1.0], [1.0, -1.9, 0.95], n))[:k]
+        for n, k in zip(NOISE, (4000, 900, 40), strict=True)
+    ]
+    whiten = whitener_of(series)
+    white = np.concatenate([whiten(s) for s in series])
+    assert len(whiten.coefficients) >= 2
+    assert np.sqrt(np.mean(white**2)) == pytest.approx(1.0, rel=1e-9)
+
+
 def test_white_noise_pays_for_no_order() -> None:
     assert len(whitener_of(list(NOISE)).coefficients) == 0
 

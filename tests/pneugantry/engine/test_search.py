@@ -14,11 +14,11 @@ from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.cuts import sharp_views
 from pneugantry.engine.excess import excess_of, floors_of
 from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.hypothesis import effect_coordinate
+from pneugantry.engine.hypothesis import Hypothesis, effect_coordinate
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.search import _main_forms, _other_forms, screen, search
-from pneugantry.engine.views import build_views
+from pneugantry.engine.views import SubsystemView, build_views
 
 MODEL = """
 model Drive "A motor's current, and the speed and position that it drives"
@@ -226,6 +226,23 @@ def test_each_set_of_equations_is_offered_once_where_every_one_is_asked_for(
     fitter.close()
     assert first == ["bump"]
     assert every == ["bump", "other"]
+
+
+def test_any_effect_beside_others_has_a_part_without_what_no_effect_moves(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts)
+    first = effect("drag", "drag", "mechanics", 2.0)
+    beside = in_forms("beside", {"cubic": 2.0, "bump": 2.0})
+    cubic, bump = beside.forms
+    beside = replace(beside, forms=(cubic, replace(bump, settings={"leak": 0.1})))
+    fitter.prepare_any(Hypothesis().plus(first, first.forms[0]), [beside])
+    view = next(v for v in fitter.simulation.views.values() if v.signals == ("v",))
+    assert isinstance(view, SubsystemView)
+    left = view._pieces.smallest({**view.defaults, "drag": 1.0, "cubic": 1.0}).parameters
+    fitter.close()
+    assert {"drag", "cubic", "m"} <= left
+    assert "bump" not in left
 
 
 def test_of_many_starts_those_are_kept_towards_which_the_rig_lies(

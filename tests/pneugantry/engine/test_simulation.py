@@ -47,6 +47,42 @@ def test_each_run_comes_back_in_its_place(counts: tuple[int, int]) -> None:
         assert [own[0, 0] for own in made] == [job["p"] for job in jobs[cell]]
 
 
+@pytest.mark.parametrize(
+    ("counts", "calls"),
+    [
+        ({"a": [1] * 10}, [5, 5]),  # one for each thread
+        ({"a": [1] * 10, "b": [1] * 10}, [10, 10]),
+        ({"a": [3] * 40}, [32, 32, 32, 24]),
+        ({"a": [40] * 10}, [64] * 6 + [16]),
+    ],
+)
+def test_the_records_of_a_view_are_simulated_together(
+    counts: dict[str, list[int]], calls: list[int]
+) -> None:
+    """In lanes that are full, and with work for two threads."""
+    views, made = [Scale() for _ in counts], []
+    for name, view in zip(counts, views, strict=True):
+        view.name = name
+    longest = max(map(len, counts.values()))
+    records = [SimpleNamespace(name=str(k), rows=10, period=0.1) for k in range(longest)]
+
+    def counted(runs: Sequence[Run]) -> list[Array]:
+        made.append(len(runs))
+        return [np.array([[v["p"]]]) for _, v in runs]
+
+    for view in views:
+        view.residuals = counted  # type: ignore[method-assign]
+    simulation = Simulation(
+        [cast(View, v) for v in views], [cast(Record, r) for r in records], Rules()
+    )
+    jobs = {
+        (name, str(k)): [{"p": 0.0}] * n for name, own in counts.items() for k, n in enumerate(own)
+    }
+    simulation.run(jobs)
+    simulation.close()
+    assert sorted(made, reverse=True) == calls
+
+
 class Wave:
     """A view whose residual is a wave of some length."""
 
