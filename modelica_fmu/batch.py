@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,8 +44,6 @@ __all__ = [
 # read, and a part that chatters would cost as much as a hundred that do not.
 EVENTS = 8
 LANED = ("rates", "outputs", "conditions")  # functions of a model that lanes call
-STEADY, SWITCHED = 1, 2  # kinds of a row, as in batch.c
-LARGEST = np.finfo(float).max
 VECTOR_FLAGS = ("-fno-math-errno", "-fno-trapping-math")  # no bit changes by them
 
 Array = NDArray[np.float64]
@@ -86,19 +84,6 @@ class Correction:
     shares: tuple[float, ...]
 
 
-class _Bounds(NamedTuple):
-    """Of an input."""
-
-    low: float
-    high: float
-    number: bool  # else a change of it may bring an event
-
-    @classmethod
-    def of(cls, v: PartVariable) -> _Bounds:
-        low = -np.inf if v.min is None else v.min
-        return cls(low, np.inf if v.max is None else v.max, v.type == "Real")
-
-
 class Drive:
     """What drives runs over a record: inputs and a correction."""
 
@@ -112,7 +97,7 @@ class Drive:
         equal parts of it.
         """
         self.inputs, self.correction = inputs, correction
-        self._kinds: dict[tuple[_Bounds, ...], tuple[int, NDArray[np.uint8]]] = {}
+        self.kinds: dict[Path, tuple[int, NDArray[np.uint8]]] = {}  # of its rows, to each part
 
     @cached_property
     def columns(self) -> tuple[Array, Array]:
@@ -132,30 +117,6 @@ class Drive:
         """Of a row, over which inputs may differ."""
         at, over = self.columns
         return len(over) // len(at)
-
-    def kinds(self, bounds: tuple[_Bounds, ...]) -> tuple[int, NDArray[np.uint8]]:
-        """Rows until an input is out of its bounds, and of what kind each is (RowKind of batch.c)
-        to a part whose inputs these are.
-        """
-        found = self._kinds.get(bounds)
-        if found is None:
-            found = self._kinds[bounds] = self._kinds_of(bounds)
-        return found
-
-    def _kinds_of(self, bounds: tuple[_Bounds, ...]) -> tuple[int, NDArray[np.uint8]]:
-        at, over = self.columns
-        parts = over.reshape(len(at), self.parts, -1)
-        rows = np.concatenate([at[:, None], parts], axis=1)  # (N, 1 + parts, inputs)
-        low = np.maximum([b.low for b in bounds], -LARGEST)
-        high = np.minimum([b.high for b in bounds], LARGEST)
-        sound = ((rows >= low) & (rows <= high)).all(axis=(1, 2))
-        steady = (parts == parts[:, :1]).all(axis=(1, 2))
-        modes = rows[:, :, [not b.number for b in bounds]]
-        apart = (modes != modes[:, :1]).any(axis=(1, 2))
-        switched = np.zeros(len(at), dtype=bool)
-        switched[1:] = apart[1:] | apart[:-1] | (modes[1:, 0] != modes[:-1, 0]).any(axis=1)
-        kinds = np.asarray(STEADY * steady + SWITCHED * switched, dtype=np.uint8)
-        return len(at) if sound.all() else int(np.argmin(sound)), kinds
 
     @cached_property
     def measured(self) -> Array:
@@ -184,7 +145,8 @@ class Subsystem:
         self._library.batch_run.argtypes = [ctypes.POINTER(_Batch)]
         self._library.batch_run.restype = ctypes.c_int
         self._references = {v.name: i for i, v in enumerate(part.variables)}
-        self._bounds = {v.name: _Bounds.of(v) for v in part.variables if v.kind == "input"}
+        self._library.batch_kinds.restype = ctypes.c_size_t
+        self._inputs = frozenset(part.of("input"))
 
     def run(
         self,
@@ -216,12 +178,12 @@ class Subsystem:
     ) -> list[Array]:
         """The same, (N, outputs) of each run: drives may differ in length."""
         inputs = drives[0].inputs
-        strange = set(inputs) - set(self._bounds)
+        strange = set(inputs) - self._inputs
         if strange:
             raise InputError(
                 "is no input of this part",
                 field=min(strange),
-                hint=f"the part has {', '.join(sorted(self._bounds))}",
+                hint=f"the part has {', '.join(sorted(self._inputs))}",
             )
         if len({d.parts for d in drives}) > 1:
             raise ValueError("drives of one call have the same parts of their rows")
@@ -238,15 +200,29 @@ class Subsystem:
         measured, results = _addresses([d.measured for d in drives]), _addresses(made)
         runs = (len(values), len(names), drives[0].parts)
         sizes = (*runs, len(inputs), len(held.states), len(outputs), len(drives))
-        bounds = tuple(self._bounds[n] for n in inputs)
-        sound = np.array([d.kinds(bounds)[0] for d in drives], dtype=np.uintp)
-        kinds = _addresses([d.kinds(bounds)[1] for d in drives])
+        told = [self._kinds_of(d) for d in drives]
+        sound = np.array([n for n, _ in told], dtype=np.uintp)
+        kinds = _addresses([k for _, k in told])
         arrays: tuple[NDArray[Any], ...] = (lists[0], values, own, lists[1], rows, sound, kinds)
         behind: tuple[NDArray[Any], ...] = (*tables, lists[2], measured, shares, lists[3], results)
         batch = _Batch(*sizes, period, *(a.ctypes.data for a in (*arrays, *behind)))
         if self._library.batch_run(ctypes.byref(batch)) < 0:
             raise InputError(f"cannot correct {', '.join(held.states)}: no states of the part")
         return [made[i] for i in np.argsort(order)]
+
+    def _kinds_of(self, drive: Drive) -> tuple[int, NDArray[np.uint8]]:
+        """Rows of a drive until an input is out of its bounds, and of what kind each is (RowKind of
+        batch.c); found once.
+        """
+        found = drive.kinds.get(self.part.library)
+        if found is None:
+            at, over = drive.columns
+            inputs, kinds = self._references_of(tuple(drive.inputs)), np.empty(len(at), np.uint8)
+            sizes = [ctypes.c_size_t(n) for n in (len(at), drive.parts, len(drive.inputs))]
+            pointers = [ctypes.c_void_p(a.ctypes.data) for a in (inputs, at, over, kinds)]
+            sound = int(self._library.batch_kinds(*sizes, *pointers))
+            found = drive.kinds[self.part.library] = sound, kinds
+        return found
 
     def _references_of(self, names: Sequence[str]) -> NDArray[np.uint32]:
         """Value references; one that nobody reads where there is no name."""

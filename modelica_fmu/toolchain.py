@@ -140,7 +140,7 @@ def own_processor(compiler: Compiler, target: Platform) -> tuple[str, ...]:
     target has no such flag.
     """
     native = target == host_platform() and target.fmi3 == "x86_64-linux" and not compiler.zig
-    return ("-march=native",) if native else ()
+    return ("-march=native", "-mprefer-vector-width=512") if native else ()
 
 
 @functools.cache

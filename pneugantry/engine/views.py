@@ -165,14 +165,13 @@ class SubsystemView:
 
     def error(self, record: Record, simulated: Array, values: Values) -> Array:
         """Residual (rows, signals) of true signals (N, signals) under sensors' errors."""
-        rows = record.rows // self.decimation
-        result = np.empty((rows, len(self.signals)))
+        each, end = self.decimation, record.rows - record.rows % self.decimation
+        result = np.empty((record.rows // each, len(self.signals)))
         for c, signal in enumerate(self.signals):
             error = record.signals[signal] - sensed(signal, simulated[:, c], record, values)
             if record.judged is not None and self.corrected:
                 error[~record.judged] = 0.0
-            judged = error[: rows * self.decimation]
-            result[:, c] = judged.reshape(rows, self.decimation).mean(axis=1)
+            result[:, c] = sum(error[k:end:each] for k in range(each)) / each
         return result
 
     def simulate(self, runs: Sequence[Run]) -> list[Array]:

@@ -19,7 +19,7 @@
 #define STEPS_AT_FIRST 2000
 #define STEPS_PER_ROW 100
 
-#define SIDE_BY_SIDE 2 /* runs from which on lanes are worth it */
+#define SIDE_BY_SIDE 3 /* runs from which on lanes are worth it */
 
 typedef struct {
     size_t n_runs, n_parameters, n_parts, n_inputs, n_corrected, n_outputs, n_drives;
@@ -209,4 +209,39 @@ EXPORTED int batch_run(const Batch *b) {
     const int failed = good ? all_runs(b, plans) : -1;
     free(plans);
     return failed;
+}
+
+/* Rows until one is out of its inputs' bounds. */
+static size_t sound(size_t n, const unsigned *inputs, const double *values, size_t rows) {
+    double least[AT_LEAST_1(N_INPUTS)], most[AT_LEAST_1(N_INPUTS)];
+    for (size_t i = 0; i < n; i++) {
+        const ModelVariable *v = &model_variables[inputs[i]];
+        least[i] = fmax(v->min, -DBL_MAX), most[i] = fmin(v->max, DBL_MAX);
+    }
+    for (size_t k = 0; k < rows; k++, values += n) {
+        int good = 1;
+        for (size_t i = 0; i < n; i++) good &= values[i] >= least[i] && values[i] <= most[i];
+        if (!good) return k;
+    }
+    return rows;
+}
+
+/* What is found out once of a drive: of what kind each of its rows is. Returns the rows until an input is out of its bounds. */
+EXPORTED size_t batch_kinds(size_t rows, size_t parts, size_t n, const unsigned *inputs, const double *at, const double *over, unsigned char *kind) {
+    memset(kind, STEADY, rows);
+    for (size_t k = 0; parts > 1 && k < rows; k++) {
+        const double *row = over + k * parts * n;
+        int steady = 1;
+        for (size_t j = n; j < parts * n; j++) steady &= row[j] == row[j - n];
+        kind[k] = steady ? STEADY : 0;
+    }
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 1; model_variables[inputs[i]].type != VT_REAL && k < rows; k++) {
+            const double now = at[k * n + i];
+            int changed = now != at[(k - 1) * n + i];
+            for (size_t j = (k - 1) * parts; j < (k + 1) * parts; j++) changed |= over[j * n + i] != now;
+            if (changed) kind[k] |= SWITCHED;
+        }
+    const size_t first = sound(n, inputs, at, rows), behind = at == over ? rows : sound(n, inputs, over, rows * parts) / parts;
+    return first < behind ? first : behind;
 }
