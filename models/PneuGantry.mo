@@ -194,7 +194,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Mass m(min = 1e-3, max = 1e4) = 2.25 "Moving mass (section 4.1.1)";
     parameter Real C(unit = "N.s/m", min = 0, max = 1e5) = 40 "Viscous friction (Table 3.13)";
     parameter Force F_w(min = -1000, max = 1000) = 5 "Cable force of the position transducer, always towards -axis; [A] size of its spring";
-    parameter Ratio cable_growth(min = -2, max = 2) = 0 "Share by which the cable force grows over the stroke, about mid-stroke; neutral 0";
+    parameter Force cable_rise(min = -1000, max = 1000) = 0 "By which the cable force grows over the stroke, about mid-stroke; neutral 0";
     parameter Force spring(min = -1e4, max = 1e4) = 0 "Force towards mid-stroke that grows to this at the ends; neutral 0";
     parameter Force spring_even(min = -1e4, max = 1e4) = 0 "Its part that grows as the square, towards -axis; neutral 0";
     parameter Force spring_cubic(min = -1e4, max = 1e4) = 0 "Its part that grows as the cube; neutral 0";
@@ -219,7 +219,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Boolean held "Pressed against a stop";
   equation
     xi = 2*(s - s_low)/(s_high - s_low) - 1;
-    f_net = f_a - f_c - F_w*(1 + cable_growth*xi/2) - xi*(spring + xi*(spring_even + xi*spring_cubic)) + f_couple;
+    f_net = f_a - f_c - F_w - cable_rise*xi/2 - xi*(spring + xi*(spring_even + xi*spring_cubic)) + f_couple;
     friction.v = v;
     friction.s = s;
     friction.f_net = f_net;

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from modelica_fmu.errors import InputError
+from pneugantry.engine.plant import Record
+from pneugantry.engine.synthetic import Nominal
 from pneugantry.plants.gantry.catalogue import FOLDER, QUANTISATION, catalogue_of, check_names
 from pneugantry.plants.gantry.converter import converter_step
-from pyfmi_runner.build import build_fmu
+from pneugantry.plants.gantry.describe import plant_of
+from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.fmu import FmuFile
 
 
@@ -93,3 +97,17 @@ def test_a_coarse_converter_is_seen_on_a_channel_that_mostly_rests_in_one_of_its
         [np.zeros(60_000), level[60_000:] + 0.05 * generator.standard_normal(15_000)]
     )
     assert converter_step(0.01 * np.round(fine / 0.01), 0.05) == 0.0
+
+
+def test_a_cable_that_hardly_pulls_may_still_be_coiled() -> None:
+    """Its slope is a force of its own: as a share of the force it would be of no account there."""
+    plant, n = plant_of(), 1000
+    command = 1.0 + 0.5 * np.sin(0.02 * np.arange(n))
+    still = {name: np.zeros(n) for name in plant.inputs}
+    record = Record("r", 2e-3, {**still, "u_x": command}, {}, {})
+    moved = []
+    for rise in (0.0, 4.0):
+        values = {**plant.parameters, "axis_x.F_w": 0.0, "axis_x.cable_rise": rise}
+        nominal = Nominal(replace(plant, parameters=values), ["axis_x.s"], cache_folder() / "parts")
+        moved.append(nominal.run(record)["axis_x.s"])
+    assert np.abs(moved[1] - moved[0]).max() > 1e-3
