@@ -55,25 +55,16 @@ def whitener_of(
         [sum(float(r[: len(r) - k] @ r[k:]) for r in residuals) for k in range(LONGEST + 1)]
     )
     lags[0] = lags[0] * (1 + 1e-9) + 1e-300
-    products = sum((_products(r) for r in residuals), np.zeros((LONGEST + 1, LONGEST + 1)))
     best, cost = Whitener(np.zeros(0), 1.0), math.inf
     for order in range(LONGEST + 1):
         raw = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.zeros(0)
-        coefficients = _bounded(np.asarray(raw), lags / max(n, 1), least, slow)
-        kernel = np.concatenate([[1.0], -coefficients])
-        among = products[: order + 1, : order + 1]
-        square = max(float(kernel @ among @ kernel), 0.0) / n  # of the innovations
+        tried = Whitener(_bounded(np.asarray(raw), lags / max(n, 1), least, slow), 1.0)
+        square = sum(float(e @ e) for e in map(tried, residuals)) / n
         size = max(math.sqrt(square), least)
         price = n * (2 * math.log(size) + square / size**2) + order * math.log(n)
         if price < cost - 1e-9:
-            best, cost = Whitener(coefficients, size), price
+            best, cost = Whitener(tried.coefficients, size), price
     return best
-
-
-def _products(residual: Array) -> Array:
-    """Sums over the rows from LONGEST on of what lies i and j rows before: (i, j)."""
-    behind = np.stack([residual[LONGEST - i : len(residual) - i] for i in range(LONGEST + 1)])
-    return np.asarray(behind @ behind.T)
 
 
 def quoted(sigma: float, error: float, rows: float) -> Whitener:
