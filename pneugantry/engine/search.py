@@ -275,13 +275,18 @@ def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[
 
 
 def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
-    """The better of a fit and a thorough one from where it ended, where it leaves more than noise
-    and has not been surveyed, for its equations are the base's.
+    """The best of a fit, a thorough one from where it ended, and one of the effect's main form from
+    the nominal plant, where it leaves more than noise and has not been surveyed, for its equations are
+    the base's. Tolerance that is bent to make up for an effect holds it where it is.
     """
     if fit.hypothesis.settings != base.hypothesis.settings or not fitter.loud(fit):
         return fit
     other = fitter.explore(fit.hypothesis, base, [fit.values(None)], fit)
-    return min(fit, other, key=lambda f: f.evidence)
+    effect, form = fit.hypothesis.effects[-1]
+    main = next(f for f in effect.forms if f.settings == form.settings and fitter.readable(f))
+    starts = [{**_nominal(base), **s} for s in _usual(fitter, base, main)]
+    far = fitter.from_afar(base.hypothesis.plus(effect, main), base, starts[:SIDES])
+    return min(fit, other, far, key=lambda f: f.evidence)
 
 
 def _pruned(trail: _Trail, fit: Fit) -> Fit:
@@ -446,8 +451,7 @@ def _afresh(fitter: Fitter, base: Fit, forms: Sequence[Offer], far: _Memory) -> 
     known = far.about(fitter, nominal)
     test = _Test(fitter, nominal, flat_noise(fitter.simulation, base.residuals))
     behind = (1 - CLOSE) * (test.ahead - test.standing(base))
-    cells, at = fitter.simulation.cells, nominal.point
-    back = {c.parameter: c.value(0.0) for c in at.coordinates if not c.effect and c.record is None}
+    cells, back = fitter.simulation.cells, _nominal(base)
     by_form = _trials(forms, lambda form: _usual(fitter, base, form))
 
     def gain(t: _Trial) -> float:
@@ -459,6 +463,12 @@ def _afresh(fitter: Fitter, base: Fit, forms: Sequence[Offer], far: _Memory) -> 
     few = sorted(best, key=lambda t: -first[id(t)])[: 2 * fitter.rules.screened]
     _trace(fitter, nominal, few, known)
     return [Candidate(t.effect, t.form, {**back, **t.starts}, 0.0, 0.0, gain(t)) for t in few]
+
+
+def _nominal(fit: Fit) -> dict[str, float]:
+    """What every rig has off, as if nothing were; what is of one record is left out."""
+    rest = (c for c in fit.point.coordinates if not c.effect and c.record is None)
+    return {c.parameter: c.value(0.0) for c in rest}
 
 
 def _trials(
@@ -580,6 +590,7 @@ def _starts(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
 NEAR = 0.05  # usual sizes off the base, where its own slopes are taken
 NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
 STARTS = 2  # from which a form is fitted, beside the base
+SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
 SURVEYED = 2  # of the best effects at each step
 FEW = 2  # starts that are screened with all their columns
 SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
