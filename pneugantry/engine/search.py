@@ -276,8 +276,8 @@ def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[
 
 def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
     """The best of a fit, a thorough one from where it ended, and one of the effect's main form from
-    the nominal plant, where it leaves more than noise and has not been surveyed, for its equations are
-    the base's. Tolerance that is bent to make up for an effect holds it where it is.
+    the nominal plant, where it leaves more than noise and has not been surveyed, for its equations
+    are the base's. Tolerance that is bent to make up for an effect holds it where it is.
     """
     if fit.hypothesis.settings != base.hypothesis.settings or not fitter.loud(fit):
         return fit
