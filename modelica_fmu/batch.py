@@ -108,15 +108,15 @@ class Drive:
         at = np.ascontiguousarray(np.column_stack([p[0] for p in pairs]), dtype=float)
         if all(p[0] is p[1] for p in pairs):
             return at, at
-        parts = max((p[1].shape[1] for p in pairs if p[1].ndim == 2), default=1)
+        parts = self.parts
         over = [p[1].reshape(-1) if p[1].ndim == 2 else np.repeat(p[1], parts) for p in pairs]
         return at, np.ascontiguousarray(np.column_stack(over), dtype=float)
 
     @property
     def parts(self) -> int:
         """Of a row, over which inputs may differ."""
-        at, over = self.columns
-        return len(over) // len(at)
+        over = [v[1] for v in self.inputs.values() if isinstance(v, tuple)]
+        return max((values.shape[1] for values in over if values.ndim == 2), default=1)
 
     @cached_property
     def measured(self) -> Array:
@@ -152,20 +152,13 @@ class Subsystem:
         self,
         names: Sequence[str],
         values: Array,
-        drives: Drive | Sequence[Drive],
+        drive: Drive,
         outputs: Sequence[str],
         period: float,
-        which: Sequence[int] | None = None,
     ) -> Array:
-        """Outputs (runs, N, outputs) at the rows of a record; NaN from where a run failed on.
-
-        values (runs, names): parameters of each run. drives: what drives all runs, or several of
-        the same inputs and corrected states; which (runs,): that of each run, 0 where it is not
-        given. period: s. Raises InputError for a name that is no input or variable of the part, and
-        a correction of what is no state.
-        """
-        drives = [drives] if isinstance(drives, Drive) else drives
-        return np.stack(self.runs(names, values, drives, outputs, period, which))
+        """Outputs (runs, N, outputs) of runs that are driven alike; see `runs`."""
+        which = [0] * len(np.atleast_2d(values))
+        return np.stack(self.runs(names, values, [drive], outputs, period, which))
 
     def runs(
         self,
@@ -174,9 +167,15 @@ class Subsystem:
         drives: Sequence[Drive],
         outputs: Sequence[str],
         period: float,
-        which: Sequence[int] | None = None,
+        which: Sequence[int],
     ) -> list[Array]:
-        """The same, (N, outputs) of each run: drives may differ in length."""
+        """Outputs (N, outputs) of each run at the rows of its record; NaN from where it failed on.
+
+        values (runs, names): parameters of each run. drives: of the same inputs and corrected
+        states, and parts of rows; they may differ in length. which (runs,): that of each run.
+        period: s. Raises InputError for a name that is no input or variable of the part, and a
+        correction of what is no state.
+        """
         inputs = drives[0].inputs
         strange = set(inputs) - self._inputs
         if strange:
@@ -189,7 +188,7 @@ class Subsystem:
             raise ValueError("drives of one call have the same parts of their rows")
         rows = np.array([len(d.columns[0]) for d in drives], dtype=np.uintp)
         values = np.ascontiguousarray(np.atleast_2d(values), dtype=float)
-        own = np.array(which if which is not None else [0] * len(values), dtype=np.uint32)
+        own = np.array(which, dtype=np.uint32)
         order = np.argsort(-rows[own].astype(int), kind="stable")  # side by side: as long ones
         values, own = np.ascontiguousarray(values[order]), own[order]
         made = [np.empty((int(n), len(outputs))) for n in rows[own]]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pneugantry.engine import noise
-from pneugantry.engine.catalogue import Effect, Form
+from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.descent import (
     FAILED,
     LARGE,
@@ -190,17 +190,17 @@ class Fitter:
 
     def prepare(self, hypotheses: Sequence[Hypothesis]) -> None:
         """Before many simulations of them."""
-        nuisances = {n.parameter for n in self.plant.nuisances}
-        self.simulation.prepare(
-            [({*nuisances, *(p.name for p in h.parameters)}, h.settings) for h in hypotheses]
-        )
+        self.simulation.prepare([(self._moving(h.parameters), h.settings) for h in hypotheses])
 
     def prepare_any(self, base: Hypothesis, effects: Collection[Effect]) -> None:
         """Before simulations of a hypothesis with any of the effects that keep its equations."""
         forms = [f for e in effects for f in e.forms if not f.settings]
-        moving = {p.name for p in (*base.parameters, *(p for f in forms for p in f.parameters))}
-        moving |= {n.parameter for n in self.plant.nuisances}
-        self.simulation.prepare([(moving, base.settings)])
+        every = (*base.parameters, *(p for f in forms for p in f.parameters))
+        self.simulation.prepare([(self._moving(every), base.settings)])
+
+    def _moving(self, parameters: Iterable[Parameter]) -> set[str]:
+        """Of effects, and what every rig has somewhat off."""
+        return {*(p.name for p in parameters), *(n.parameter for n in self.plant.nuisances)}
 
     def null(self) -> Fit:
         """Nuisances alone, under the tolerance that they show; not `again` thoroughly: few rigs

@@ -74,13 +74,13 @@ class ForeignSubsystem(Subsystem):
         drives: Sequence[Drive],
         outputs: Sequence[str],
         period: float,
-        which: Sequence[int] | None = None,
+        which: Sequence[int],
     ) -> list[Array]:
         """As a part's: outputs (N, outputs) of each run, NaN from where it failed on. Inputs are
         named "FMU's number.input". An FMU's states cannot be corrected: InputError.
         """
         values = np.atleast_2d(values)
-        own = np.asarray(which if which is not None else [0] * len(values))
+        own = np.asarray(which)
         result: list[Array] = [np.empty((0, 0))] * len(values)
         for i, drive in enumerate(drives):
             runs = np.flatnonzero(own == i)

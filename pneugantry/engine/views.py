@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 Values = Mapping[str, float]
-Run = tuple[Record, Values]
+Run = tuple[Record, Values]  # over a record, with these parameters; the rest as usual
 Errors = tuple[tuple[str, float], ...]  # of sensors
 _Felt = tuple[str, Errors, tuple[float, ...]]  # record, errors, parameters: what makes a run
 LONGEST_STEP = 0.002  # s, of the solver; its tolerance bounds the error, rows read no finer

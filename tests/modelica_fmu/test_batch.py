@@ -84,6 +84,8 @@ def test_code_for_others_is_for_any_processor() -> None:
     own, zig = host_platform(), Compiler(("zig", "cc"), "", zig=True)
     abroad = next(p for p in PLATFORMS if p != own)
     assert own_processor(zig, own) == ()
+    here = own_processor(replace(zig, zig=False), own)
+    assert ("-march=native" in here) == (own.fmi3 == "x86_64-linux")
     assert own_processor(replace(zig, zig=False), abroad) == ()
 
 

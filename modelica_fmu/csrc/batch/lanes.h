@@ -158,8 +158,8 @@ static inline void look_ahead(Lanes *w, const Batch *b, size_t k) {
     const double *at[LANES], *over[LANES], *measured[LANES];
     for (int l = 0; l < LANES; l++) at[l] = w->plan[l]->at, over[l] = w->plan[l]->over, measured[l] = w->plan[l]->measured;
     if (!w->plan[0]->plain) beside(w, w->at, at, k, b->n_inputs);
-    beside(w, w->over_parts, over, k, b->n_inputs * b->n_parts);
-    beside(w, w->measured, measured, k, b->n_corrected);
+    if (N_STATES > 0) beside(w, w->over_parts, over, k, b->n_inputs * b->n_parts);
+    if (N_STATES > 0) beside(w, w->measured, measured, k, b->n_corrected);
     w->ahead = k;
 }
 
