@@ -272,6 +272,9 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Position A[8](each min = -0.1, each max = 0.1) = {0, 0, 0, 0, 0, 0, 0, 0} "Surface finish, amplitudes; neutral 0; medium finish {0.2, 0.08, 0.03, 0, ...} mm [A]";
     parameter Position lambda[8](each min = 1e-4, each max = 100) = {0.060, 0.027, 0.013, 0.1, 0.1, 0.1, 0.1, 0.1} "Surface finish, wavelengths; the first three [A]";
     parameter Angle phi[8](each min = -10, each max = 10) = {0.3, 1.1, 2.0, 0, 0, 0, 0, 0} "Surface finish, phases; the first three [A]";
+    parameter Position rise[61](each min = -0.1, each max = 0.1) = zeros(61) "Unevenness, coefficients of cubic B-splines at nodes evenly spaced from x_low to x_high; neutral 0";
+    parameter Position x_low(min = -10, max = 10) = 0.4 "First node of rise";
+    parameter Position x_high(min = -10, max = 10) = 1.0 "Last node of rise";
     input Position x "Position along the x axis";
     input Position profile_at "Own profile: position about which it is expanded";
     input Position profile_height "Own profile: z_w at profile_at";
@@ -286,6 +289,10 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     constant Ratio dip_mean = -0.08782564314072659 "mean of tan(-10 deg sin^2)";
     constant Real dip_c[8] = {1.4022526617908586e-02, -2.6850468486211090e-05, 3.0404902901525346e-06, -1.7260308597737895e-08, 1.4391041359498592e-09, -1.2625943955454048e-11, 8.2946695360982402e-13, -9.5917034616943022e-15};
     Boolean rough "Any surface finish";
+    Boolean uneven "Any unevenness";
+    Real node "Place among the nodes, 0 at the first";
+    Position h_uneven;
+    Ratio t_uneven;
     Ratio s_rise "Position within the 50 deg bump, 0..1";
     Ratio s_dip "Position within the -10 deg bump, 0..1";
     Position h_shape, d;
@@ -305,9 +312,13 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
       elseif shape == EdgeShape.inclined then tan(incline) else 0);
     h_finish = noEvent(if rough then sum(A[i]*sin(2*pi*x/lambda[i] + phi[i]) for i in 1:8) else 0);
     t_finish = noEvent(if rough then sum(A[i]*2*pi/lambda[i]*cos(2*pi*x/lambda[i] + phi[i]) for i in 1:8) else 0);
+    uneven = noEvent(sum(abs(rise[i]) for i in 1:61) > 0);
+    node = 60*(x - x_low)/(x_high - x_low);
+    h_uneven = noEvent(if uneven then sum(rise[i]*(max(2 - abs(node - i + 1), 0)^3 - 4*max(1 - abs(node - i + 1), 0)^3) for i in 1:61)/6 else 0);
+    t_uneven = noEvent(if uneven then sum(rise[i]*sign(node - i + 1)*(4*max(1 - abs(node - i + 1), 0)^2 - max(2 - abs(node - i + 1), 0)^2) for i in 1:61)*30/(x_high - x_low) else 0);
     d = x - profile_at;
-    height = h_shape + h_finish + (tan(extra_angle) + extra_bow*(x - x_0)/2)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
-    slope = t_shape + t_finish + tan(extra_angle) + extra_bow*(x - x_0) + profile_slope + d*profile_curvature;
+    height = h_shape + h_finish + h_uneven + (tan(extra_angle) + extra_bow*(x - x_0)/2)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
+    slope = t_shape + t_finish + t_uneven + tan(extra_angle) + extra_bow*(x - x_0) + profile_slope + d*profile_curvature;
   end Workpiece;
 
   block Contact "Springy contact between the bearing on the end effector and the edge (Eq. 3-8, 3-9, 4-3, 4-4)"

@@ -158,13 +158,14 @@ class Fitter:
                     made.append(nuisance_coordinate(n, record.parameters[n.parameter], name))
         return made
 
-    def loud(self, fit: Fit) -> bool:
-        """Whether a fit leaves more than noise in a view that tolerance or its effects move."""
+    def loud(self, fit: Fit) -> list[str]:
+        """Views that tolerance or its effects move, in which a fit leaves more than noise."""
         known = prior(fit.point.coordinates)
         solution = Solution(fit.point, fit.residuals, {})
-        views = dict.fromkeys(c[0] for c in self.simulation.cells)
-        parts = [_only(solution, view) for view in views]
-        return any(not self._quiet(self._problem(p.residuals, known), p) for p in parts)
+        parts = {v: _only(solution, v) for v in dict.fromkeys(c[0] for c in self.simulation.cells)}
+        return [
+            v for v, p in parts.items() if not self._quiet(self._problem(p.residuals, known), p)
+        ]
 
     def afresh(self, base: Fit) -> Fit:
         """A base whose nuisances are back at their nominal values, linearised there; those of one

@@ -18,7 +18,7 @@ import numpy as np
 from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.descent import Weighing, flat_noise
 from pneugantry.engine.fitter import Fit, Fitter
-from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
+from pneugantry.engine.hypothesis import Coordinate, Hypothesis, effect_coordinate
 from pneugantry.engine.noise import Noise, doubted, loss, weights
 from pneugantry.engine.plant import Array
 from pneugantry.engine.relief import Reliefs
@@ -110,7 +110,7 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
     fitter, best, thorough = trail.fitter, null, False
     near, far = _Memory(), _Memory()
     for _ in range(fitter.rules.rounds):
-        forms = _main_forms(fitter, trail.beside(best.keys), every=fitter.loud(best))
+        forms = _main_forms(fitter, trail.beside(best.keys), every=bool(fitter.loud(best)))
         if best.keys:  # there are too many pairs to prepare each
             fitter.prepare_any(best.hypothesis, trail.offered.values())
         trail.screened = screen(fitter, best, forms, near.about(fitter, best))
@@ -160,12 +160,12 @@ def _main_forms(fitter: Fitter, effects: Sequence[Effect], every: bool = False) 
 
 
 def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
-    """Instead of each effect what may be in its block, if it is predicted to do better: in forms
-    that were not tried beside the others, for a form of the right effect may look worse than one of
-    a wrong effect.
+    """Instead of each effect what may be in its block: where it was fitted beside the effect, from
+    there; else if it is predicted to do better, in forms that were not tried beside the others, for
+    a form of the right effect may look worse than one of a wrong effect.
     """
     fitter, known = trail.fitter, trail.known
-    fits: list[Fit] = []
+    fits = _replacing(trail, best)
     for effect, _ in best.hypothesis.effects:
         rest = set(best.keys) - {effect.key}
         bases = [f for f in trail.tried if set(f.keys) == rest]
@@ -174,7 +174,7 @@ def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
         base = min(bases, key=lambda f: f.evidence)
         forms = [
             (e, f)
-            for e in trail.beside(best.keys)
+            for e in trail.beside(rest)
             for f in e.forms
             if e.block == effect.block and fitter.readable(f)
             if _told(base.hypothesis.plus(e, f).effects) not in known
@@ -184,6 +184,29 @@ def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
         for own in _chosen(fitter, screened, least, ("gain", "plain")):
             fits.append(_added(fitter, base, own, best))
     return fits
+
+
+def _replacing(trail: _Trail, best: Fit) -> list[Fit]:
+    """From what was fitted with one effect more: without each other effect of its block. What can
+    stand in for another finds its place beside it, and by itself may not.
+    """
+    fits: list[Fit] = []
+    seen: set[frozenset[tuple[str, str]]] = set()
+    for fit in sorted(trail.tried, key=lambda f: f.evidence):
+        more = set(fit.keys) - set(best.keys)
+        if len(fit.keys) != len(best.keys) + 1 or len(more) != 1 or _told_of(fit) in seen:
+            continue
+        seen.add(_told_of(fit))
+        blocks = {e.key: e.block for e, _ in fit.hypothesis.effects}
+        for key in best.keys:
+            if blocks[key] == blocks[min(more)] and fit.evidence < best.evidence + trail.bar:
+                fits.append(trail.fitter.explore(fit.hypothesis.without(key), fit))
+    return fits
+
+
+def _told_of(fit: Fit) -> frozenset[tuple[str, str]]:
+    """Its effects in their forms."""
+    return _told(fit.hypothesis.effects)
 
 
 def _told(effects: Sequence[Offer]) -> frozenset[tuple[str, str]]:
@@ -232,15 +255,16 @@ def _fits(
     more than noise, also what is predicted from the nominal plant on, of which `far` is.
     """
     rough: list[Fit] = []
-    loud, measures = fitter.loud(base), ("gain", "plain")
-    chosen = _chosen(fitter, screened, bar, measures, every=loud)
-    for own in chosen:
+    loud, measures = bool(fitter.loud(base)), ("gain", "plain")
+    for own in _chosen(fitter, screened, bar, measures, every=loud):
         rough.append(_added(fitter, base, own, _ahead(rough)))
-    if loud and not any(base.evidence - f.evidence > bar for f in rough):
-        known = {_form_of(own[0]) for own in chosen}
-        others = [c for c in screened if c.form.settings and _form_of(c) not in known]
-        for own in _chosen(fitter, others, fitter.rules.entry, measures):
-            rough.append(_added(fitter, base, own, _ahead(rough)))
+    left = fitter.loud(min((base, *rough), key=lambda f: f.evidence))
+    known = {_told(f.hypothesis.effects[-1:]) for f in rough}
+    for effect, form in forms:
+        cells = fitter.touched(Hypothesis().plus(effect, form))
+        if _told([(effect, form)]) in known or not any(c[0] in left for c in cells):
+            continue
+        rough.append(_added(fitter, base, [Candidate(effect, form, {}, 0, 0)], _ahead(rough)))
     if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
         for own in _chosen(fitter, _afresh(fitter, base, forms, far), bar, ("afresh",)):
             hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
