@@ -653,6 +653,22 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
       der(integral) = -0.6*workpiece.slope;
       error = workpiece.height - integral - at_start;
     end CurvedEdge;
+
+    model UnevenEdge "Coefficients that are squares give a parabola: sum of i^2 B(u - i) = u^2 + 1/3"
+      Workpiece workpiece(rise = {1e-6*(i - 1)^2 for i in 1:61});
+      parameter Real tolerance = 1e-12;
+      output Real error;
+    protected
+      Real u "Place among the nodes";
+    equation
+      workpiece.x = 0.95 - 0.15*time;
+      workpiece.profile_at = 0;
+      workpiece.profile_height = 0;
+      workpiece.profile_slope = 0;
+      workpiece.profile_curvature = 0;
+      u = (workpiece.x - 0.4)/0.01;
+      error = abs(workpiece.height - 1e-6*(u^2 + 1/3)) + abs(workpiece.slope - 2e-4*u);
+    end UnevenEdge;
   end Validation;
   annotation(version = "0.1.0", versionDate = "2026-11-21",
     __FMU(author = "The PneuGantry developers", license = "MIT", copyright = "The PneuGantry developers"));

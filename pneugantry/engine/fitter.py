@@ -72,6 +72,18 @@ class Fit:
         """-2 log evidence; smaller is better."""
         return sum(float(s.sum()) for s in self.stretches.values()) + self.cost
 
+    def negligible(self, rules: Rules) -> list[str]:
+        """Effects of a size that is none, whatever evidence it brings: where noise enters a view
+        with its inputs, the best size of an effect that averages them is not nothing.
+        """
+        pairs = zip(self.point.coordinates, self.point.theta, strict=True)
+        at = {c.parameter: abs(float(t)) for c, t in pairs if c.effect}
+        return [
+            e.key
+            for e, form in self.hypothesis.effects
+            if not form.settings and all(at[p.name] < rules.negligible for p in form.parameters)
+        ]
+
     def gain(self, base: Fit, rules: Rules) -> float:
         """Fall of -2 log evidence from `base` to here, that of the likelihood `doubted`: changes
         of a stretch that are immaterial count as none.
@@ -402,7 +414,9 @@ class Fitter:
             for residuals in of_views
             for w in self._white(residuals, {c: self.floor(c) for c in residuals}).values()
         ]
-        return min(max(float(np.median(sizes)), 1.0), noise.NOISIEST) if sizes else 1.0
+        return (
+            min(max(float(np.median(sizes)), self.rules.quietest), noise.NOISIEST) if sizes else 1.0
+        )
 
     def _raced(self, problem: Problem, start: Solution, bar: float) -> Solution:
         """A view's descent by steps that look over events, given up where it is farther above a
@@ -504,17 +518,20 @@ class Fitter:
         return sorted(made, key=lambda s: standing(problem, s))
 
     def _quiet(self, problem: Problem, found: Solution) -> bool:
-        """Whether a view's residuals are no more than the sensors' noise, or nothing that is off by
-        a share or an effect's moves them.
+        """Whether a view's residuals are no more than the sensors' noise, in each record and in
+        all, or nothing that is off by a share or an effect's moves them.
         """
         if not any(c.scales or c.effect for c in found.point.coordinates if self._in(c, problem)):
             return True
-        floors = {c: self.floor(c) for c in problem.cells}
-        return all(
-            noise.spread([w]) < self.rules.quiet * self._level
-            and noise.loss(w[np.abs(w) > LARGE] / self._level, self.rules.tails).sum()
-            < self.rules.hopeless
-            for w in self._white(found.residuals, floors).values()
+        white = self._white(found.residuals, {c: self.floor(c) for c in problem.cells})
+        signals = [[w for (_, k), w in white.items() if k == c] for c in {k for _, k in white}]
+        most, rules = self.rules.quiet * self._level, self.rules
+        return not any(
+            noise.surely_above(most, rows, rules.doubt)
+            for rows in (*signals, *([w] for w in white.values()))
+        ) and all(
+            noise.loss(w[np.abs(w) > LARGE] / self._level, rules.tails).sum() < rules.hopeless
+            for w in white.values()
         )
 
     def floor(self, cell: Cell) -> tuple[Whitener, ...]:

@@ -25,6 +25,7 @@ __all__ = [
     "loss",
     "quoted",
     "spread",
+    "surely_above",
     "weights",
     "whitener_of",
 ]
@@ -35,6 +36,7 @@ Noise = Mapping[tuple[str, str], tuple[Whitener, ...]]
 CLIPPED = 5.0  # spreads beyond which a residual says nothing of the noise's colour
 NOISIEST = 2.0  # times its quoted noise that a sensor may have; more is no noise
 NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute value
+SCATTER = 1.17  # relative standard error of a spread, times the root of its rows (normal, white)
 
 
 def loss(innovations: Array, freedom: float) -> Array:
@@ -58,6 +60,14 @@ def doubted(falls: Array, doubt: float) -> float:
 def spread(residuals: Sequence[Array]) -> float:
     """Standard deviation of the bulk of some residuals about 0."""
     return NORMAL * float(np.median(np.abs(np.concatenate(residuals))))
+
+
+def surely_above(size: float, residuals: Sequence[Array], doubt: float) -> bool:
+    """Whether the spread of white residuals is above a size by more than so many of its standard
+    errors.
+    """
+    rows = sum(r.size for r in residuals)
+    return rows > 0 and spread(residuals) > size * (1 + doubt * SCATTER / np.sqrt(rows))
 
 
 def flat(residuals: Sequence[Array], sigma: float) -> Whitener:

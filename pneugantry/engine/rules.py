@@ -49,5 +49,6 @@ class Rules:
     effect: float = 22.0  # and that an effect must bring, beside what the catalogue's size costs
     doubt: float = 2.0  # standard errors over stretches by which a gain is lowered (field)
     material: float = 0.2  # change of a residual, in noise levels, below which it is none (design)
+    negligible: float = 0.02  # usual sizes below which an effect is none (0131)
     rounds: int = 6  # steps of the search, at most
     block: float = 0.5  # s of a record that are drawn together in a bootstrap

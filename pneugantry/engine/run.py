@@ -139,7 +139,14 @@ def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
                 costs[k] -= gain
         finally:
             foretelling.close()
-    return [Evidence(fit, costs[k]) for k, fit in fits.items()]
+    return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
+
+
+def _bring(keys: Keys, costs: Mapping[Keys, float]) -> bool:
+    """Whether effects bring anything beside fewer of them: else how many are tried would tell how
+    likely none is.
+    """
+    return all(costs[keys] < cost for k, cost in costs.items() if set(k) < set(keys))
 
 
 def _costs(fits: Mapping[Keys, Fit], rules: Rules) -> dict[Keys, float]:

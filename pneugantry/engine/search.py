@@ -102,7 +102,8 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     trail = _Trail(fitter, offered, [null])
     best = _exchanged(trail, _gathered(trail, null))
     null = min((f for f in trail.tried if not f.keys), key=lambda f: f.evidence)
-    return Search(null, best, tuple(trail.steps), tuple(trail.tried), tuple(trail.screened))
+    tried = tuple(f for f in trail.tried if not f.negligible(fitter.rules))
+    return Search(null, best, tuple(trail.steps), tried, tuple(trail.screened))
 
 
 def _gathered(trail: _Trail, null: Fit) -> Fit:
@@ -249,27 +250,36 @@ def _fits(
     forms: Sequence[Offer],
     far: _Memory,
 ) -> list[Fit]:
-    """What is predicted to gain most, with the best in their other forms. Where none of it brings
-    what an effect must and more than noise is left, what has other equations is fitted if it is
-    predicted to be worth a step: a start shows no more than a point of them. Where all that leaves
-    more than noise, also what is predicted from the nominal plant on, of which `far` is.
+    """What is predicted to gain most, with the best in their other forms. Where all that leaves
+    more than noise in some views, whatever else these read: an event that a simulation misses (a
+    break-away) shows in no prediction. Where that does, too, also what is predicted from the
+    nominal plant on, of which `far` is.
     """
     rough: list[Fit] = []
-    loud, measures = bool(fitter.loud(base)), ("gain", "plain")
-    for own in _chosen(fitter, screened, bar, measures, every=loud):
+    measures = ("gain", "plain")
+    for own in _chosen(fitter, screened, bar, measures):
         rough.append(_added(fitter, base, own, _ahead(rough)))
     left = fitter.loud(min((base, *rough), key=lambda f: f.evidence))
-    known = {_told(f.hypothesis.effects[-1:]) for f in rough}
-    for effect, form in forms:
-        cells = fitter.touched(Hypothesis().plus(effect, form))
-        if _told([(effect, form)]) in known or not any(c[0] in left for c in cells):
-            continue
-        rough.append(_added(fitter, base, [Candidate(effect, form, {}, 0, 0)], _ahead(rough)))
+    known = {_told_of_last(f) for f in rough}
+    rest = [c for c in screened if _form_of(c) not in known and _reaches(fitter, c, left)]
+    for own in _chosen(fitter, rest, bar, measures, every=True):
+        rough.append(_added(fitter, base, own, _ahead(rough)))
     if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
         for own in _chosen(fitter, _afresh(fitter, base, forms, far), bar, ("afresh",)):
             hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
             rough.append(fitter.from_afar(hypothesis, base, [c.starts for c in own]))
     return rough + _other_forms(fitter, base, rough)
+
+
+def _told_of_last(fit: Fit) -> tuple[str, str]:
+    """The effect that came last, and its form."""
+    effect, form = fit.hypothesis.effects[-1]
+    return effect.key, form.name
+
+
+def _reaches(fitter: Fitter, c: Candidate, views: Collection[str]) -> bool:
+    """Whether any of some views reads anything of a candidate."""
+    return any(cell[0] in views for cell in fitter.touched(Hypothesis().plus(c.effect, c.form)))
 
 
 def _ahead(fits: Sequence[Fit]) -> Fit | None:
@@ -292,7 +302,11 @@ def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[
     least = fitter.rules.hopeful * max((base.evidence - f.evidence for f in foremost), default=0.0)
     hopeful = [f for f in foremost if base.evidence - f.evidence > least]
     surveyed = [_surveyed(fitter, base, f) for f in (hopeful or foremost)[:SURVEYED]]
-    chosen = [f for f in (*surveyed, *hopeful[SURVEYED:]) if f.evidence < base.evidence]
+    chosen = [
+        f
+        for f in (*surveyed, *hopeful[SURVEYED:])
+        if f.evidence < base.evidence and not f.negligible(fitter.rules)
+    ]
     if len(chosen) == 1 and chosen[0].gain(base, fitter.rules) > bar:
         return chosen
     return [fitter.again(f) for f in chosen]
@@ -315,15 +329,16 @@ def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
 
 def _pruned(trail: _Trail, fit: Fit) -> Fit:
     """Without effects whose removal costs less evidence than an effect must bring: of what was
-    fitted to a worse optimum, or what a later effect replaces.
+    fitted to a worse optimum, or what a later effect replaces. Nor one of a size that is none.
     """
     fitter = trail.fitter
     while fit.keys:
         trail.tried.append(fit)
         drops = [fitter.explore(fit.hypothesis.without(k), fit) for k in fit.keys]
         trail.tried += drops
-        least = min(drops, key=lambda f: f.evidence)
-        if least.evidence - fit.evidence > trail.bar:
+        idle = fit.negligible(fitter.rules)
+        least = min((d for d in drops if not set(d.keys) & set(idle[:1])), key=lambda f: f.evidence)
+        if not idle and least.evidence - fit.evidence > trail.bar:
             return fit
         gone = next(k for k in fit.keys if k not in least.keys)
         trail.steps.append(Step(gone, fit.evidence - least.evidence, least, dropped=True))
@@ -372,15 +387,14 @@ def _chosen(
     every: bool = False,
 ) -> list[list[Candidate]]:
     """The effects of the largest predicted gain, by any measure, each with its best starts: the
-    measures may differ in them. every: twice as many, however far behind the best: about a base
-    that is bent, gains are predicted badly.
+    measures may differ in them. every: all of them, however little is predicted.
     """
     chosen: dict[tuple[str, str], list[Candidate]] = {}
     for measure in measures:
         ranked = sorted(screened, key=lambda c: -getattr(c, measure))
         hopeful = fitter.rules.hopeful * getattr(ranked[0], measure) if ranked else 0.0
-        least = bar if every else max(bar, hopeful)
-        few = fitter.rules.screened * (2 if every else 1)
+        least = -math.inf if every else max(bar, hopeful)
+        few = len(ranked) if every else fitter.rules.screened
         best = {_form_of(c): c for c in reversed(ranked) if getattr(c, measure) > least}
         for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[:few]:
             own = chosen.setdefault(_form_of(c), [])

@@ -13,11 +13,21 @@ from scipy.integrate import solve_ivp
 from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.cuts import sharp_views
 from pneugantry.engine.excess import excess_of, floors_of
-from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.hypothesis import Hypothesis, effect_coordinate
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.search import _main_forms, _other_forms, screen, search
+from pneugantry.engine.search import (
+    Candidate,
+    _fits,
+    _main_forms,
+    _Memory,
+    _other_forms,
+    _replacing,
+    _Trail,
+    screen,
+    search,
+)
 from pneugantry.engine.views import SubsystemView, build_views
 
 MODEL = """
@@ -211,6 +221,49 @@ def test_where_nothing_gains_the_other_forms_of_the_best_are_tried(
     assert null.evidence - first.evidence < fitter.rules.entry
     assert [f.hypothesis.effects[-1][1].name for f in others] == ["drag"]
     assert null.evidence - others[0].evidence > fitter.rules.effect
+
+
+def test_what_a_loud_view_reads_is_fitted_whatever_is_predicted(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    forms = _main_forms(fitter, list(CATALOGUE.values()))
+    nothing = [Candidate(e, f, {}, 0.0, 0.0) for e, f in forms]
+    fits = _fits(fitter, null, nothing, 30.0, forms, _Memory())
+    loud = fitter.loud(null)
+    fitter.close()
+    assert loud == ["v"]
+    assert {"drag", "mass", "friction"} <= {f.keys[-1] for f in fits}
+    assert not {"slow_current", "leak"} & {f.keys[-1] for f in fits}
+    assert min(fits, key=lambda f: f.evidence).keys == ("drag",)
+
+
+def test_a_hundredth_of_the_usual_size_is_no_effect(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, own = fitter.null(), CATALOGUE["drag"]
+    fit = fitter.explore(null.hypothesis.plus(own, own.forms[0]), null)
+    fitter.close()
+    theta = fit.point.theta.copy()
+    theta[[c.name for c in fit.point.coordinates].index("drag")] = -0.01
+    assert fit.negligible(fitter.rules) == []
+    assert replace(fit, point=fit.point.moved(theta)).negligible(fitter.rules) == ["drag"]
+
+
+def test_what_stands_beside_an_effect_may_replace_it(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+
+    def fit(*keys: str) -> Fit:
+        hypothesis = Hypothesis()
+        for key in keys:
+            hypothesis = hypothesis.plus(CATALOGUE[key], CATALOGUE[key].forms[0])
+        return fitter.explore(hypothesis, null)
+
+    best, beside, elsewhere = fit("mass"), fit("mass", "drag"), fit("mass", "leak")
+    trail = _Trail(fitter, CATALOGUE, [null, best, beside, elsewhere])
+    found = _replacing(trail, best)
+    fitter.close()
+    assert [f.keys for f in found] == [("drag",)]
+    assert found[0].evidence < best.evidence
 
 
 def test_each_set_of_equations_is_offered_once_where_every_one_is_asked_for(
