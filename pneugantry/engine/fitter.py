@@ -414,9 +414,7 @@ class Fitter:
             for residuals in of_views
             for w in self._white(residuals, {c: self.floor(c) for c in residuals}).values()
         ]
-        return (
-            min(max(float(np.median(sizes)), self.rules.quietest), noise.NOISIEST) if sizes else 1.0
-        )
+        return float(np.clip(np.median(sizes or [1.0]), self.rules.quietest, noise.NOISIEST))
 
     def _raced(self, problem: Problem, start: Solution, bar: float) -> Solution:
         """A view's descent by steps that look over events, given up where it is farther above a

@@ -5,7 +5,7 @@ the columns of everything that was fitted, and the responses to a missing term b
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 
 import numpy as np
@@ -219,14 +219,11 @@ class Response:
     base: Base
     replies: Mapping[Cell, Reply]
     products: Mapping[Cell, Mapping[str, Products]]
-    factor: float = 1.0  # of the replies
+    factor: float = 1.0  # by which replies and products are to be multiplied
 
     def times(self, factor: float) -> Response:
         """Of an addend that does so many times as much."""
-        products = {
-            c: {f: p.times(factor) for f, p in own.items()} for c, own in self.products.items()
-        }
-        return Response(self.base, self.replies, products, factor * self.factor)
+        return replace(self, factor=factor * self.factor)
 
     def shapes(self, cell: Cell, series: Mapping[str, Array]) -> Array:
         """Means (blocks, n) of series by record, (rows, n) or (rows,)."""
@@ -252,7 +249,7 @@ class Response:
                 both = (p.square @ s).reshape(len(s), -1, 2)
                 square = square + np.einsum("bni,bnj->nij", one, both)
                 pull = pull + (s.T @ p.pull).reshape(-1, 2)
-        return np.asarray(square), np.asarray(pull)
+        return np.asarray(self.factor**2 * square), np.asarray(self.factor * pull)
 
 
 def response_of(base: Base, replies: Mapping[Cell, Reply]) -> Response:
@@ -302,12 +299,12 @@ class Trial:
         return self.base.plain - self.base.foretold(lambda out: self.solved(prior, out).cost)
 
 
-def trial_of(base: Base, response: Response, series: Mapping[str, Array]) -> Trial:
+def trial_of(response: Response, series: Mapping[str, Array]) -> Trial:
     """Of shapes over each record (rows, n)."""
     found: dict[str, Products] = {}
     for cell, own in response.products.items():
         s = response.shapes(cell, series)
         for fold, p in own.items():
-            made = Products(s.T @ p.square @ s, p.cross @ s, s.T @ p.pull)
+            made = Products(s.T @ p.square @ s, p.cross @ s, s.T @ p.pull).times(response.factor)
             found[fold] = found[fold] + made if fold in found else made
-    return Trial(base, found)
+    return Trial(response.base, found)

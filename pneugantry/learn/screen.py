@@ -195,7 +195,6 @@ class Screening:
         it, or what it is times, stands already, where there is one.
         """
         found: list[Candidate] = []
-        responses: dict[Point, Response] = {}
         for component in (p.component for p in group.heads):
             for regressor, values in tried.items():
                 head = group.head(component, regressor.times or regressor.name)
@@ -203,10 +202,9 @@ class Screening:
                 if once and head.component != group.points[0].component:
                     continue
                 if regressor.within(head):
-                    if head not in responses:
-                        responses[head] = response.times(group.factor(head))
+                    own = response.times(group.factor(head))
                     course = Course(values, regressor.factors(self._series))
-                    found += self._of_pair(group.of(head), responses[head], regressor, course)
+                    found += self._of_pair(group.of(head), own, regressor, course)
         return found
 
     # -- equations
@@ -355,7 +353,7 @@ class Screening:
         course: Course,
     ) -> Candidate:
         unit = group.unit
-        trial = trial_of(self.base, response, course.shapes(basis))
+        trial = trial_of(response, course.shapes(basis))
         sizes = [(unit * size, bend) for size in SIZES for bend in basis.bends]
         plain = {bend: basis.prior(1.0, bend) for bend in basis.bends}
         priors = [plain[bend] / size**2 for size, bend in sizes]

@@ -49,7 +49,7 @@ def test_products_say_what_least_squares_over_all_rows_says() -> None:
     of, prior = base(), np.diag([0.5, 0.5, 2.0])
     replies = {c: Told(RNG.standard_normal((ROWS, 1, ROWS // BLOCK)), BLOCK) for c in CELLS}
     shapes = {c[1]: RNG.standard_normal((ROWS, 3)) for c in CELLS}
-    trial = trial_of(of, response_of(of, replies), shapes)
+    trial = trial_of(response_of(of, replies), shapes)
     for left_out in ("", "two"):
         kept = [c for c in CELLS if c[1] != left_out]
         j = np.concatenate(
@@ -82,13 +82,13 @@ def test_a_term_that_is_there_foretells_what_it_has_not_seen() -> None:
     }
     response = response_of(of, kernel)
     prior = np.eye(1)
-    assert trial_of(of, response, shapes).gain(prior) < 0.0
+    assert trial_of(response, shapes).gain(prior) < 0.0
     for c in CELLS:
         of.white[c][:] -= shapes[c[1]][:, 0] * size  # a fit misses what the term brings
-    there = trial_of(base_like(of), response_of(of, kernel), shapes)
+    there = trial_of(response_of(base_like(of), kernel), shapes)
     assert there.gain(prior) > 100.0
     assert there.solved(prior).coefficients == pytest.approx(size, abs=0.15)
-    twice = trial_of(of, response_of(of, kernel).times(-2.0), shapes)
+    twice = trial_of(response_of(of, kernel).times(-2.0), shapes)
     assert twice.solved(prior / 4).coefficients == pytest.approx(-size / 2, abs=0.1)
 
 
