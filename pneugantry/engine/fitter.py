@@ -37,7 +37,7 @@ from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simula
 from pneugantry.engine.synthetic import changes_of, noisy
 from pneugantry.engine.views import View
 
-__all__ = ["Fit", "Fitter", "deviations", "fallen"]
+__all__ = ["FAR_OFF", "Fit", "Fitter", "deviations", "fallen"]
 
 SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
 SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
@@ -45,6 +45,7 @@ BESIDE = 0.4  # share of these sizes beside an effect, which takes the rest
 FRESH = 2  # times as large is a survey where other equations hold: nothing is known of their optima
 WINNOWED = 8  # of a survey's points one is simulated over all records
 LEGS = 2  # descents from afar, each from the end of the one before, undamped
+FAR_OFF = 3.0  # spreads of the rig's tolerance from which on a deviation is much
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 
 
@@ -171,12 +172,18 @@ class Fitter:
         return made
 
     def loud(self, fit: Fit) -> list[str]:
-        """Views that tolerance or its effects move, in which a fit leaves more than noise."""
-        known = prior(fit.point.coordinates)
+        """Views that tolerance or its effects move, in which a fit leaves more than noise, or not
+        only because it has bent a parameter that they read far beyond tolerance.
+        """
+        known, views = prior(fit.point.coordinates), self.simulation.views
+        bent = [n for n, far in deviations(fit.point).items() if abs(far) > FAR_OFF]
         solution = Solution(fit.point, fit.residuals, {})
         parts = {v: _only(solution, v) for v in dict.fromkeys(c[0] for c in self.simulation.cells)}
         return [
-            v for v, p in parts.items() if not self._quiet(self._problem(p.residuals, known), p)
+            v
+            for v, p in parts.items()
+            if any(views[v].depends_on(n) for n in bent)
+            or not self._quiet(self._problem(p.residuals, known), p)
         ]
 
     def afresh(self, base: Fit) -> Fit:

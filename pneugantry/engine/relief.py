@@ -15,14 +15,13 @@ import numpy as np
 
 from pneugantry.engine.catalogue import Form
 from pneugantry.engine.descent import inside
-from pneugantry.engine.fitter import Fit, Fitter, deviations
+from pneugantry.engine.fitter import FAR_OFF, Fit, Fitter, deviations
 from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
 from pneugantry.engine.plant import Array
 from pneugantry.engine.simulation import Columns, Point
 
 __all__ = ["Relief", "Reliefs"]
 
-FAR_OFF = 3.0  # spreads of the rig's tolerance from which on a deviation is much
 BESIDE = 0.3  # prior spreads by which all is moved before columns are taken
 
 

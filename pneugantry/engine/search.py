@@ -301,12 +301,8 @@ def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[
     foremost = _best_of_each(fits)[: fitter.rules.finalists]
     least = fitter.rules.hopeful * max((base.evidence - f.evidence for f in foremost), default=0.0)
     hopeful = [f for f in foremost if base.evidence - f.evidence > least]
-    surveyed = [_surveyed(fitter, base, f) for f in (hopeful or foremost)[:SURVEYED]]
-    chosen = [
-        f
-        for f in (*surveyed, *hopeful[SURVEYED:])
-        if f.evidence < base.evidence and not f.negligible(fitter.rules)
-    ]
+    surveyed = [_surveyed(fitter, base, f) for f in hopeful or foremost]
+    chosen = [f for f in surveyed if f.evidence < base.evidence and not f.negligible(fitter.rules)]
     if len(chosen) == 1 and chosen[0].gain(base, fitter.rules) > bar:
         return chosen
     return [fitter.again(f) for f in chosen]
@@ -629,7 +625,6 @@ NEAR = 0.05  # usual sizes off the base, where its own slopes are taken
 NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
 STARTS = 2  # from which a form is fitted, beside the base
 SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
-SURVEYED = 2  # of the best effects at each step
 FEW = 2  # starts that are screened with all their columns
 SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
 CLOSE = 0.3  # of what tolerance alone is predicted to leave over a base, from the nominal plant on
