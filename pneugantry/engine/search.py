@@ -127,11 +127,26 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
             break
         before, thorough = best, True  # whose own best optimum may still be elsewhere
         best = trail.polished(top or best)
+        if top is not None and fitter.loud(best):
+            best = _reformed(trail, best)
         least = fitter.rules.entry if top is None else trail.bar
         if set(best.keys) == set(before.keys) and before.evidence - best.evidence < least:
             best = min(before, best, key=lambda f: f.evidence)
             break  # nothing to be screened that was not; what came was dropped again
     return best
+
+
+def _reformed(trail: _Trail, best: Fit) -> Fit:
+    """With another form of an effect that came before the last, where it does better beside it."""
+    fitter, fits = trail.fitter, []
+    for effect, form in best.hypothesis.effects[:-1]:
+        for other in filter(fitter.readable, effect.forms):
+            hypothesis = best.hypothesis.without(effect.key).plus(effect, other)
+            if other is not form and _told(hypothesis.effects) not in trail.known:
+                fits.append(fitter.explore(hypothesis, best, [best.values(None)], thorough=False))
+    trail.tried += fits
+    top = min((best, *fits), key=lambda f: f.evidence)
+    return trail.polished(top) if best.evidence - top.evidence > fitter.rules.entry else best
 
 
 def _exchanged(trail: _Trail, best: Fit) -> Fit:

@@ -23,6 +23,7 @@ from pneugantry.engine.search import (
     _main_forms,
     _Memory,
     _other_forms,
+    _reformed,
     _replacing,
     _Trail,
     screen,
@@ -235,6 +236,21 @@ def test_what_a_loud_view_reads_is_fitted_whatever_is_predicted(plant: Plant, pa
     assert {"drag", "mass", "friction"} <= {f.keys[-1] for f in fits}
     assert not {"slow_current", "leak"} & {f.keys[-1] for f in fits}
     assert min(fits, key=lambda f: f.evidence).keys == ("drag",)
+
+
+def test_beside_a_second_effect_the_first_may_take_another_form(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0, leak=0.2)
+    first, second = in_forms("first", {"cubic": 2.0, "drag": 2.0}), CATALOGUE["leak"]
+    hypothesis = Hypothesis().plus(first, first.forms[0]).plus(second, second.forms[0])
+    best = fitter.explore(hypothesis, fitter.null())
+    trail = _Trail(fitter, {e.key: e for e in (first, second)}, [best])
+    found = _reformed(trail, best)
+    fitter.close()
+    assert {(e.key, f.name) for e, f in found.hypothesis.effects} == {
+        ("first", "drag"),
+        ("leak", "plain"),
+    }
+    assert best.evidence - found.evidence > fitter.rules.entry
 
 
 def test_a_hundredth_of_the_usual_size_is_no_effect(plant: Plant, parts: Path) -> None:
