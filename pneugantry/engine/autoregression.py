@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 __all__ = ["LONGEST", "Whitener", "quoted", "whitener_of"]
 
@@ -37,6 +36,8 @@ class Whitener:
 
     def drawn(self, innovations: Array) -> Array:
         """Noise (N,) of which these are the innovations."""
+        from scipy.signal import lfilter  # costs half a second, for who quotes a model's error
+
         return np.asarray(lfilter([self.sigma], np.r_[1.0, -self.coefficients], innovations))
 
 

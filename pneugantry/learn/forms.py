@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from pneugantry.engine.plant import Array
 from pneugantry.learn.curve import Knots, Wave
@@ -180,6 +179,8 @@ class _Fit:
 
     def refined(self, start: tuple[float, ...]) -> Distilled:
         """The best values from a start on."""
+        from scipy.optimize import least_squares  # its import is dear, for who learns
+
         x = np.array(start) / self.span
         if len(x):
             x = least_squares(lambda v: self._sized(v)[1], x, max_nfev=40).x

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from pneugantry.engine.fitter import Fit
 from pneugantry.engine.plant import Array
@@ -31,6 +30,8 @@ def periods_of(fit: Fit, cells: Sequence[Cell], period_of: Callable[[Cell], floa
             series += [(c / (np.std(c) + 1e-300), period_of(cell)) for c in r.T]
     if not series:
         return []
+    from scipy.ndimage import median_filter  # its import is dear, for who learns
+
     longest = max(len(r) * p for r, p in series)
     highest = min(0.4 / p for _, p in series)
     frequencies = np.arange(LEAST / longest, highest, 1 / (FINE * longest))
