@@ -87,10 +87,11 @@ class Fit:
 
     def gain(self, base: Fit, rules: Rules) -> float:
         """Fall of -2 log evidence from `base` to here, that of the likelihood `doubted`: changes
-        of a stretch that are immaterial count as none.
+        of a stretch that are immaterial count as none; no more than the evidence itself falls.
         """
         sizes = {c: base.residuals[c].size for c in base.stretches}
-        return base.cost - self.cost + fallen(base.stretches, self.stretches, sizes, rules)
+        sure = base.cost - self.cost + fallen(base.stretches, self.stretches, sizes, rules)
+        return min(sure, base.evidence - self.evidence)
 
     def values(self, record: str | None) -> dict[str, float]:
         """Parameters of a record; None: those of no record in particular."""

@@ -6,6 +6,7 @@ decide a fit and make it rough in the parameters; under Student's t each counts 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -50,11 +51,12 @@ def weights(innovations: Array, freedom: float) -> Array:
 
 
 def doubted(falls: Array, doubt: float) -> float:
-    """Fall of a cost over stretches, less `doubt` standard errors but not beyond none at all: what
-    a few stretches carry alone is no gain.
+    """Fall of a cost over stretches, `doubt` standard errors nearer to none: what a few stretches
+    carry alone is neither gain nor loss.
     """
     fall = float(falls.sum())
-    return fall if fall < 0 else max(fall - doubt * float(np.sqrt(falls @ falls)), 0.0)
+    sure = max(abs(fall) - doubt * float(np.sqrt(falls @ falls)), 0.0)
+    return math.copysign(sure, fall)
 
 
 def spread(residuals: Sequence[Array]) -> float:

@@ -7,7 +7,7 @@ where, and how far the gap shrinks.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -40,7 +40,7 @@ Say = Callable[[str], None]
 Keys = tuple[str, ...]  # effects of a hypothesis, sorted
 BLAMED = 1.1  # times the gap with tolerance alone from which on effects make it worse
 NOTABLE = 2.0  # times the floor from which on a gap is more than noise
-RIVALS = 4  # fits that are also judged by the record that no fit saw
+RIVALS = 4  # likeliest hypotheses that are also judged by the record that no fit saw
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,24 +122,38 @@ class _Clock:
 
 
 def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
-    """All that was tried; the best few with what the held-out record says of them, beside the
-    nuisances alone.
+    """All that was tried; the likeliest few with what the held-out record says of them, beside the
+    nuisances alone, the others with what it says of the most that they contain.
     """
     fits: dict[Keys, Fit] = {}
     for fit in sorted((*found.tried, found.null, found.best), key=lambda f: f.evidence):
         fits.setdefault(tuple(sorted(fit.keys)), fit)
-    null, costs = found.null, _costs(fits, fitter.rules)
-    rivals = [k for k in sorted(costs, key=lambda k: costs[k])[:RIVALS] if k]
+    costs = before = _costs(fits, fitter.rules)
+    judged: dict[Keys, float] = {(): 0.0}
+    while new := [k for k in sorted(costs, key=lambda k: costs[k])[:RIVALS] if k not in judged]:
+        judged = _foretold(fitter, task, {k: fits[k] for k in (*judged, *new)}, found.null)
+        costs = {k: before[k] - judged[_most(k, judged)] for k in before}
+    return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
+
+
+def _foretold(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> dict[Keys, float]:
+    """How much better each fit foretells the records that none saw than the nuisances alone."""
+    found = dict.fromkeys(fits, 0.0)
+    own = [k for k in fits if k]
     for held in task.data.unseen:
         foretelling = Foretelling(fitter, task.views, held)
         try:
-            for k, gain in zip(
-                rivals, foretelling.gains([fits[k] for k in rivals], null), strict=True
-            ):
-                costs[k] -= gain
+            gains = foretelling.gains([fits[k] for k in own], null)
         finally:
             foretelling.close()
-    return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
+        for k, gain in zip(own, gains, strict=True):
+            found[k] += gain
+    return found
+
+
+def _most(keys: Keys, judged: Collection[Keys]) -> Keys:
+    """The most effects among these that were judged together."""
+    return max((k for k in judged if set(k) <= set(keys)), key=len)
 
 
 def _bring(keys: Keys, costs: Mapping[Keys, float]) -> bool:

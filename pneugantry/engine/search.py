@@ -156,8 +156,9 @@ def _exchanged(trail: _Trail, best: Fit) -> Fit:
     top = min((best, *rivals), key=lambda f: f.evidence)
     if top is best:
         return best
-    trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-    trail.steps += [Step(k, 0.0, top, dropped=True) for k in best.keys if k not in top.keys]
+    if set(top.keys) != set(best.keys):
+        trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
+        trail.steps += [Step(k, 0.0, top, dropped=True) for k in best.keys if k not in top.keys]
     return trail.polished(top)
 
 
@@ -204,25 +205,24 @@ def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
 
 def _replacing(trail: _Trail, best: Fit) -> list[Fit]:
     """From what was fitted with one effect more: without each other effect of its block. What can
-    stand in for another finds its place beside it, and by itself may not.
+    stand in for another finds its place beside it, and by itself may not. From the best of it also
+    without that effect: it may stand in a better optimum only.
     """
     fits: list[Fit] = []
     seen: set[frozenset[tuple[str, str]]] = set()
     for fit in sorted(trail.tried, key=lambda f: f.evidence):
-        more = set(fit.keys) - set(best.keys)
-        if len(fit.keys) != len(best.keys) + 1 or len(more) != 1 or _told_of(fit) in seen:
+        effects = fit.hypothesis.effects
+        more = [e for e, _ in effects if e.key not in best.keys]
+        if len(fit.keys) != len(best.keys) + 1 or len(more) != 1 or _told(effects) in seen:
             continue
-        seen.add(_told_of(fit))
-        blocks = {e.key: e.block for e, _ in fit.hypothesis.effects}
-        for key in best.keys:
-            if blocks[key] == blocks[min(more)] and fit.evidence < best.evidence + trail.bar:
-                fits.append(trail.fitter.explore(fit.hypothesis.without(key), fit))
+        if fit.evidence > best.evidence + trail.bar:
+            break
+        gone = [e.key for e, _ in effects if e.block == more[0].block and e is not more[0]]
+        if not seen and fit.evidence < best.evidence - trail.fitter.rules.entry:
+            gone.append(more[0].key)
+        fits += [trail.fitter.explore(fit.hypothesis.without(key), fit) for key in gone]
+        seen.add(_told(effects))
     return fits
-
-
-def _told_of(fit: Fit) -> frozenset[tuple[str, str]]:
-    """Its effects in their forms."""
-    return _told(fit.hypothesis.effects)
 
 
 def _told(effects: Sequence[Offer]) -> frozenset[tuple[str, str]]:
@@ -275,7 +275,7 @@ def _fits(
     for own in _chosen(fitter, screened, bar, measures):
         rough.append(_added(fitter, base, own, _ahead(rough)))
     left = fitter.loud(min((base, *rough), key=lambda f: f.evidence))
-    known = {_told_of_last(f) for f in rough}
+    known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
     rest = [c for c in screened if _form_of(c) not in known and _reaches(fitter, c, left)]
     for own in _chosen(fitter, rest, bar, measures, every=True):
         rough.append(_added(fitter, base, own, _ahead(rough)))
@@ -284,12 +284,6 @@ def _fits(
             hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
             rough.append(fitter.from_afar(hypothesis, base, [c.starts for c in own]))
     return rough + _other_forms(fitter, base, rough)
-
-
-def _told_of_last(fit: Fit) -> tuple[str, str]:
-    """The effect that came last, and its form."""
-    effect, form = fit.hypothesis.effects[-1]
-    return effect.key, form.name
 
 
 def _reaches(fitter: Fitter, c: Candidate, views: Collection[str]) -> bool:

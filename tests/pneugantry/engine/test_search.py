@@ -278,7 +278,7 @@ def test_what_stands_beside_an_effect_may_replace_it(plant: Plant, parts: Path) 
     trail = _Trail(fitter, CATALOGUE, [null, best, beside, elsewhere])
     found = _replacing(trail, best)
     fitter.close()
-    assert [f.keys for f in found] == [("drag",)]
+    assert [f.keys for f in found] == [("drag",), ("mass",)]
     assert found[0].evidence < best.evidence
 
 
