@@ -81,6 +81,8 @@ def _counted() -> Iterator[list[Piece]]:
         patch.object(Fitter, "null", counting("tolerance", Fitter.null)),
         patch.object(Fitter, "explore", counting("fit", Fitter.explore)),
         patch.object(Fitter, "again", counting("fit of all views", Fitter.again)),
+        patch.object(Fitter, "scouted", counting("scout", Fitter.scouted)),
+        patch.object(Fitter, "from_afar", counting("fit from afar", Fitter.from_afar)),
         patch.object(searching, "screen", counting("screen", searching.screen)),
     ):
         yield pieces

@@ -267,15 +267,7 @@ class Fitter:
         always are under other equations than the base's.
         """
         own, known, cells = self._beside_base(hypothesis, base)
-        columns = {k: c for k, c in base.columns.items() if k[0] in cells}
-        wanted = {c.name for c in own.coordinates if c.effect}
-        if hypothesis.settings != base.hypothesis.settings:  # other equations, other columns
-            columns, wanted = {}, set(known.names)
-        points = [own, *(self._first(hypothesis, base, s) for s in starts)]
-        firsts = []
-        for point in points:
-            residuals, made = self.simulation.linearised(point, cells, wanted)
-            firsts.append(Solution(point, residuals, {**columns, **made}))
+        firsts = self._firsts(hypothesis, base, starts, cells)
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
         rivals = [_as_of(f, own) for f in (base, ahead) if f is not None]
         share = FRESH if another else int(thorough)
@@ -287,6 +279,49 @@ class Fitter:
         if after - self._beside(base, base, known, cells) < self.rules.hopeless:
             solution = self._jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
+
+    def scouted(
+        self,
+        hypothesis: Hypothesis,
+        base: Fit,
+        starts: Sequence[Mapping[str, float]],
+        views: Collection[str],
+    ) -> float:
+        """What a hypothesis gains over a base in some views, each fitted by itself: more than it can
+        in all views together. inf where there is no other that it touches: a fit costs no more.
+        """
+        _, known, cells = self._beside_base(hypothesis, base)
+        if all(c[0] in views for c in cells):
+            return math.inf
+        own = [c for c in cells if c[0] in views]
+        firsts, gain = self._firsts(hypothesis, base, starts, own), 0.0
+        for view in dict.fromkeys(c[0] for c in own):
+            problem = self._problem([c for c in own if c[0] == view], known, fine=False)
+            least = standing(problem, _only(_as_of(base, firsts[0].point), view))
+            for first in firsts:
+                end = standing(problem, self._raced(problem, _only(first, view), least))
+                gain, least = gain + max(least - end, 0.0), min(least, end)
+        return gain
+
+    def _firsts(
+        self,
+        hypothesis: Hypothesis,
+        base: Fit,
+        starts: Sequence[Mapping[str, float]],
+        cells: Sequence[Cell],
+    ) -> list[Solution]:
+        """Where a hypothesis starts in some cells: from the base, and from values besides."""
+        coordinates = self.coordinates(hypothesis, base.scale)
+        columns = {k: c for k, c in base.columns.items() if k[0] in cells}
+        wanted = {c.name for c in coordinates if c.effect}
+        if hypothesis.settings != base.hypothesis.settings:  # other equations, other columns
+            columns, wanted = {}, {c.name for c in coordinates}
+        made = []
+        for values in ({}, *starts):
+            point = self._first(hypothesis, base, values)
+            residuals, own = self.simulation.linearised(point, cells, wanted)
+            made.append(Solution(point, residuals, {**columns, **own}))
+        return made
 
     def from_afar(
         self, hypothesis: Hypothesis, base: Fit, starts: Sequence[Mapping[str, float]]
@@ -313,11 +348,11 @@ class Fitter:
         self, hypothesis: Hypothesis, base: Fit
     ) -> tuple[Point, Parabola, tuple[Cell, ...]]:
         """Where a hypothesis starts from a base, what is known of it besides, and the cells that
-        either's effects touch; the others are their parabolas at the base.
+        effects touch in which the two differ; the others are their parabolas at the base.
         """
         own = self._first(hypothesis, base, {})
         self.prepare([hypothesis])
-        touched = {*self.touched(hypothesis), *self.touched(base.hypothesis)}
+        touched = set(self.touched(hypothesis.beyond(base.hypothesis)))
         cells = tuple(c for c in self.simulation.cells if c in touched)
         known = prior(own.coordinates)
         for view, parabola in base.parabolas.items():

@@ -29,11 +29,21 @@ class Hypothesis:
     def parameters(self) -> tuple[Parameter, ...]:
         return tuple(p for _, form in self.effects for p in form.parameters)
 
+    @property
+    def _told(self) -> set[tuple[str, str]]:
+        return {(e.key, f.name) for e, f in self.effects}
+
     def plus(self, effect: Effect, form: Form) -> Hypothesis:
         return Hypothesis((*self.effects, (effect, form)))
 
     def without(self, key: str) -> Hypothesis:
         return Hypothesis(tuple(x for x in self.effects if x[0].key != key))
+
+    def beyond(self, other: Hypothesis) -> Hypothesis:
+        """What only one of both has."""
+        apart = self._told ^ other._told
+        both = (*self.effects, *other.effects)
+        return Hypothesis(tuple((e, f) for e, f in both if (e.key, f.name) in apart))
 
 
 @dataclass(frozen=True)

@@ -278,7 +278,9 @@ def _fits(
     known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
     rest = [c for c in screened if _form_of(c) not in known and _reaches(fitter, c, left)]
     for own in _chosen(fitter, rest, bar, measures, every=True):
-        rough.append(_added(fitter, base, own, _ahead(rough)))
+        hypothesis, starts = _from(fitter, base, own)
+        if fitter.scouted(hypothesis, base, starts, left) > bar:
+            rough.append(_added(fitter, base, own, _ahead(rough)))
     if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
         for own in _chosen(fitter, _afresh(fitter, base, forms, far), bar, ("afresh",)):
             hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
@@ -353,12 +355,18 @@ def _pruned(trail: _Trail, fit: Fit) -> Fit:
 
 def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate], ahead: Fit | None) -> Fit:
     """An effect from the base, from its candidates' starts, and from the others."""
+    hypothesis, starts = _from(fitter, base, own)
+    return fitter.explore(hypothesis, base, starts, ahead, thorough=False)
+
+
+def _from(
+    fitter: Fitter, base: Fit, own: Sequence[Candidate]
+) -> tuple[Hypothesis, list[Mapping[str, float]]]:
+    """A base with the effect of some candidates, and where it starts beside the base."""
     effect, form = own[0].effect, own[0].form
     candidates = [c.starts for c in own]
     listed = [*candidates, *(s for s in _starts(fitter, base, form) if s not in candidates)]
-    starts = [s for s in listed if s][:STARTS]
-    hypothesis = base.hypothesis.plus(effect, form)
-    return fitter.explore(hypothesis, base, starts, ahead, thorough=False)
+    return base.hypothesis.plus(effect, form), [s for s in listed if s][:STARTS]
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
