@@ -30,9 +30,15 @@ class Whitener:
     sigma: float
 
     def __call__(self, residual: Array) -> Array:
-        """Innovations of a residual (N,), from row LONGEST on."""
-        kernel = np.concatenate([[1.0], -self.coefficients])
-        return np.asarray(np.convolve(residual, kernel)[LONGEST : len(residual)] / self.sigma)
+        """Innovations of residuals (..., N), from row LONGEST on."""
+        rows = residual.shape[-1]
+        if residual.ndim == 1 and len(self.coefficients):
+            kernel = np.concatenate([[1.0], -self.coefficients])
+            return np.asarray(np.convolve(residual, kernel)[LONGEST:rows] / self.sigma)
+        found = residual[..., LONGEST:] / self.sigma
+        for i, coefficient in enumerate(self.coefficients, 1):
+            found -= (coefficient / self.sigma) * residual[..., LONGEST - i : rows - i]
+        return np.asarray(found)
 
     def drawn(self, innovations: Array) -> Array:
         """Noise (N,) of which these are the innovations."""
@@ -56,16 +62,37 @@ def whitener_of(
         [sum(float(r[: len(r) - k] @ r[k:]) for r in residuals) for k in range(LONGEST + 1)]
     )
     lags[0] = lags[0] * (1 + 1e-9) + 1e-300
-    best, cost = Whitener(np.zeros(0), 1.0), math.inf
-    for order in range(LONGEST + 1):
-        raw = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.zeros(0)
-        tried = Whitener(_bounded(np.asarray(raw), lags / max(n, 1), least, slow), 1.0)
-        square = sum(float(e @ e) for e in map(tried, residuals)) / n
-        size = max(math.sqrt(square), least)
-        price = n * (2 * math.log(size) + square / size**2) + order * math.log(n)
-        if price < cost - 1e-9:
-            best, cost = Whitener(tried.coefficients, size), price
-    return best
+    products = sum((_products(r) for r in residuals), np.zeros((LONGEST + 1, LONGEST + 1)))
+    kernels = _bounded(_kernels(lags), lags / max(n, 1), least, slow)
+    squares = np.maximum(((kernels @ products) * kernels).sum(axis=1) / n, 0.0)
+    sizes = np.maximum(np.sqrt(squares), least)
+    orders = np.arange(LONGEST + 1)
+    best = int(np.argmin(n * (2 * np.log(sizes) + squares / sizes**2) + orders * math.log(n)))
+    return Whitener(-kernels[best, 1 : best + 1], float(sizes[best]))
+
+
+def _products(residual: Array) -> Array:
+    """Sums (LONGEST + 1, LONGEST + 1) of r_{k-i} r_{k-j} over the rows k from LONGEST on."""
+    delayed = np.lib.stride_tricks.sliding_window_view(residual, LONGEST + 1)[:, ::-1]
+    own = np.ascontiguousarray(delayed.T)
+    return np.asarray(own @ own.T)
+
+
+def _kernels(lags: Array) -> Array:
+    """(orders, LONGEST + 1): of each order 0..LONGEST 1 and what to add of the rows before, that
+    the sum is least (Levinson, Durbin); 0 beyond its order.
+
+    lags (LONGEST + 1,): autocovariance times a factor.
+    """
+    made, left = np.zeros((LONGEST + 1, LONGEST + 1)), float(lags[0])
+    made[:, 0] = 1.0
+    for order in range(1, LONGEST + 1):
+        before = made[order - 1, :order]
+        share = float(before @ lags[order:0:-1]) / left
+        made[order, :order] = before
+        made[order, 1 : order + 1] -= share * before[::-1]
+        left *= 1 - share**2
+    return made
 
 
 def quoted(sigma: float, error: float, rows: float) -> Whitener:
@@ -79,23 +106,26 @@ def quoted(sigma: float, error: float, rows: float) -> Whitener:
     return Whitener(coefficients, math.sqrt(float(lags[0] - coefficients @ lags[1:])))
 
 
-def _bounded(coefficients: Array, lags: Array, least: float, slow: float) -> Array:
-    """Coefficients with their roots drawn inwards as far as the noise at frequency 0 needs to be
-    `slow`. lags: autocovariance.
+def _bounded(kernels: Array, lags: Array, least: float, slow: float) -> Array:
+    """Kernels with their roots drawn inwards as far as the noise at frequency 0 needs to be `slow`.
+    lags: autocovariance.
     """
-    order = len(coefficients)
-    among = lags[np.abs(np.subtract.outer(np.arange(order + 1), np.arange(order + 1)))]
+    places = np.arange(LONGEST + 1)
+    among = lags[np.abs(np.subtract.outer(places, places))]
 
-    def held(share: float) -> tuple[Array, bool]:
-        drawn = coefficients * share ** np.arange(1, order + 1)
-        kernel = np.concatenate([[1.0], -drawn])
-        sigma = max(math.sqrt(max(float(kernel @ among @ kernel), 0.0)), least)
-        return drawn, sigma <= slow * float(kernel.sum())
+    def held(drawn: Array) -> NDArray[np.bool_]:
+        power = np.maximum(((drawn @ among) * drawn).sum(axis=1), 0.0)
+        return np.asarray(np.maximum(np.sqrt(power), least) <= slow * drawn.sum(axis=1))
 
-    if order == 0 or math.isinf(slow) or held(1.0)[1]:
-        return coefficients
-    low, high = 0.0, 1.0
+    wide = np.zeros(len(kernels), bool) if math.isinf(slow) else ~held(kernels)
+    wide[0] = False
+    if not wide.any():
+        return kernels
+    own, low, high = kernels[wide], np.zeros(wide.sum()), np.ones(wide.sum())
     for _ in range(BISECTIONS):
-        share = 0.5 * (low + high)
-        low, high = (share, high) if held(share)[1] else (low, share)
-    return held(low)[0]
+        shares = 0.5 * (low + high)
+        sound = held(own * shares[:, None] ** places)
+        low, high = np.where(sound, shares, low), np.where(sound, high, shares)
+    found = kernels.copy()
+    found[wide] = own * low[:, None] ** places
+    return found

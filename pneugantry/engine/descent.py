@@ -58,20 +58,23 @@ class Weighing:
 
     def __init__(self, of_views: Noise, rules: Rules) -> None:
         self.noise, self.freedom = of_views, rules.tails
-        self._white: dict[tuple[Cell, str], tuple[Array, Array]] = {}  # columns, and as innovations
+        self._white: dict[Cell, tuple[list[Array], Array]] = {}  # columns, and as innovations
 
     def innovations(self, cell: Cell, values: Array) -> Array:
-        """Whitened residual or column of a cell, flattened."""
-        return np.concatenate([w(values[:, c]) for c, w in enumerate(self.noise[cell])])
+        """Whitened residual or columns (..., rows, signals) of a cell, its signals in turn."""
+        white = [w(values[..., c]) for c, w in enumerate(self.noise[cell])]
+        return white[0] if len(white) == 1 else np.concatenate(white, axis=-1)
 
-    def whitened(self, columns: Columns, cell: Cell, name: str) -> Array:
-        """A column's innovations, flattened; kept as long as the column is the same."""
-        column = columns[cell, name]
-        kept = self._white.get((cell, name))
-        if kept is None or kept[0] is not column:
-            white = np.nan_to_num(self.innovations(cell, column))
-            kept = self._white[cell, name] = column, white
-        return kept[1]
+    def whitened(self, columns: Columns, cell: Cell, names: Sequence[str]) -> Array:
+        """Innovations (columns, rows) of columns of a cell; kept as long as these are the same."""
+        own = [columns[cell, name] for name in names]
+        kept, white = self._white.get(cell, ([], np.zeros((0, 0))))
+        if len(kept) != len(own) or any(a is not b for a, b in zip(kept, own, strict=True)):
+            white = self.innovations(cell, np.stack(own))
+            if not np.isfinite(white).all():
+                white = np.nan_to_num(white)
+            self._white[cell] = own, white
+        return white
 
     def costs(self, residuals: Residuals) -> dict[str, float]:
         """-2 log likelihood by view."""
@@ -100,7 +103,7 @@ class Weighing:
             if index and np.isfinite(r).all():
                 w = self.innovations(cell, r)
                 root = np.sqrt(noise.weights(w, self.freedom))
-                j = np.stack([self.whitened(columns, cell, names[i]) for i in index]) * root
+                j = self.whitened(columns, cell, [names[i] for i in index]) * root
                 normal[np.ix_(index, index)] += j @ j.T
                 gradient[index] += j @ (w * root)
         return normal, gradient

@@ -683,8 +683,8 @@ class _Test:
         for cell in fitter.simulation.cells:
             w = self.weighing.innovations(cell, base.residuals[cell])
             index = [i for i, name in enumerate(names) if (cell, name) in base.columns]
-            columns = [self.weighing.whitened(base.columns, cell, names[i]) for i in index]
-            j = np.stack(columns or [np.zeros(len(w))])
+            own = [names[i] for i in index]
+            j = self.weighing.whitened(base.columns, cell, own) if own else np.zeros((1, len(w)))
             roots = np.sqrt(weights(w, self.tails))
             self.cells[cell] = _Cell(w, roots, index, j)
         self.least = {
@@ -736,8 +736,7 @@ class _Test:
         white = {}
         for cell, raw in columns.items():
             at = self.cells[cell]
-            d = np.stack([self.weighing.innovations(cell, c) for c in raw])
-            white[cell] = d
+            white[cell] = d = self.weighing.innovations(cell, np.stack(raw))
             weighed = d * at.roots
             square += weighed @ weighed.T
             pull += weighed @ (at.innovations * at.roots)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
@@ -36,11 +37,14 @@ class Point:
 
     def values(self, record: str | None) -> dict[str, float]:
         """Parameters of a record; None: those of no record in particular."""
-        found = dict(self.settings)
-        for c, theta in zip(self.coordinates, self.theta, strict=True):
-            if c.record is None or c.record == record:
-                found[c.parameter] = c.value(theta)
-        return found
+        pairs = zip(self.coordinates, self._values, strict=True)
+        own = {c.parameter: value for c, value in pairs if c.record in (None, record)}
+        return {**self.settings, **own}
+
+    @cached_property
+    def _values(self) -> list[float]:
+        """Of each coordinate."""
+        return [c.value(t) for c, t in zip(self.coordinates, self.theta.tolist(), strict=True)]
 
     def moved(self, theta: Array) -> Point:
         """The same with other values."""
