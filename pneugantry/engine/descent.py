@@ -156,6 +156,7 @@ class Solution:
     point: Point
     residuals: Residuals
     columns: Columns
+    settled: bool = False  # the columns are of this point, and no step from it led down
 
 
 def descend(
@@ -318,12 +319,13 @@ def _step(
     normal = known.square + curved
     gradient = known.square @ theta - known.pull + sum(g for _, g in parts.values())
     best: _Step | None = None
-    worst: set[str] = set()  # views that spoilt the last try: the next one runs them first
+    worst: set[str] = set()  # views that spoilt a try: the next one runs them first
     bent: Point | None = None  # where a first try that failed leads back to the valley
     backs: list[float] = []  # falls of the tries that led there
     share, shorter = 1.0, list(SHORTER) if problem.fine else []
     tries = 0
     while tries < TRIES:
+        least = best.fall if best else 0.0
         if bent is None:
             damped = normal + np.diag(damping * np.diag(normal))
             trial = newton(point, damped, gradient)
@@ -335,15 +337,17 @@ def _step(
                 break
             by_view = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in parts.items()}
         else:
-            trial = bent
+            trial, least = bent, max(backs)
         falls, tried = dict(by_view), dict(state.residuals)
+        left = [c for c in problem.cells if c[0] in costs]
         for views in (worst, set(costs) - worst):
-            cells = [c for c in problem.cells if c[0] in views]
+            cells = [c for c in left if c[0] in views]
+            left = [c for c in left if c[0] not in views]
             found = sim.residuals(trial, cells) if cells else {}
             tried |= found
             falls |= {v: costs[v] - after for v, after in weighing.costs(found).items()}
             fall = sum(falls.values()) + known.cost(theta) - known.cost(trial.theta)
-            if fall <= (best.fall if best else 0.0):
+            if fall <= least:
                 break  # whatever the others do as predicted
         missed = {v: by_view[v] - falls[v] for v in costs}
         stale = frozenset(
@@ -354,6 +358,7 @@ def _step(
         if fall > TAKEN * predicted:
             damping[:] = np.maximum(0.1 * damping, LEAST)
             break
+        worst = {v for v in costs if missed[v] > SHARED * (predicted - fall)}
         if (
             tries == 0
             and problem.fine
@@ -361,6 +366,7 @@ def _step(
             and fall > max(backs, default=-FAILED)
         ):
             backs.append(fall)
+            tried |= _foretold(state, left, trial.theta - theta)
             at = Solution(trial, tried, state.columns)
             bent = _back(weighing, at, damped, known, (1 - share) * gradient)
             if bent is not None:
@@ -370,10 +376,19 @@ def _step(
             share, backs = shorter.pop(0), []
             continue
         share, tries = 1.0, tries + 1
-        worst = {v for v in costs if missed[v] > SHARED * (predicted - fall)}
         short = np.diag(sum((parts[v][0] for v in worst or costs), np.zeros_like(normal))) > 0
         damping[short] = np.maximum(LONGER * damping[short], FIRST)
     return best
+
+
+def _foretold(state: Solution, cells: Sequence[Cell], made: Array) -> Residuals:
+    """Residuals of some cells after a step, as their columns tell."""
+    found = {c: state.residuals[c].copy() for c in cells}
+    for c, step in zip(state.point.coordinates, made, strict=True):
+        for cell in cells:
+            if (cell, c.name) in state.columns:
+                found[cell] += step * state.columns[cell, c.name]
+    return found
 
 
 def _back(

@@ -63,6 +63,7 @@ class Fit:
     scale: float  # of the rig's tolerance
     stretches: Mapping[Cell, Array]  # -2 log likelihood by stretch of a record
     cost: float  # priors, Occam factor and order of the noise
+    settled: bool = False  # all views together; as of `Solution`
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -198,7 +199,7 @@ class Fitter:
         point, cells = base.point.moved(theta), tuple(self.simulation.cells)
         names = {c.name for c in point.coordinates}
         residuals, columns = self.simulation.linearised(point, cells, names, fine=False)
-        return replace(base, point=point, residuals=residuals, columns=columns)
+        return replace(base, point=point, residuals=residuals, columns=columns, settled=False)
 
     def unseen(self, fit: Fit) -> list[Coordinate]:
         """Of what every rig has off and no record shows: it keeps its prior."""
@@ -375,8 +376,10 @@ class Fitter:
         """
         cells = tuple(self.simulation.cells)
         whole = prior(fit.point.coordinates)
-        residuals = self.simulation.residuals(fit.point, cells)
-        solution = Solution(fit.point, residuals, fit.columns)
+        solution = Solution(fit.point, fit.residuals, fit.columns, fit.settled)
+        if not fit.settled:
+            residuals = self.simulation.residuals(fit.point, cells)
+            solution = Solution(fit.point, residuals, fit.columns)
         solution = (self._polished if thorough else self._jointly)(solution, whole, cells)
         solution = self._renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
@@ -639,13 +642,18 @@ class Fitter:
 
     def _jointly(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """All views together, from new columns on."""
+        if start.settled:
+            return start
         return self._descended(self._with_columns(start, known, cells), known, cells)
 
     def _descended(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """All views together, under the colour that their residuals have."""
         problem, solution = self._problem(cells, known), start
         for fall in (ROUGH, self.rules.converged):
+            before = solution.point
             solution = descend(problem, solution, self.coloured(solution.residuals), fall)
+            if solution.point is before:
+                break
         return solution
 
     def _renewed(
@@ -654,12 +662,14 @@ class Fitter:
         """Converged with columns of where it is, on which score tests and the covariance rest; the
         noise's colour follows. times: at most.
         """
+        if start.settled:
+            return start
         solution = self._with_columns(start, known, cells)
         for _ in range(times):
             colour, at = self.coloured(solution.residuals), solution
             solution = descend(self._problem(cells, known), at, colour, self.rules.converged)
             if solution.point is at.point:
-                break
+                return replace(solution, settled=True)
             solution = self._with_columns(solution, known, cells)
             before, after = (self._cost(s, known, colour) for s in (at, solution))
             if before - after < self.rules.entry:
@@ -764,6 +774,7 @@ class Fitter:
             scale,
             stretches,
             cost + occam + order * math.log(max(rows, 2)),
+            solution.settled,
         )
 
     def stretches(self, cell: Cell, residual: Array, of_view: Sequence[Whitener]) -> Array:
