@@ -288,8 +288,8 @@ class Fitter:
         starts: Sequence[Mapping[str, float]],
         views: Collection[str],
     ) -> float:
-        """What a hypothesis gains over a base in some views, each fitted by itself: more than it can
-        in all views together. inf where there is no other that it touches: a fit costs no more.
+        """What a hypothesis gains over a base in some views, each fitted by itself: more than in
+        all views together. inf where it touches no other: a fit costs no more.
         """
         _, known, cells = self._beside_base(hypothesis, base)
         if all(c[0] in views for c in cells):
@@ -563,20 +563,30 @@ class Fitter:
 
     def _quiet(self, problem: Problem, found: Solution) -> bool:
         """Whether a view's residuals are no more than the sensors' noise, in each record and in
-        all, or nothing that is off by a share or an effect's moves them.
+        all, and what stands out from it is in few stretches (an event that was missed); or nothing
+        that is off by a share or an effect's moves them.
         """
         if not any(c.scales or c.effect for c in found.point.coordinates if self._in(c, problem)):
             return True
         white = self._white(found.residuals, {c: self.floor(c) for c in problem.cells})
         signals = [[w for (_, k), w in white.items() if k == c] for c in {k for _, k in white}]
         most, rules = self.rules.quiet * self._level, self.rules
+        large = [
+            np.where(np.abs(w) > LARGE, noise.loss(w / self._level, rules.tails), 0.0)
+            for w in white.values()
+        ]
+        parts = [self._by_stretch(cell, x) for (cell, _), x in zip(white, large, strict=True)]
         return not any(
             noise.surely_above(most, rows, rules.doubt)
             for rows in (*signals, *([w] for w in white.values()))
-        ) and all(
-            noise.loss(w[np.abs(w) > LARGE] / self._level, rules.tails).sum() < rules.hopeless
-            for w in white.values()
-        )
+        ) and (not parts or noise.doubted(np.concatenate(parts), rules.doubt) < rules.hopeless)
+
+    def _by_stretch(self, cell: Cell, terms: Array) -> Array:
+        """Sums of a cell's terms (rows,) by stretch of its record."""
+        view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
+        length = max(4, round(self.rules.block / (record.period * view.decimation)))
+        parts = np.array_split(terms, max(1, len(terms) // length))
+        return np.array([p.sum() for p in parts])
 
     def floor(self, cell: Cell) -> tuple[Whitener, ...]:
         """Colour and size of the sensors' quoted noise, brought through a view once."""
@@ -779,15 +789,11 @@ class Fitter:
 
     def stretches(self, cell: Cell, residual: Array, of_view: Sequence[Whitener]) -> Array:
         """-2 log likelihood of a cell, by stretch of its record."""
-        view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
-        length = max(4, round(self.rules.block / (record.period * view.decimation)))
-        found: list[float] = []
+        found = [np.zeros(0)]
         for c, w in enumerate(of_view):
             terms = noise.loss(w(residual[:, c]), self.rules.tails) + 2 * math.log(w.sigma)
-            terms = np.nan_to_num(terms, nan=FAILED, posinf=FAILED)
-            parts = np.array_split(terms, max(1, len(terms) // length))
-            found += [float(p.sum()) for p in parts]
-        return np.array(found)
+            found.append(self._by_stretch(cell, np.nan_to_num(terms, nan=FAILED, posinf=FAILED)))
+        return np.concatenate(found)
 
 
 def fallen(

@@ -14,7 +14,8 @@ from pneugantry.blind.drive import DESCRIPTION, main, write_drive_case
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.run import run
-from pneugantry.engine.search import _afresh, _main_forms, _Memory
+from pneugantry.engine.screening import Memory, afresh
+from pneugantry.engine.search import _main_forms
 from pneugantry.engine.synthetic import Nominal
 from pneugantry.plants.described import described_task
 from pneugantry.truth.drive.case import LOGS, ROWS, DriveSet, commands, draw_drive_case, record
@@ -143,7 +144,7 @@ def test_an_effect_that_no_slope_shows_is_found_from_the_nominal_plant() -> None
     fitter = Fitter(task.plant, task.views, task.data.fitted, replace(found.rules, followed=0))
     null = fitter.null()
     forms = _main_forms(fitter, list(task.catalogue.values()))
-    far = sorted(_afresh(fitter, null, forms, _Memory()), key=lambda c: -c.afresh)
+    far = sorted(afresh(fitter, null, forms, Memory()), key=lambda c: -c.afresh)
     best = {c.effect.key: c for c in reversed(far[:6])}["joint_hardening"]
     hypothesis = Hypothesis().plus(best.effect, best.form)
     near = fitter.explore(hypothesis, null)

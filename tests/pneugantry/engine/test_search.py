@@ -17,16 +17,14 @@ from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.hypothesis import Hypothesis, effect_coordinate
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.screening import Candidate, Memory, screen
 from pneugantry.engine.search import (
-    Candidate,
     _fits,
     _main_forms,
-    _Memory,
     _other_forms,
     _reformed,
     _replacing,
     _Trail,
-    screen,
     search,
 )
 from pneugantry.engine.views import SubsystemView, build_views
@@ -229,7 +227,7 @@ def test_what_a_loud_view_reads_is_fitted_whatever_is_predicted(plant: Plant, pa
     null = fitter.null()
     forms = _main_forms(fitter, list(CATALOGUE.values()))
     nothing = [Candidate(e, f, {}, 0.0, 0.0) for e, f in forms]
-    fits = _fits(fitter, null, nothing, 30.0, forms, _Memory())
+    fits = _fits(fitter, null, nothing, 30.0, forms, Memory())
     loud = fitter.loud(null)
     fitter.close()
     assert loud == ["v"]
