@@ -1,7 +1,8 @@
 """Weights of the decision from diagnosed rigs whose truth is known, and how well probabilities
 under them say how often they are right.
 
-What a rig's diagnosis weighed (`gap/1`: weighed, stands_out) is enough: nothing is fitted again.
+What a rig's diagnosis weighed (`gap/1`: weighed, stands_out, doubtful) is enough: nothing is fitted
+again.
 """
 
 from __future__ import annotations
@@ -13,7 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from pneugantry.engine.decide import UNKNOWN, Chances, Weighed, shares, unknown_probability
+from pneugantry.engine.decide import (
+    UNKNOWN,
+    Chances,
+    Weighed,
+    left_beside,
+    shares,
+    unknown_probability,
+)
 from pneugantry.engine.plant import Array
 
 __all__ = [
@@ -46,6 +54,7 @@ class Known:
     unknown: bool  # whether it has something else besides
     weighed: tuple[Weighed, ...]
     stands_out: float
+    doubtful: frozenset[str]  # effects weighed that may only look like what stands out
 
 
 @dataclass(frozen=True)
@@ -80,6 +89,7 @@ def known_case(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> Known:
         truth["kind"] in ("unknown", "both"),
         weighed,
         float(answer["stands_out"]),
+        frozenset(answer.get("doubtful", (k for own, _ in weighed for k in own))),
     )
 
 
@@ -91,14 +101,16 @@ def log_score(cases: Iterable[Known], chances: Chances) -> float:
 def _of(case: Known, chances: Chances) -> float:
     among = shares(case.weighed, chances)
     pairs = list(zip(among, (frozenset(k) - {UNKNOWN} for k, _ in case.weighed), strict=True))
-    right = sum(float(p) for p, keys in pairs if keys == case.effects)
     odd = _odd(case, among, chances)
     if not case.unknown:
+        right = sum(float(p) for p, keys in pairs if keys == case.effects)
         return math.log(max(right, LEAST)) + math.log(max(1 - odd, LEAST))
-    if case.effects:
-        right *= chances.beside
-    else:  # whatever is named may only look like it
-        right += (1 - chances.beside) * sum(float(p) for p, keys in pairs if keys)
+    right = sum(
+        float(p) * chance
+        for p, keys in pairs
+        for kept, chance in left_beside(keys, case.doubtful, chances)
+        if kept == case.effects
+    )
     return math.log(max(right, LEAST)) + math.log(max(odd, LEAST))
 
 
@@ -169,7 +181,8 @@ def reliability(cases: Sequence[Known], weights: Sequence[Chances]) -> tuple[Bin
             told = sum(
                 float(p) for p, (keys, _) in zip(among, case.weighed, strict=True) if key in keys
             )
-            told *= 1 - odd + odd * chances.beside  # what is unknown may be all that there is
+            if key in case.doubtful:  # what is unknown may be all that there is
+                told *= 1 - odd + odd * chances.beside
             if told > LEAST:
                 claims["effect"].append((told, key in case.effects))
     return tuple(b for what, of in claims.items() for b in _bins(what, of))

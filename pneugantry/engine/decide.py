@@ -9,7 +9,7 @@ numbers are fitted to campaigns whose truth is known (`python -m benchmarks.cali
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,11 +25,13 @@ __all__ = [
     "Chances",
     "Decision",
     "Evidence",
+    "Outstanding",
     "Weighed",
     "decide",
+    "left_beside",
+    "outstanding",
     "shares",
     "unknown_probability",
-    "unknown_score",
 ]
 
 UNKNOWN = "unknown"
@@ -43,10 +45,10 @@ class Chances:
 
     temper: float = 6.0  # -2 log evidence that makes a hypothesis e^(1/2) times less likely
     entry: float = 40.0  # -2 log evidence that an effect must bring to be as likely as none
-    unknown_at: float = 0.2  # excess (see `unknown_score`) at which unknown is as likely as not
+    unknown_at: float = 0.2  # excess (see `outstanding`) at which unknown is as likely as not
     unknown_per: float = 0.03  # excess that makes it e times likelier
     unknown_beside: float = 0.6  # as `unknown_at`, beside an effect, whose form may be another
-    beside: float = 0.5  # share of rigs with something unknown on which what is named is there, too
+    beside: float = 0.5  # chance that what is named beside something unknown in its view is there
     usual: Mapping[Channel, float] | None = None  # excess ratio of a sound rig's channel
     replay: float = 0.2  # excess that a replay's gap e times the usual one counts as
     bent: float = 0.1  # excess that each spread counts as by which a deviation exceeds `bent_from`
@@ -74,9 +76,17 @@ class Decision:
     best: Fit  # of the likeliest hypothesis
 
 
-def unknown_score(
+@dataclass(frozen=True)
+class Outstanding:
+    """What stands out most of noise and tolerance."""
+
+    score: float  # logarithm of how far
+    channel: Channel | None  # that shows it; None: a replay or a bent parameter does
+
+
+def outstanding(
     excess: Excess, chances: Chances, gap: Gap | None = None, fit: Fit | None = None
-) -> float:
+) -> Outstanding:
     """How far the channel that stands out most does so: log of its ratio to the usual one. Or how
     far the replay of a record that no fit saw does, under the luckiest of the values that the fit
     leaves open and beyond how far these differ, where it hangs on no event that was missed. Or how
@@ -84,15 +94,18 @@ def unknown_score(
     effect's other side).
     """
     usual = chances.usual or {}
-    found = [math.log(max(excess.ratio(c), 1e-9) / usual.get(c, 1.0)) for c in excess.whole]
+    found = [
+        Outstanding(math.log(max(excess.ratio(c), 1e-9) / usual.get(c, 1.0)), c)
+        for c in excess.whole
+    ]
     if gap is not None and gap.parted is None and not gap.bifurcates:
         least = min(gap.augmented, gap.spread[0] if gap.spread else gap.augmented)
         left = least / math.hypot(max(gap.floor, 1e-9), gap.open) / chances.replayed
-        found.append(chances.replay * math.log(max(left, 1e-9)))
+        found.append(Outstanding(chances.replay * math.log(max(left, 1e-9)), None))
     if fit is not None and not fit.keys:
         largest = max((abs(x) for x in deviations(fit.point).values()), default=0.0)
-        found.append(chances.bent * (largest - chances.bent_from))
-    return max(found, default=0.0)
+        found.append(Outstanding(chances.bent * (largest - chances.bent_from), None))
+    return max(found, key=lambda o: o.score, default=Outstanding(0.0, None))
 
 
 Weighed = tuple[tuple[str, ...], float]  # effects, cost
@@ -106,7 +119,7 @@ def shares(weighed: Sequence[Weighed], chances: Chances) -> Array:
 
 
 def unknown_probability(score: float, chances: Chances, beside: bool) -> float:
-    """Of something that the catalogue lacks, from `unknown_score`; beside: besides an effect that
+    """Of something that the catalogue lacks, from `outstanding`; beside: besides an effect that
     it has, of which a part may be left.
     """
     share = chances.unknown_beside / chances.unknown_at if beside else 1.0
@@ -114,28 +127,46 @@ def unknown_probability(score: float, chances: Chances, beside: bool) -> float:
     return 1 / (1 + math.exp(min(odds, 700.0)))
 
 
-def _answers(found: Sequence[tuple[Fit, float]], unknown: float, chances: Chances) -> list[Answer]:
-    """Hypotheses without and with something unknown. What stands out beside effects may be all that
-    there is: they then only look like it.
+def left_beside(
+    keys: Collection[str], doubtful: Collection[str], chances: Chances
+) -> list[tuple[frozenset[str], float]]:
+    """What is there beside something unknown where `keys` are named, with its probability: of those
+    that may only look like it, all or none.
     """
-    answers: list[Answer] = []
-    alone, bare = 0.0, None
+    kept = frozenset(keys) - frozenset(doubtful)
+    if len(kept) == len(keys):
+        return [(kept, 1.0)]
+    return [(frozenset(keys), chances.beside), (kept, 1 - chances.beside)]
+
+
+def _answers(
+    found: Sequence[tuple[Fit, float]], unknown: float, chances: Chances, doubtful: Collection[str]
+) -> list[Answer]:
+    """Hypotheses without and with something unknown."""
+    answers = [Answer(fit.keys, share * (1 - unknown), fit) for fit, share in found]
+    with_unknown: dict[frozenset[str], tuple[float, Fit | None]] = {}
     for fit, share in found:
-        both = share * unknown
-        answers.append(Answer(fit.keys, share * (1 - unknown), fit))
-        if fit.keys:
-            answers.append(Answer((*fit.keys, UNKNOWN), chances.beside * both, fit))
-            alone += (1 - chances.beside) * both
-        else:
-            alone, bare = alone + both, fit
-    return [*answers, Answer((UNKNOWN,), alone, bare)]
+        for keys, chance in left_beside(fit.keys, doubtful, chances):
+            before, carrier = with_unknown.get(keys, (0.0, None))
+            if carrier is None and keys == frozenset(fit.keys):
+                carrier = fit
+            with_unknown[keys] = before + share * unknown * chance, carrier
+    for keys, (probability, carrier) in with_unknown.items():
+        answers.append(Answer((*sorted(keys), UNKNOWN), probability, carrier))
+    return answers
 
 
 def decide(
-    found: Sequence[Evidence], score: float, chances: Chances, *, worse: bool = False
+    found: Sequence[Evidence],
+    score: float,
+    chances: Chances,
+    *,
+    worse: bool = False,
+    doubtful: Collection[str] | None = None,
 ) -> Decision:
-    """score: of what the likeliest fit leaves (`unknown_score`). worse: whether its replay leaves a
-    larger gap than the nominal one, so that it explains nothing.
+    """score: of what the likeliest fit leaves (`outstanding`). worse: whether its replay leaves a
+    larger gap than the nominal one, so that it explains nothing. doubtful: effects that may only
+    look like what stands out; None: any.
     """
     by_keys: dict[tuple[str, ...], Evidence] = {}
     for e in found:
@@ -149,7 +180,10 @@ def decide(
     unknown = unknown_probability(score, chances, bool(best.keys))
     if worse:
         unknown = max(unknown, CLEAR)
-    answers = _answers([(kept[int(i)].fit, float(weights[i])) for i in order], unknown, chances)
+    if doubtful is None:
+        doubtful = {key for e in kept for key in e.fit.keys}
+    pairs = [(kept[int(i)].fit, float(weights[i])) for i in order]
+    answers = _answers(pairs, unknown, chances, doubtful)
     answers.sort(key=lambda a: -a.probability)
     holding = [sum(weights[i] for i in order if k in kept[int(i)].fit.keys) for k in best.keys]
     known = float(

@@ -121,7 +121,8 @@ class Diagnosis:
     probabilities: Mapping[str, float] = field(default_factory=dict)  # of "none" and "unknown"
     stages: Mapping[str, float] = field(default_factory=dict)  # s, by name
     weighed: tuple[tuple[tuple[str, ...], float], ...] = ()  # effects and cost, as decided upon
-    stands_out: float = 0.0  # what the answer leaves beyond the noise, see `unknown_score`
+    stands_out: float = 0.0  # what the answer leaves beyond the noise, see `outstanding`
+    doubtful: tuple[str, ...] = ()  # effects weighed that may only look like it
     changes: Changes | None = None  # where there are two campaigns
 
 
@@ -199,6 +200,7 @@ def to_json(d: Diagnosis) -> dict[str, Any]:
         ],
         "weighed": [{"effects": list(k), "cost": _number(c)} for k, c in d.weighed],
         "stands_out": _number(d.stands_out),
+        "doubtful": list(d.doubtful),
         "stages": dict(d.stages),
         "seconds": d.seconds,
         **({} if d.changes is None else {"changes": _changes(d.changes)}),

@@ -23,9 +23,10 @@ from pneugantry.engine.confirm import (
     replays,
     values_on,
 )
-from pneugantry.engine.decide import Chances, Decision, Evidence, decide, unknown_score
+from pneugantry.engine.decide import Chances, Decision, Evidence, decide, outstanding
 from pneugantry.engine.excess import Excess, excess_of, floors_of
 from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.location import where
 from pneugantry.engine.plant import Data, Epoch, Plant
 from pneugantry.engine.predict import Foretelling
@@ -183,8 +184,9 @@ def _answer(
     c = _confirmed(fitter, task, found.null, likeliest)
     worse = bool(likeliest.keys) and c.gap is not None and _worse(c.gap, c.plain)
     seen = c.gap if task.data.held_out else None
-    score = unknown_score(excess, task.chances, seen, likeliest)
-    decision = decide(evidence, score, task.chances, worse=worse)
+    left = outstanding(excess, task.chances, seen, likeliest)
+    doubtful = _read_by(fitter, evidence, None if worse or not left.channel else left.channel[0])
+    decision = decide(evidence, left.score, task.chances, worse=worse, doubtful=doubtful)
     claimed = decision.best if not worse else found.null
     levels = dict.fromkeys((s.name for s in task.plant.signals), excess.level)
     places = (
@@ -206,7 +208,8 @@ def _answer(
         probabilities={"none": decision.none, "unknown": decision.unknown},
         stages=clock.stages,
         weighed=tuple((e.fit.keys, e.cost) for e in evidence),
-        stands_out=score,
+        stands_out=left.score,
+        doubtful=doubtful,
     )
     return Found(
         task,
@@ -219,6 +222,17 @@ def _answer(
         c.augmented,
         c.gap,
     )
+
+
+def _read_by(fitter: Fitter, evidence: Sequence[Evidence], view: str | None) -> tuple[str, ...]:
+    """Effects that a view reads, in any form that was weighed; None: all."""
+    forms = {(e.key, f.name): (e, f) for own in evidence for e, f in own.fit.hypothesis.effects}
+    read = [
+        effect.key
+        for effect, form in forms.values()
+        if view in (None, *(c[0] for c in fitter.touched(Hypothesis(((effect, form),)))))
+    ]
+    return tuple(sorted(set(read)))
 
 
 @dataclass(frozen=True, eq=False)

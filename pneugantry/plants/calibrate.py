@@ -60,7 +60,7 @@ def _rig(source: Source, task: Task, rules: Rules, seed: int) -> dict[str, Any]:
     return {
         "seed": seed,
         "truth": {"kind": rig.kind, "causes": causes, "what": rig.what},
-        "answer": {k: said[k] for k in ("verdict", "weighed", "stands_out", "seconds")},
+        "answer": {k: said[k] for k in ("verdict", "weighed", "stands_out", "doubtful", "seconds")},
     }
 
 

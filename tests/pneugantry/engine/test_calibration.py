@@ -16,6 +16,8 @@ from pneugantry.engine.calibration import (
 )
 from pneugantry.engine.decide import Chances
 
+DRAG = frozenset({"drag"})
+
 
 def drawn(count: int, seed: int, gain: float) -> list[Known]:
     """Half the rigs have an effect that brings `gain` and more, half leave a chance gain below it;
@@ -32,6 +34,7 @@ def drawn(count: int, seed: int, gain: float) -> list[Known]:
                 odd,
                 (((), 0.0), (("drag",), -brought)),
                 generator.normal(0.4 if odd else 0.1, 0.05),
+                DRAG,
             )
         )
     return cases
@@ -49,9 +52,18 @@ def test_the_entry_moves_to_where_true_and_chance_gains_part(gain: float) -> Non
 def test_what_is_named_beside_something_unknown_is_believed_as_often_as_it_is_true() -> None:
     odd = (((), 0.0), (("drag",), -1000.0))
     for real in (0, 10, 40):
-        cases = [Known(frozenset({"drag"} if k < real else ()), True, odd, 5.0) for k in range(40)]
+        there = [DRAG if k < real else frozenset() for k in range(40)]
+        cases = [Known(effects, True, odd, 5.0, DRAG) for effects in there]
         found = fitted(cases, Chances()).beside
         assert found == pytest.approx(real / 40, abs=0.1)
+
+
+def test_what_cannot_look_like_the_unknown_says_nothing_of_what_may() -> None:
+    odd = (((), 0.0), (("drag",), -1000.0))
+    cases = [Known(DRAG, True, odd, 5.0, frozenset())] * 40
+    assert fitted(cases, Chances()).beside == pytest.approx(Chances().beside, abs=1e-3)
+    (claim,) = (b for b in reliability(cases, [Chances()] * 40) if b.what == "effect")
+    assert claim.said == pytest.approx(1.0)
 
 
 def test_unseen_rigs_score_as_well() -> None:
@@ -68,7 +80,8 @@ def test_a_case_is_read_from_truth_and_answer() -> None:
         ],
     }
     answer = {"weighed": [{"effects": [], "cost": 0.0}, {"effects": ["drag/x"], "cost": -80.0}]}
-    case = known_case(truth, {**answer, "stands_out": 0.5})
+    case = known_case(truth, {**answer, "stands_out": 0.5, "doubtful": ["drag/x"]})
+    assert case.doubtful == {"drag/x"}
     assert case.effects == {"drag/x"}
     assert case.unknown
     assert case.weighed == (((), 0.0), (("drag/x",), -80.0))
@@ -86,8 +99,8 @@ def test_claims_are_counted_by_what_they_say() -> None:
     """Two rigs of which the weights are sure: one claim of each is right, one wrong."""
     sure = (((), 0.0), (("drag",), -1000.0))
     cases = [
-        Known(frozenset({"drag"}), False, sure, -5.0),
-        Known(frozenset(), False, sure, -5.0),
+        Known(DRAG, False, sure, -5.0, DRAG),
+        Known(frozenset(), False, sure, -5.0, DRAG),
     ]
     table = {b.what: b for b in reliability(cases, [Chances()] * 2) if b.said > 0.5}
     assert table["effect"].claims == 2

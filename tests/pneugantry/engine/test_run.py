@@ -11,7 +11,7 @@ from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, recor
 
 from pneugantry.engine.autoregression import quoted
 from pneugantry.engine.confirm import Gap
-from pneugantry.engine.decide import Chances, Evidence, decide, unknown_score
+from pneugantry.engine.decide import Chances, Evidence, decide, outstanding
 from pneugantry.engine.descent import Problem, Solution, Weighing, prior, probed
 from pneugantry.engine.excess import Excess
 from pneugantry.engine.fitter import Fit
@@ -147,6 +147,13 @@ def test_what_stands_out_is_unknown_beside_what_is_known() -> None:
     assert sum(a.probability for a in found.answers if "drag" in a.keys) < 0.6
 
 
+def test_an_effect_that_cannot_look_like_what_stands_out_is_believed() -> None:
+    found = decide([fit_of(0.0), fit_of(-500.0, "drag")], 2.0, Chances(), doubtful=())
+    assert found.verdict == "unknown"
+    assert sum(a.probability for a in found.answers if "drag" in a.keys) > 0.99
+    assert found.answers[0].keys == ("drag", "unknown")
+
+
 def test_beside_an_effect_unknown_asks_for_more() -> None:
     """A rig owes no effect its textbook form: what is left of it is no second one."""
     chances = Chances()
@@ -162,7 +169,7 @@ def test_a_parameter_bent_far_beyond_tolerance_counts_for_unknown() -> None:
     bent = {}
     for theta in (3.0, 12.0):
         fit = replace(fit_of(0.0).fit, point=Point((mass,), np.array([theta]), {}))
-        bent[theta] = unknown_score(quiet, chances, fit=fit)
+        bent[theta] = outstanding(quiet, chances, fit=fit).score
     assert bent[3.0] == 0.0
     assert bent[12.0] > chances.unknown_at
 
@@ -177,8 +184,8 @@ def test_what_a_replay_leaves_counts_where_no_missed_event_explains_it(
     quiet = Excess(1.0, {}, {("view", "v"): 1.0}, {})
     gap = Gap(100.0, 8.0, 1.0, 0.99, (0.98, 0.99), "held", {}, spread, parted)
     chances = Chances()
-    assert (unknown_score(quiet, chances, gap) > chances.unknown_at) == stands_out
-    assert unknown_score(quiet, chances) == 0.0
+    assert (outstanding(quiet, chances, gap).score > chances.unknown_at) == stands_out
+    assert outstanding(quiet, chances).score == 0.0
 
 
 def test_effects_that_share_a_parameter_fit_it_once(plant: Plant, parts: Path) -> None:
