@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from pneugantry.engine.autoregression import LONGEST, quoted, whitener_of
+from pneugantry.engine.autoregression import LONGEST, _kernels, quoted, whitener_of
 
 NOISE = np.random.default_rng(5).normal(0, 3.0, (3, 4000))
 
@@ -84,3 +85,20 @@ def test_a_quoted_error_has_its_size_and_lasts_as_long(sigma: float) -> None:
     assert np.std(noise) == pytest.approx(np.hypot(sigma, 1.0), rel=0.05)
     assert np.mean(noise[40:] * noise[:-40]) == pytest.approx(np.exp(-1), abs=0.12)
     assert np.std(whiten(noise)) == pytest.approx(1.0, rel=0.01)
+
+
+def test_every_order_is_the_best_predictor_of_its_length() -> None:
+    """Against a solver of the normal equations that knows no recursion."""
+    series = np.asarray(lfilter([1.0], [1.0, -1.4, 0.5], NOISE[0]))
+    lags = np.array([series[: len(series) - k] @ series[k:] for k in range(LONGEST + 1)])
+    for order, kernel in enumerate(_kernels(lags)):
+        expected = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else []
+        assert -kernel[1 : order + 1] == pytest.approx(expected, rel=1e-6, abs=1e-9)
+        assert not kernel[order + 1 :].any()
+
+
+def test_many_residuals_become_white_as_each_alone() -> None:
+    whiten = whitener_of([np.asarray(lfilter([1.0], [1.0, -1.4, 0.5], n)) for n in NOISE])
+    together = whiten(NOISE)
+    for row, alone in zip(together, NOISE, strict=True):
+        assert row == pytest.approx(whiten(alone), rel=1e-12, abs=1e-12)

@@ -1,0 +1,112 @@
+"""What a search does not simulate, for it knows already what would come of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_search import CATALOGUE, effect, fitter_of, parts, plant
+
+from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.plant import Plant
+from pneugantry.engine.screening import MANY, screen
+
+__all__ = ["parts", "plant"]
+
+
+def hypothesis(*keys: str) -> Hypothesis:
+    found = Hypothesis()
+    for key in keys:
+        found = found.plus(CATALOGUE[key], CATALOGUE[key].forms[0])
+    return found
+
+
+def test_two_hypotheses_differ_by_what_only_one_has() -> None:
+    both, first = hypothesis("drag", "leak"), hypothesis("drag")
+    assert both.beyond(first).keys == first.beyond(both).keys == ("leak",)
+    assert set(hypothesis("mass").beyond(first).keys) == {"mass", "drag"}
+    other = replace(CATALOGUE["drag"].forms[0], name="other")
+    reformed = Hypothesis().plus(CATALOGUE["drag"], other)
+    assert [f.name for _, f in reformed.beyond(first).effects] == ["other", "plain"]
+
+
+def test_beside_a_second_effect_the_first_one_s_views_are_left_as_they_are(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts, leak=0.1, drag=2.0)
+    null = fitter.null()
+    base = fitter.explore(hypothesis("leak"), null)
+    near = fitter.explore(hypothesis("leak", "drag"), base)
+    end = fitter.again(near)
+    fitter.close()
+    kept = {c[0] for c in base.residuals if near.residuals[c] is base.residuals[c]}
+    assert kept == {"i", "s"}
+    assert near.values(None)["drag"] == pytest.approx(2.0, rel=0.1)
+    assert near.evidence - end.evidence < 10
+
+
+def test_a_scout_tells_what_a_view_gains(plant: Plant, parts: Path) -> None:
+    """A wrong scale of the current is in the views of current and speed; drag in that of the speed
+    alone, which a scale does not explain.
+    """
+    gains = {}
+    for name, truth in {"drag": {"drag": 2.0}, "sound": {}}.items():
+        fitter = fitter_of(plant, parts, **truth)
+        null = fitter.null()
+        gains[name] = fitter.scouted(hypothesis("current_scale"), null, [], ["v"])
+        whole = fitter.scouted(hypothesis("drag"), null, [], ["v"])
+        fitter.close()
+        assert whole == np.inf  # a fit touches no other view
+    assert 0 <= gains["sound"] < 30
+    assert gains["drag"] > gains["sound"]
+
+
+def test_what_is_settled_is_not_fitted_again(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    null = fitter.null()
+    before = fitter.simulation.seconds
+    again = fitter.again(null)
+    spent = fitter.simulation.seconds - before
+    fitter.close()
+    assert null.settled
+    assert spent == 0
+    assert again.evidence == pytest.approx(null.evidence, abs=1e-6)
+    assert np.array_equal(again.point.theta, null.point.theta)
+
+
+def spoilt(fitter: Fitter, fit: Fit, stretches: int) -> Fit:
+    """With twenty rows that stand out by 50 noise levels in so many stretches of a record."""
+    cell = next(c for c in fit.residuals if c[0] == "v")
+    rows = fit.residuals[cell].copy()
+    for k in range(stretches):
+        at = (k + 1) * len(rows) // (stretches + 1)
+        rows[at : at + 20] += 50 * fitter.simulation.views["v"].sigmas[0]
+    return replace(fit, residuals={**fit.residuals, cell: rows})
+
+
+def test_a_missed_event_makes_no_view_loud_but_many_do(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    null = fitter.null()
+    loud = {n: fitter.loud(spoilt(fitter, null, n)) for n in (0, 1, 2, 12)}
+    fitter.close()
+    assert loud == {0: [], 1: [], 2: [], 12: ["v"]}
+
+
+def test_of_very_many_starts_few_are_simulated_in_every_record(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, own = fitter.null(), effect("drag", "drag", "mechanics", 2.0)
+    form = own.forms[0]
+    starts = tuple(float(s) for s in np.linspace(-5, 5, 60))
+    many = replace(form, parameters=(replace(form.parameters[0], starts=starts),))
+    before = fitter.simulation.seconds
+    found = screen(fitter, null, [(own, many)], {})
+    spent = fitter.simulation.seconds - before
+    each = sum(r.rows * r.period for r in fitter.simulation.records.values())
+    fitter.close()
+    kept = [c.starts["drag"] for c in found if c.starts]
+    assert kept
+    assert min(kept) > 0  # towards the rig's
+    assert spent < (len(starts) / 2 + 2 * MANY) * each  # one record of two tells which go on
