@@ -19,7 +19,7 @@ from typing import Any
 from unittest.mock import patch
 
 import pneugantry.engine.search as searching
-from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.fitter import Fit, Fitter, Scouts
 from pneugantry.plants.gantry.diagnosis import diagnose
 from pyfmi_runner.campaign import read_campaign
 
@@ -67,10 +67,11 @@ def _counted() -> Iterator[list[Piece]]:
     pieces: list[Piece] = []
 
     def counting(what: str, call: Callable[..., Any]) -> Callable[..., Any]:
-        def counted(fitter: Fitter, *rest: Any, **more: Any) -> Any:
-            cpu, simulated = time.process_time(), fitter.simulation.seconds
-            made = call(fitter, *rest, **more)
-            cpu, simulated = time.process_time() - cpu, fitter.simulation.seconds - simulated
+        def counted(by: Fitter | Scouts, *rest: Any, **more: Any) -> Any:
+            simulation = (by if isinstance(by, Fitter) else by.fitter).simulation
+            cpu, simulated = time.process_time(), simulation.seconds
+            made = call(by, *rest, **more)
+            cpu, simulated = time.process_time() - cpu, simulation.seconds - simulated
             effects = " + ".join(made.keys) if isinstance(made, Fit) else ""
             pieces.append(Piece(what, effects, cpu, simulated))
             return made
@@ -81,7 +82,7 @@ def _counted() -> Iterator[list[Piece]]:
         patch.object(Fitter, "null", counting("tolerance", Fitter.null)),
         patch.object(Fitter, "explore", counting("fit", Fitter.explore)),
         patch.object(Fitter, "again", counting("fit of all views", Fitter.again)),
-        patch.object(Fitter, "scouted", counting("scout", Fitter.scouted)),
+        patch.object(Scouts, "gain", counting("scout", Scouts.gain)),
         patch.object(Fitter, "from_afar", counting("fit from afar", Fitter.from_afar)),
         patch.object(searching, "screen", counting("screen", searching.screen)),
     ):

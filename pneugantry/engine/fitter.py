@@ -37,7 +37,7 @@ from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simula
 from pneugantry.engine.synthetic import changes_of, noisy
 from pneugantry.engine.views import View
 
-__all__ = ["FAR_OFF", "Fit", "Fitter", "deviations", "fallen"]
+__all__ = ["FAR_OFF", "Fit", "Fitter", "Scouts", "deviations", "fallen"]
 
 SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
 SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
@@ -280,29 +280,6 @@ class Fitter:
         if after - self._beside(base, base, known, cells) < self.rules.hopeless:
             solution = self._jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
-
-    def scouted(
-        self,
-        hypothesis: Hypothesis,
-        base: Fit,
-        starts: Sequence[Mapping[str, float]],
-        views: Collection[str],
-    ) -> float:
-        """What a hypothesis gains over a base in some views, each fitted by itself: more than in
-        all views together. inf where it touches no other: a fit costs no more.
-        """
-        _, known, cells = self._beside_base(hypothesis, base)
-        if all(c[0] in views for c in cells):
-            return math.inf
-        own = [c for c in cells if c[0] in views]
-        firsts, gain = self._firsts(hypothesis, base, starts, own), 0.0
-        for view in dict.fromkeys(c[0] for c in own):
-            problem = self._problem([c for c in own if c[0] == view], known, fine=False)
-            least = standing(problem, _only(_as_of(base, firsts[0].point), view))
-            for first in firsts:
-                end = standing(problem, self._raced(problem, _only(first, view), least))
-                gain, least = gain + max(least - end, 0.0), min(least, end)
-        return gain
 
     def _firsts(
         self,
@@ -794,6 +771,47 @@ class Fitter:
             terms = noise.loss(w(residual[:, c]), self.rules.tails) + 2 * math.log(w.sigma)
             found.append(self._by_stretch(cell, np.nan_to_num(terms, nan=FAILED, posinf=FAILED)))
         return np.concatenate(found)
+
+
+class Scouts:
+    """What hypotheses gain over a base in some views, each of them fitted by itself: more than in
+    all together. It tells which are worth a fit.
+    """
+
+    def __init__(self, fitter: Fitter, base: Fit, views: Collection[str]) -> None:
+        self.fitter, self._base, self._views = fitter, base, frozenset(views)
+        self._alone: dict[tuple[str, frozenset[str]], float] = {}
+
+    def gain(self, hypothesis: Hypothesis, starts: Sequence[Mapping[str, float]]) -> float:
+        """Fall of -2 log posterior, from the base and from values besides."""
+        fitter, base = self.fitter, self._base
+        _, known, cells = fitter._beside_base(hypothesis, base)
+        touched = frozenset(c[0] for c in cells)
+        own = [c for c in cells if c[0] in self._views]
+        firsts, gain = fitter._firsts(hypothesis, base, starts, own), 0.0
+        for view in dict.fromkeys(c[0] for c in own):
+            problem = fitter._problem([c for c in own if c[0] == view], known, fine=False)
+            least = self._level(problem, view, touched)
+            for first in firsts:
+                end = standing(problem, fitter._raced(problem, _only(first, view), least))
+                gain, least = gain + max(least - end, 0.0), min(least, end)
+        return gain
+
+    def _level(self, problem: Problem, view: str, touched: frozenset[str]) -> float:
+        """Where the base comes to in a view by itself, other views as parabolas but for those that
+        are touched.
+        """
+        if (view, touched) not in self._alone:
+            base = self._base
+            known = prior(base.point.coordinates)
+            for other, parabola in base.parabolas.items():
+                if other not in touched:
+                    known = known.plus(parabola)
+            alone = replace(problem, prior=known)
+            start = _only(Solution(base.point, base.residuals, base.columns), view)
+            end = self.fitter._raced(alone, start, math.inf)
+            self._alone[view, touched] = standing(alone, end)
+        return self._alone[view, touched]
 
 
 def fallen(

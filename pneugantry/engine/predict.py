@@ -57,15 +57,21 @@ class Foretelling:
         self.fitter.close()
 
     def gains(self, fits: Sequence[Fit], base: Fit) -> list[float]:
-        """Falls of -2 log evidence from that of a base, less their doubt and what is immaterial."""
+        """Falls of -2 log evidence from that of a base. The first fit, the likeliest, is held
+        against the base and the others against it, each fall less its doubt and what is immaterial:
+        where it missed one event, that tells nothing of the others.
+        """
         (before, *others), of_views = self.foretold([base, *fits])
-        stretches = self._stretches(before, of_views)
+        stretches = [self._stretches(f, of_views) for f in (before, *others)]
         sizes = {c: r.size for c, r in before.solution.residuals.items()}
-        falls = [
-            fallen(stretches, self._stretches(f, of_views), sizes, self.fitter.rules)
-            for f in others
-        ]
-        return [before.price - f.price + fall for f, fall in zip(others, falls, strict=True)]
+
+        def fall(start: int, end: int) -> float:
+            prices = [(before, *others)[i].price for i in (start, end)]
+            sure = fallen(stretches[start], stretches[end], sizes, self.fitter.rules)
+            return prices[0] - prices[1] + sure
+
+        first = fall(0, 1)
+        return [first, *(first + fall(1, k) for k in range(2, len(stretches)))]
 
     def foretold(self, fits: Sequence[Fit]) -> tuple[list[Foretold], Noise]:
         """Each fit's, equally wide, under the noise that the first leaves."""

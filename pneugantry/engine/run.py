@@ -125,23 +125,48 @@ class _Clock:
 def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     """All that was tried; the likeliest few with what the held-out record says of them, beside the
     nuisances alone, the others with what it says of the most that they contain.
+
+    Where that record turns the order round of two hypotheses of which one has an effect less, this
+    one is fitted again from the other's optimum: it may have been in a worse one, of the same
+    evidence in the records that were fitted.
     """
     fits: dict[Keys, Fit] = {}
     for fit in sorted((*found.tried, found.null, found.best), key=lambda f: f.evidence):
         fits.setdefault(tuple(sorted(fit.keys)), fit)
+    costs = _judged(fitter, task, fits, found.null)
+    for fewer, more in _turned(_costs(fits, fitter.rules), costs):
+        (gone,) = set(more) - set(fewer)
+        other = fitter.again(fitter.explore(fits[more].hypothesis.without(gone), fits[more]))
+        tried = _judged(fitter, task, {**fits, fewer: other}, found.null)
+        if tried[fewer] < costs[fewer]:
+            fits, costs = {**fits, fewer: other}, tried
+    return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
+
+
+def _judged(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> dict[Keys, float]:
+    """Costs of fits, with what records say of them that none has seen."""
     costs = before = _costs(fits, fitter.rules)
     judged: dict[Keys, float] = {(): 0.0}
     while new := [k for k in sorted(costs, key=lambda k: costs[k])[:RIVALS] if k not in judged]:
-        judged = _foretold(fitter, task, {k: fits[k] for k in (*judged, *new)}, found.null)
+        judged = _foretold(fitter, task, {k: fits[k] for k in (*judged, *new)}, null)
         costs = {k: before[k] - judged[_most(k, judged)] for k in before}
-    return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
+    return costs
+
+
+def _turned(before: Mapping[Keys, float], after: Mapping[Keys, float]) -> list[tuple[Keys, Keys]]:
+    """The likeliest hypothesis, and each that has one of its effects less and was likelier before
+    the held-out record: the fewer effects first.
+    """
+    more = min(after, key=lambda k: after[k])
+    fewer = [k for k in after if len(k) == len(more) - 1 and set(k) < set(more)]
+    return [(k, more) for k in fewer if k and before[k] < before[more]]
 
 
 def _foretold(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> dict[Keys, float]:
     """How much better each fit foretells the records that none saw than the nuisances alone."""
     found = dict.fromkeys(fits, 0.0)
-    own = [k for k in fits if k]
-    for held in task.data.unseen:
+    own = sorted((k for k in fits if k), key=lambda k: fits[k].evidence)
+    for held in task.data.unseen if own else ():
         foretelling = Foretelling(fitter, task.views, held)
         try:
             gains = foretelling.gains([fits[k] for k in own], null)

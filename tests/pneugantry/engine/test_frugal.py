@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_search import CATALOGUE, effect, fitter_of, parts, plant
 
-from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.fitter import Fit, Fitter, Scouts
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.screening import MANY, screen
@@ -49,19 +49,17 @@ def test_beside_a_second_effect_the_first_one_s_views_are_left_as_they_are(
 
 
 def test_a_scout_tells_what_a_view_gains(plant: Plant, parts: Path) -> None:
-    """A wrong scale of the current is in the views of current and speed; drag in that of the speed
-    alone, which a scale does not explain.
-    """
-    gains = {}
-    for name, truth in {"drag": {"drag": 2.0}, "sound": {}}.items():
-        fitter = fitter_of(plant, parts, **truth)
-        null = fitter.null()
-        gains[name] = fitter.scouted(hypothesis("current_scale"), null, [], ["v"])
-        whole = fitter.scouted(hypothesis("drag"), null, [], ["v"])
-        fitter.close()
-        assert whole == np.inf  # a fit touches no other view
-    assert 0 <= gains["sound"] < 30
-    assert gains["drag"] > gains["sound"]
+    """Against the fit that it is to spare."""
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    scouts = Scouts(fitter, null, ["v"])
+    gains = {k: scouts.gain(hypothesis(k), []) for k in ("drag", "current_scale", "leak", "mass")}
+    fit = fitter.explore(hypothesis("drag"), null)
+    fitter.close()
+    assert gains["drag"] == pytest.approx(null.evidence - fit.evidence, rel=0.2)
+    assert gains["leak"] == 0  # the view of the speed does not read it
+    assert gains["mass"] < fitter.rules.effect  # tolerance has it already
+    assert gains["current_scale"] < 0.5 * gains["drag"]
 
 
 def test_what_is_settled_is_not_fitted_again(plant: Plant, parts: Path) -> None:
