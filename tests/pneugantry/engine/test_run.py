@@ -20,7 +20,8 @@ from pneugantry.engine.plant import Data, Plant, Record, Signal
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, Task, run
+from pneugantry.engine.run import Found, Task, _evidence, _turned, run
+from pneugantry.engine.search import Search
 from pneugantry.engine.simulation import Point
 from pneugantry.engine.views import build_views
 
@@ -104,6 +105,36 @@ def test_what_is_too_sure_of_itself_foretells_as_widely_as_the_best_of_all(
     assert alone[0].wider >= 30.0
     assert [f.wider for f in beside] == [1.0, 1.0]  # the wrong one is not let off
     assert beside[1].cost > beside[0].cost + 10
+
+
+def test_only_what_lost_against_an_effect_more_is_turned() -> None:
+    before = {(): 0.0, ("a",): -50.0, ("a", "b"): -40.0, ("b",): -5.0, ("c",): -60.0}
+    assert _turned(before, before) == []
+    after = {**before, ("a", "b"): -90.0}
+    assert _turned(before, after) == [(("a",), ("a", "b"))]
+
+
+def test_what_a_held_out_record_turns_round_is_fitted_again_from_there(
+    plant: Plant, parts: Path
+) -> None:
+    """The fit of the drag stands in a wrong place of the same evidence, that beside a leak in the
+    right one.
+    """
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, drag, leak = fitter.null(), CATALOGUE["drag"], CATALOGUE["leak"]
+    right = fitter.again(fitter.explore(null.hypothesis.plus(drag, drag.forms[0]), null))
+    pair = fitter.again(fitter.explore(right.hypothesis.plus(leak, leak.forms[0]), right))
+    theta = right.point.theta.copy()
+    theta[[c.name for c in right.point.coordinates].index("m")] += 8.0
+    wrong = replace(right, point=right.point.moved(theta), settled=False)
+    data = Data(tuple(fitter.simulation.records.values()), record("held", 3, drag=2.0))
+    task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
+    found = _evidence(fitter, task, Search(null, wrong, (), (wrong, pair)))
+    fitter.close()
+    costs = {e.fit.keys: e.cost for e in found}
+    own = next(e.fit for e in found if e.fit.keys == ("drag",))
+    assert own.values(None)["m"] == pytest.approx(right.values(None)["m"], rel=1e-3)
+    assert min(costs, key=lambda k: costs[k]) == ("drag",)
 
 
 def fit_of(evidence: float, *keys: str) -> Evidence:
