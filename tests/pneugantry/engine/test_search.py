@@ -222,7 +222,9 @@ def test_where_nothing_gains_the_other_forms_of_the_best_are_tried(
     assert null.evidence - others[0].evidence > fitter.rules.effect
 
 
-def test_what_a_loud_view_reads_is_fitted_whatever_is_predicted(plant: Plant, parts: Path) -> None:
+def test_what_makes_a_loud_view_quieter_is_fitted_whatever_is_predicted(
+    plant: Plant, parts: Path
+) -> None:
     fitter = fitter_of(plant, parts, drag=2.0)
     null = fitter.null()
     forms = _main_forms(fitter, list(CATALOGUE.values()))
@@ -231,8 +233,7 @@ def test_what_a_loud_view_reads_is_fitted_whatever_is_predicted(plant: Plant, pa
     loud = fitter.loud(null)
     fitter.close()
     assert loud == ["v"]
-    assert {"drag", "mass", "friction"} <= {f.keys[-1] for f in fits}
-    assert not {"slow_current", "leak"} & {f.keys[-1] for f in fits}
+    assert not {"slow_current", "leak", "mass"} & {f.keys[-1] for f in fits}
     assert min(fits, key=lambda f: f.evidence).keys == ("drag",)
 
 
