@@ -48,7 +48,7 @@ class Chances:
     unknown_at: float = 0.2  # excess (see `outstanding`) at which unknown is as likely as not
     unknown_per: float = 0.03  # excess that makes it e times likelier
     unknown_beside: float = 0.6  # as `unknown_at`, beside an effect, whose form may be another
-    beside: float = 0.5  # chance that what is named beside something unknown in its view is there
+    beside: float = 0.1  # that what is named beside something unknown in its view is there (0132)
     usual: Mapping[Channel, float] | None = None  # excess ratio of a sound rig's channel
     replay: float = 0.2  # excess that a replay's gap e times the usual one counts as
     bent: float = 0.1  # excess that each spread counts as by which a deviation exceeds `bent_from`

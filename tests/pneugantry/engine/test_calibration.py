@@ -54,7 +54,7 @@ def test_what_is_named_beside_something_unknown_is_believed_as_often_as_it_is_tr
     for real in (0, 10, 40):
         there = [DRAG if k < real else frozenset() for k in range(40)]
         cases = [Known(effects, True, odd, 5.0, DRAG) for effects in there]
-        found = fitted(cases, Chances()).beside
+        found = fitted(cases, Chances(beside=0.5)).beside
         assert found == pytest.approx(real / 40, abs=0.1)
 
 

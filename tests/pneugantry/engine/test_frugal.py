@@ -49,14 +49,14 @@ def test_beside_a_second_effect_the_first_one_s_views_are_left_as_they_are(
 
 
 def test_a_scout_tells_what_a_view_gains(plant: Plant, parts: Path) -> None:
-    """Against the fit that it is to spare."""
+    """More than the fit that it is to spare."""
     fitter = fitter_of(plant, parts, drag=2.0)
     null = fitter.null()
     scouts = Scouts(fitter, null, ["v"])
     gains = {k: scouts.gain(hypothesis(k), []) for k in ("drag", "current_scale", "leak", "mass")}
     fit = fitter.explore(hypothesis("drag"), null)
     fitter.close()
-    assert gains["drag"] == pytest.approx(null.evidence - fit.evidence, rel=0.2)
+    assert gains["drag"] > null.evidence - fit.evidence > fitter.rules.effect
     assert gains["leak"] == 0  # the view of the speed does not read it
     assert gains["mass"] < fitter.rules.effect  # tolerance has it already
     assert gains["current_scale"] < 0.5 * gains["drag"]
