@@ -540,23 +540,20 @@ class Fitter:
 
     def _quiet(self, problem: Problem, found: Solution) -> bool:
         """Whether a view's residuals are no more than the sensors' noise, in each record and in
-        all, and what stands out from it is in few stretches (an event that was missed); or nothing
-        that is off by a share or an effect's moves them.
+        all, or nothing that is off by a share or an effect's moves them.
         """
         if not any(c.scales or c.effect for c in found.point.coordinates if self._in(c, problem)):
             return True
         white = self._white(found.residuals, {c: self.floor(c) for c in problem.cells})
         signals = [[w for (_, k), w in white.items() if k == c] for c in {k for _, k in white}]
         most, rules = self.rules.quiet * self._level, self.rules
-        large = [
-            np.where(np.abs(w) > LARGE, noise.loss(w / self._level, rules.tails), 0.0)
-            for w in white.values()
-        ]
-        parts = [self._by_stretch(cell, x) for (cell, _), x in zip(white, large, strict=True)]
         return not any(
             noise.surely_above(most, rows, rules.doubt)
             for rows in (*signals, *([w] for w in white.values()))
-        ) and (not parts or noise.doubted(np.concatenate(parts), rules.doubt) < rules.hopeless)
+        ) and all(
+            noise.loss(w[np.abs(w) > LARGE] / self._level, rules.tails).sum() < rules.hopeless
+            for w in white.values()
+        )
 
     def _by_stretch(self, cell: Cell, terms: Array) -> Array:
         """Sums of a cell's terms (rows,) by stretch of its record."""

@@ -98,19 +98,13 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
 def _gathered(trail: _Trail, null: Fit) -> Fit:
     """Forward, each effect in its main form and the best in their others."""
     fitter, best, thorough = trail.fitter, null, False
-    near, far, seen = Memory(), Memory(), set[frozenset[str]]()
+    near, far = Memory(), Memory()
     for _ in range(fitter.rules.rounds):
         forms = _main_forms(fitter, trail.beside(best.keys), every=bool(fitter.loud(best)))
-        again = (
-            frozenset(best.keys) in seen
-        )  # a base that is a little better: what was tried is worse
-        if again:
-            forms = [x for x in forms if _told(best.hypothesis.plus(*x).effects) not in trail.known]
-        seen.add(frozenset(best.keys))
         if best.keys:  # there are too many pairs to prepare each
             fitter.prepare_any(best.hypothesis, trail.offered.values())
         trail.screened = screen(fitter, best, forms, near.about(fitter, best))
-        fits = _fits(fitter, best, trail.screened, trail.bar, forms, None if again else far)
+        fits = _fits(fitter, best, trail.screened, trail.bar, forms, far)
         finals = _finals(fitter, best, fits, trail.bar)
         trail.tried += [*fits, *finals]
         top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
@@ -227,20 +221,17 @@ def _fits(
     screened: Sequence[Candidate],
     bar: float,
     forms: Sequence[Offer],
-    far: Memory | None,
+    far: Memory,
 ) -> list[Fit]:
     """What is predicted to gain most, with the best in their other forms. Where all that leaves
     more than noise in some views, whatever else these read: an event that a simulation misses (a
     break-away) shows in no prediction, and a fit of that view alone tells which are worth one of
-    all. Where that does, too, also what is predicted from the nominal plant on, of which `far` is;
-    None: neither.
+    all. Where that does, too, also what is predicted from the nominal plant on, of which `far` is.
     """
     rough: list[Fit] = []
     measures = ("gain", "plain")
     for own in _chosen(fitter, screened, bar, measures):
         rough.append(_added(fitter, base, own, _ahead(rough)))
-    if far is None:
-        return rough + _other_forms(fitter, base, rough)
     left = fitter.loud(min((base, *rough), key=lambda f: f.evidence))
     known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
     rest = [c for c in screened if _form_of(c) not in known and _reaches(fitter, c, left)]

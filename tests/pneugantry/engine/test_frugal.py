@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_search import CATALOGUE, effect, fitter_of, parts, plant
 
-from pneugantry.engine.fitter import Fit, Fitter, Scouts
+from pneugantry.engine.fitter import Scouts
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.screening import MANY, screen
@@ -73,24 +73,6 @@ def test_what_is_settled_is_not_fitted_again(plant: Plant, parts: Path) -> None:
     assert spent == 0
     assert again.evidence == pytest.approx(null.evidence, abs=1e-6)
     assert np.array_equal(again.point.theta, null.point.theta)
-
-
-def spoilt(fitter: Fitter, fit: Fit, stretches: int) -> Fit:
-    """With twenty rows that stand out by 50 noise levels in so many stretches of a record."""
-    cell = next(c for c in fit.residuals if c[0] == "v")
-    rows = fit.residuals[cell].copy()
-    for k in range(stretches):
-        at = (k + 1) * len(rows) // (stretches + 1)
-        rows[at : at + 20] += 50 * fitter.simulation.views["v"].sigmas[0]
-    return replace(fit, residuals={**fit.residuals, cell: rows})
-
-
-def test_a_missed_event_makes_no_view_loud_but_many_do(plant: Plant, parts: Path) -> None:
-    fitter = fitter_of(plant, parts)
-    null = fitter.null()
-    loud = {n: fitter.loud(spoilt(fitter, null, n)) for n in (0, 1, 2, 12)}
-    fitter.close()
-    assert loud == {0: [], 1: [], 2: [], 12: ["v"]}
 
 
 def test_of_very_many_starts_few_are_simulated_in_every_record(plant: Plant, parts: Path) -> None:
