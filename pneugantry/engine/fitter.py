@@ -147,6 +147,12 @@ class Fitter:
         views = self.simulation.views
         return [c for c in self.simulation.cells if any(views[c[0]].depends_on(n) for n in names)]
 
+    def readers(self, form: Form) -> set[str]:
+        """Views that read anything of a form."""
+        names = {p.name for p in form.parameters} | set(form.settings)
+        views = self.simulation.views
+        return {c[0] for c in self.simulation.cells if any(map(views[c[0]].depends_on, names))}
+
     def coordinates(self, hypothesis: Hypothesis, scale: float) -> tuple[Coordinate, ...]:
         """Nuisances, then effects; an effect's parameter is no nuisance besides, and one that two
         effects share is one.
@@ -332,11 +338,7 @@ class Fitter:
         self.prepare([hypothesis])
         touched = set(self.touched(hypothesis.beyond(base.hypothesis)))
         cells = tuple(c for c in self.simulation.cells if c in touched)
-        known = prior(own.coordinates)
-        for view, parabola in base.parabolas.items():
-            if not any(c[0] == view for c in cells):
-                known = known.plus(parabola)
-        return own, known, cells
+        return own, _known_beside(own.coordinates, base, {c[0] for c in cells}), cells
 
     def _beside(
         self, found: Solution | Fit, base: Fit, known: Parabola, cells: Sequence[Cell]
@@ -800,15 +802,23 @@ class Scouts:
         """
         if (view, touched) not in self._alone:
             base = self._base
-            known = prior(base.point.coordinates)
-            for other, parabola in base.parabolas.items():
-                if other not in touched:
-                    known = known.plus(parabola)
+            known = _known_beside(base.point.coordinates, base, touched)
             alone = replace(problem, prior=known)
             start = _only(Solution(base.point, base.residuals, base.columns), view)
             end = self.fitter._raced(alone, start, math.inf)
             self._alone[view, touched] = standing(alone, end)
         return self._alone[view, touched]
+
+
+def _known_beside(
+    coordinates: Sequence[Coordinate], base: Fit, touched: Collection[str]
+) -> Parabola:
+    """The prior, and a base's parabolas of the views that are not touched."""
+    known = prior(coordinates)
+    for view, parabola in base.parabolas.items():
+        if view not in touched:
+            known = known.plus(parabola)
+    return known
 
 
 def fallen(

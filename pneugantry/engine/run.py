@@ -26,7 +26,6 @@ from pneugantry.engine.confirm import (
 from pneugantry.engine.decide import Chances, Decision, Evidence, decide, outstanding
 from pneugantry.engine.excess import Excess, excess_of, floors_of
 from pneugantry.engine.fitter import Fit, Fitter
-from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.location import where
 from pneugantry.engine.plant import Data, Epoch, Plant
 from pneugantry.engine.predict import Foretelling
@@ -251,12 +250,8 @@ def _answer(
 
 def _read_by(fitter: Fitter, evidence: Sequence[Evidence], view: str | None) -> tuple[str, ...]:
     """Effects that a view reads, in any form that was weighed; None: all."""
-    forms = {(e.key, f.name): (e, f) for own in evidence for e, f in own.fit.hypothesis.effects}
-    read = [
-        effect.key
-        for effect, form in forms.values()
-        if view in (None, *(c[0] for c in fitter.touched(Hypothesis(((effect, form),)))))
-    ]
+    weighed = [x for own in evidence for x in own.fit.hypothesis.effects]
+    read = [e.key for e, form in weighed if view is None or view in fitter.readers(form)]
     return tuple(sorted(set(read)))
 
 

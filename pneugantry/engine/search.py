@@ -234,7 +234,11 @@ def _fits(
         rough.append(_added(fitter, base, own, _ahead(rough)))
     left = fitter.loud(min((base, *rough), key=lambda f: f.evidence))
     known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
-    rest = [c for c in screened if _form_of(c) not in known and _reaches(fitter, c, left)]
+    rest = [
+        c
+        for c in screened
+        if _form_of(c) not in known and not fitter.readers(c.form).isdisjoint(left)
+    ]
     scouts = Scouts(fitter, base, left)
     for own in _chosen(fitter, rest, bar, measures, every=True):
         if scouts.gain(*_from(fitter, base, own)) > bar:
@@ -244,11 +248,6 @@ def _fits(
             hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
             rough.append(fitter.from_afar(hypothesis, base, [c.starts for c in own]))
     return rough + _other_forms(fitter, base, rough)
-
-
-def _reaches(fitter: Fitter, c: Candidate, views: Collection[str]) -> bool:
-    """Whether any of some views reads anything of a candidate."""
-    return any(cell[0] in views for cell in fitter.touched(Hypothesis().plus(c.effect, c.form)))
 
 
 def _ahead(fits: Sequence[Fit]) -> Fit | None:
