@@ -9,7 +9,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from modelica_fmu.toolchain import (
 
 __all__ = [
     "Correction",
+    "Course",
     "Drive",
     "Part",
     "PartVariable",
@@ -43,10 +44,14 @@ __all__ = [
 # Of a row, after which each mode holds for as large a share of it: nothing of a row's inside is
 # read, and a part that chatters would cost as much as a hundred that do not.
 EVENTS = 8
-LANED = ("rates", "outputs", "conditions")  # functions of a model that lanes call
+# Functions of a model that lanes call, of one without states and of others.
+LANED_STILL = ("observed", "conditions")
+LANED = ("rates", "outputs", "conditions")
 VECTOR_FLAGS = ("-fno-math-errno", "-fno-trapping-math")  # no bit changes by them
 
 Array = NDArray[np.float64]
+Kinds = tuple[int, NDArray[np.uint8] | None]  # rows until out of bounds; None: all are STEADY
+STEADY, SWITCHED = 1, 2  # RowKind of batch.c
 CSRC = Path(__file__).parent / "csrc"
 
 
@@ -84,39 +89,57 @@ class Correction:
     shares: tuple[float, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Course:
+    """An input over a record. Drives may share it."""
+
+    at: Array  # (N,), at the rows
+    over: Array  # (N,) held over the period behind each row, or (N, parts): over its equal parts
+    kinds: dict[tuple[Path, int], Kinds] = field(default_factory=dict)  # to an input of a part
+
+    @classmethod
+    def of(cls, values: Array | tuple[Array, Array] | Course) -> Course:
+        """Of values that are held over the period behind each row, or of both."""
+        if isinstance(values, Course):
+            return values
+        if not isinstance(values, tuple):
+            held = np.ascontiguousarray(values, dtype=float)
+            return cls(held, held)
+        at, over = (np.ascontiguousarray(v, dtype=float) for v in values)
+        return cls(at, over)
+
+    @property
+    def values(self) -> Array | tuple[Array, Array]:
+        """As `of` takes them."""
+        return self.at if self.at is self.over else (self.at, self.over)
+
+    @property
+    def parts(self) -> int:
+        """Of a period, over which it may differ."""
+        return self.over.shape[1] if self.over.ndim == 2 else 1
+
+
 class Drive:
     """What drives runs over a record: inputs and a correction."""
 
     def __init__(
         self,
-        inputs: Mapping[str, Array | tuple[Array, Array]],
+        inputs: Mapping[str, Array | tuple[Array, Array] | Course],
         correction: Correction | None = None,
     ) -> None:
         """inputs: (N,) each, held over the period behind each row, or a pair (at the rows, over the
-        period behind them); what holds over the period may be (N, parts): one value for each of
-        equal parts of it.
+        period behind them); what holds over the period may be (N, parts). Raises ValueError where
+        inputs differ in length, or in parts of more than one.
         """
-        self.inputs, self.correction = inputs, correction
-        self.kinds: dict[Path, tuple[int, NDArray[np.uint8]]] = {}  # of its rows, to each part
-
-    @cached_property
-    def columns(self) -> tuple[Array, Array]:
-        """(N, inputs) at the rows and (N * parts, inputs) over the periods behind them; the same
-        array where no input differs between both, which spares the C loop half of its settings.
-        """
-        pairs = [v if isinstance(v, tuple) else (v, v) for v in self.inputs.values()]
-        at = np.ascontiguousarray(np.column_stack([p[0] for p in pairs]), dtype=float)
-        if all(p[0] is p[1] for p in pairs):
-            return at, at
-        parts = self.parts
-        over = [p[1].reshape(-1) if p[1].ndim == 2 else np.repeat(p[1], parts) for p in pairs]
-        return at, np.ascontiguousarray(np.column_stack(over), dtype=float)
-
-    @property
-    def parts(self) -> int:
-        """Of a row, over which inputs may differ."""
-        over = [v[1] for v in self.inputs.values() if isinstance(v, tuple)]
-        return max((values.shape[1] for values in over if values.ndim == 2), default=1)
+        self.inputs = {name: Course.of(v) for name, v in inputs.items()}
+        self.correction = correction
+        own = self.inputs.values()
+        self.parts = max((c.parts for c in own), default=1)
+        self.rows = len(next(iter(own)).at) if own else 0
+        if any(len(c.at) != self.rows or len(c.over) != self.rows for c in own):
+            raise ValueError("inputs of one drive have the same rows")
+        if any(c.parts not in (1, self.parts) for c in own):
+            raise ValueError("inputs of one drive have the same parts of their rows, or one")
 
     @cached_property
     def measured(self) -> Array:
@@ -131,7 +154,7 @@ class _Batch(ctypes.Structure):
         *((n, ctypes.c_size_t) for n in ("n_inputs", "n_corrected", "n_outputs", "n_drives")),
         ("period", ctypes.c_double),
         *((n, ctypes.c_void_p) for n in ("parameters", "values", "drive", "inputs", "rows")),
-        *((n, ctypes.c_void_p) for n in ("sound", "kind", "at", "over", "corrected")),
+        *((n, ctypes.c_void_p) for n in ("sound", "kind", "at", "over", "apart", "corrected")),
         *((n, ctypes.c_void_p) for n in ("measured", "gains", "outputs", "result")),
     ]
 
@@ -186,7 +209,8 @@ class Subsystem:
             )
         if len({d.parts for d in drives}) > 1:
             raise ValueError("drives of one call have the same parts of their rows")
-        rows = np.array([len(d.columns[0]) for d in drives], dtype=np.uintp)
+        courses = [[d.inputs[n] for n in inputs] for d in drives]
+        rows = np.array([d.rows for d in drives], dtype=np.uintp)
         values = np.ascontiguousarray(np.atleast_2d(values), dtype=float)
         own = np.array(which, dtype=np.uint32)
         order = np.argsort(-rows[own].astype(int), kind="stable")  # side by side: as long ones
@@ -195,11 +219,13 @@ class Subsystem:
         held = drives[0].correction or Correction((), np.zeros((1, 1)), (0.0,))
         shares = np.array(held.shares)
         lists = [self._references_of(n) for n in (names, tuple(inputs), held.states, outputs)]
-        tables = [_addresses([d.columns[i] for d in drives]) for i in (0, 1)]
+        tables = [_addresses([c.at for cs in courses for c in cs])]
+        tables.append(_addresses([c.over for cs in courses for c in cs]))
+        tables.append(np.array([c.parts for cs in courses for c in cs], dtype=np.uintp))
         measured, results = _addresses([d.measured for d in drives]), _addresses(made)
         runs = (len(values), len(names), drives[0].parts)
         sizes = (*runs, len(inputs), len(held.states), len(outputs), len(drives))
-        told = [self._kinds_of(d) for d in drives]
+        told = [self._kinds_of(cs, lists[1], d.rows) for cs, d in zip(courses, drives, strict=True)]
         sound = np.array([n for n, _ in told], dtype=np.uintp)
         kinds = _addresses([k for _, k in told])
         arrays: tuple[NDArray[Any], ...] = (lists[0], values, own, lists[1], rows, sound, kinds)
@@ -209,19 +235,29 @@ class Subsystem:
             raise InputError(f"cannot correct {', '.join(held.states)}: no states of the part")
         return [made[i] for i in np.argsort(order)]
 
-    def _kinds_of(self, drive: Drive) -> tuple[int, NDArray[np.uint8]]:
-        """Rows of a drive until an input is out of its bounds, and of what kind each is (RowKind of
-        batch.c); found once.
-        """
-        found = drive.kinds.get(self.part.library)
-        if found is None:
-            at, over = drive.columns
-            inputs, kinds = self._references_of(tuple(drive.inputs)), np.empty(len(at), np.uint8)
-            sizes = [ctypes.c_size_t(n) for n in (len(at), drive.parts, len(drive.inputs))]
-            pointers = [ctypes.c_void_p(a.ctypes.data) for a in (inputs, at, over, kinds)]
-            sound = int(self._library.batch_kinds(*sizes, *pointers))
-            found = drive.kinds[self.part.library] = sound, kinds
-        return found
+    def _kinds_of(
+        self, courses: Sequence[Course], references: NDArray[np.uint32], rows: int
+    ) -> tuple[int, NDArray[np.uint8]]:
+        """Rows until an input is out of its bounds, and of what kind each is."""
+        sound = rows
+        kinds: NDArray[np.uint8] = np.full(rows, STEADY, dtype=np.uint8)
+        for course, reference in zip(courses, references.tolist(), strict=False):
+            key = self.part.library, reference
+            if key not in course.kinds:
+                course.kinds[key] = self._kind_of(course, reference)
+            own, other = course.kinds[key]
+            sound = min(sound, own)
+            if other is not None:
+                told = (kinds & other & STEADY) | ((kinds | other) & SWITCHED)
+                kinds = told.astype(np.uint8)
+        return sound, kinds
+
+    def _kind_of(self, course: Course, reference: int) -> Kinds:
+        kinds = np.empty(len(course.at), np.uint8)
+        pointers = [ctypes.c_void_p(a.ctypes.data) for a in (course.at, course.over, kinds)]
+        sizes = [ctypes.c_size_t(n) for n in (len(course.at), course.parts)]
+        sound = self._library.batch_kinds(ctypes.c_uint(reference), *sizes, *pointers)
+        return int(sound), None if np.all(kinds == STEADY) else kinds
 
     def _references_of(self, names: Sequence[str]) -> NDArray[np.uint32]:
         """Value references; one that nobody reads where there is no name."""
@@ -284,7 +320,8 @@ def _compile(compiled: CompiledModel, folder: Path) -> None:
     sources["core.c"] = f"#define MAX_EVENTS {EVENTS}\n{sources['core.c']}"
     sources |= dict(compiled.sources)
     sources["model.c"] = with_elementary(compiled.sources["model.c"])
-    sources["model_lanes.h"] = in_lanes(compiled.sources["model.c"], LANED)
+    model, kinds = compiled.sources["model.c"], {v.kind for v in compiled.variables}
+    sources["model_lanes.h"] = in_lanes(model, LANED if "state" in kinds else LANED_STILL)
     for name, text in sources.items():
         (folder / name).write_text(text, encoding="utf-8")
     names = [n for n in sources if n.endswith(".c") and n != "core.c"]  # batch.c holds it

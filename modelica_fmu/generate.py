@@ -146,6 +146,7 @@ void model_starts(const ModelData *q, double *x);
 void model_memory_starts(const ModelData *q, double *d);
 void model_rates(const ModelData *q, double *dx, double *z);
 void model_outputs(const ModelData *q, double *y);
+void model_observed(const ModelData *q, double *z, double *y); /* of models without states */
 void model_locals(const ModelData *q, double *y);
 void model_conditions(const ModelData *q, double *c);
 void model_updates(const ModelData *q, double *d, double *x);
@@ -255,6 +256,7 @@ def source(
         emitter.function(
             "model_outputs", {"y": column(e.algebraics[: layout.n_outputs])}, f"{q}, double *y"
         ),
+        *_observed(emitter, layout, e),
         emitter.function("model_locals", {"y": column(e.algebraics)}, f"{q}, double *y"),
         emitter.function("model_conditions", {"c": column(e.conditions)}, f"{q}, double *c"),
         emitter.function(
@@ -299,6 +301,15 @@ def source(
         ]
     )
     return header(system, layout, e, len(hoist.slots)), _silence_unused(text)
+
+
+def _observed(emitter: Emitter, layout: Layout, e: Expressions) -> list[str]:
+    """Relations and outputs together, of a model without states: both are most of the same."""
+    if len(e.derivatives):
+        return []
+    both = {"z": column(e.indicators), "y": column(e.algebraics[: layout.n_outputs])}
+    arguments = "const ModelData *q, double *z, double *y"
+    return [emitter.function("model_observed", both, arguments)]
 
 
 def _delays_used(system: HybridSystem, hoist: Hoist) -> str:

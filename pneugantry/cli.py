@@ -7,6 +7,7 @@ commands, parsing, exit codes and JSON.
 from __future__ import annotations
 
 import argparse
+import gc
 import importlib
 import json
 import os
@@ -117,6 +118,7 @@ def main(arguments: list[str] | None = None) -> int:
         options = parser(only=_named_command(words)).parse_args(words)
     except SystemExit as end:  # --help, or a wrong option
         return int(end.code or 0)
+    gc.set_threshold(100_000)  # few objects lie in cycles; to look for them takes long
     to_stdout = options.json == "-"
     stdout = sys.stdout
     try:

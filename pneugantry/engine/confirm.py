@@ -8,7 +8,6 @@ depends on that, stands beside the gap.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -24,6 +23,7 @@ from pneugantry.engine.noise import NOISIEST
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, sensed
+from pneugantry.engine.threads import THREADS, on_threads
 from pneugantry.engine.views import part_of
 
 __all__ = [
@@ -44,7 +44,6 @@ NOTHING = 0.05  # mean square beyond the floor's, below which there is no gap to
 PARTED = 10.0  # times the misfit so far by which a stretch and all later ones have parted
 DRAWS = 15  # replays with parameters drawn from what a fit leaves open
 LEAKS = 6  # rounds until readings that leak into each other agree
-THREADS = 2  # that simulate
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +143,8 @@ def _simulated(
     table = np.array([[given.get(n, known[n]) for n in names] for given in own])
     inputs = {n: record.driving(n) for n in part.of("input")}
     subsystem, drive = Subsystem(part), Drive(inputs)
-    with ThreadPoolExecutor(THREADS) as pool:  # the simulations are native and hold no lock
-        run = partial(subsystem.run, names, drive=drive, outputs=outputs, period=record.period)
-        true = np.concatenate(list(pool.map(run, np.array_split(table, min(THREADS, len(table))))))
+    run = partial(subsystem.run, names, drive=drive, outputs=outputs, period=record.period)
+    true = np.concatenate(on_threads(run, np.array_split(table, min(THREADS, len(table)))))
     columns = [outputs.index(s.variable) for s in signals]
     return tuple(s.name for s in signals), true[:, :, columns]
 

@@ -8,15 +8,17 @@ that the model lacks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.noise import LONGEST, NOISIEST, Whitener, spread, whitener_of
-from pneugantry.engine.plant import Array
+from pneugantry.engine.plant import Array, Plant, Record
+from pneugantry.engine.simulation import Cell
 from pneugantry.engine.synthetic import changes_of, noisy
+from pneugantry.engine.threads import on_threads
 
 __all__ = ["Channel", "Excess", "Floors", "excess_of", "floors_of"]
 
@@ -43,25 +45,35 @@ class Excess:
 
 def floors_of(fitter: Fitter, fit: Fit) -> Floors:
     """Colour and size of the quoted noise in each view and record."""
+    records = fitter.simulation.records
+    drawn = {n: [_drawn(fitter.plant, r, k) for k in range(DRAWS)] for n, r in records.items()}
+    cells = fitter.simulation.cells
+    made = on_threads(lambda c: _floors_in(fitter, fit, c, drawn[c[1]]), cells)
+    return {key: floor for own in made for key, floor in own.items()}
+
+
+def _drawn(plant: Plant, record: Record, number: int) -> Record:
+    return noisy(plant, replace(record, name=f"{record.name}, draw {number}"))
+
+
+def _floors_in(fitter: Fitter, fit: Fit, cell: Cell, others: Sequence[Record]) -> Floors:
+    """Of one cell, from the record with other draws of noise."""
+    name, record = cell
+    view, read = fitter.simulation.views[name], fitter.simulation.records[record]
+    signals = list(zip(view.signals, view.sigmas, strict=True))
+    if not any(view.shows(other) for other in others):  # no sensor's noise reaches it
+        return {((name, s), record): Whitener(np.zeros(0), sigma) for s, sigma in signals}
+    changes = changes_of(view, read, others, fit.values(record))
+    changes = [r for r in changes if len(r) > 4 * LONGEST]
+    if not changes:
+        return {}
     found: Floors = {}
-    for name, record in fitter.simulation.cells:
-        view, read = fitter.simulation.views[name], fitter.simulation.records[record]
-        erring = fitter.erring((name, record))
-        others = [
-            noisy(fitter.plant, replace(read, name=f"{record}, draw {k}")) for k in range(DRAWS)
-        ]
-        if not any(view.shows(other) for other in others):  # no sensor's noise reaches it
-            for signal, sigma in zip(view.signals, view.sigmas, strict=True):
-                found[(name, signal), record] = Whitener(np.zeros(0), sigma)
-            continue
-        changes = changes_of(view, read, others, fit.values(record))
-        changes = [r for r in changes if len(r) > 4 * LONGEST]
-        for c, (signal, sigma) in enumerate(zip(view.signals, view.sigmas, strict=True)):
-            # an event that one more draw of noise moves is no noise
-            bound = CLIPPED * max(spread([r[:, c] for r in changes]), sigma) if changes else 0.0
-            clipped = [np.clip(r[:, c], -bound, bound) for r in changes]
-            if clipped:
-                found[(name, signal), record] = erring[c] or whitener_of(clipped, sigma)
+    for c, (signal, sigma) in enumerate(signals):
+        # an event that one more draw of noise moves is no noise
+        bound = CLIPPED * max(spread([r[:, c] for r in changes]), sigma)
+        clipped = [np.clip(r[:, c], -bound, bound) for r in changes]
+        known = fitter.erring(cell)[c]
+        found[(name, signal), record] = known or whitener_of(clipped, sigma)
     return found
 
 

@@ -104,7 +104,7 @@ class ForeignSubsystem(Subsystem):
         made: dict[str, Array] = {}  # signal -> (runs, N)
         for number, stage in enumerate(self.stages):
             own = {
-                name: inputs[f"{number}.{name}"]
+                name: inputs[f"{number}.{name}"].values
                 for name in stage.fmu.inputs
                 if f"{number}.{name}" in inputs
             }

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
+from modelica_fmu.batch import Course
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.sensors import affine, signal_of, slope, true_signal
 from pneugantry.engine.smooth import Widest, savgol, widest
@@ -34,33 +36,36 @@ class Readings:
     corrected: frozenset[str]  # signals of states that an observer draws: it averages by itself
     averaging: bool  # the view has states, which average by themselves
     _filtered: dict[tuple[str, str], tuple[Array, ...] | Widest] = field(default_factory=dict)
-    _made: dict[tuple[object, ...], Array] = field(default_factory=dict)
 
-    def value(self, signal: str, record: Record, errors: Errors) -> Array:
-        """(N,)"""
-        return self._once("value", signal, record, errors)
+    def __post_init__(self) -> None:
+        self._once = lru_cache(maxsize=KEPT)(self._made)
 
-    def rate(self, signal: str, record: Record, errors: Errors) -> Array:
-        """(N,), per s."""
-        return self._once("rate", signal, record, errors)
+    def value(self, signal: str, record: Record, errors: Errors) -> Course:
+        return self._course("value", signal, record, errors)
 
-    def _once(self, what: str, signal: str, record: Record, errors: Errors) -> Array:
+    def rate(self, signal: str, record: Record, errors: Errors) -> Course:
+        """Per s."""
+        return self._course("rate", signal, record, errors)
+
+    def _course(self, what: str, signal: str, record: Record, errors: Errors) -> Course:
         """Made once for all sets of errors that agree in the signal's own and those of the speed
         that it is smoothed with.
         """
         own = (signal, self.pairs.get(signal))
-        mine = {k: v for k, v in errors.items() if signal_of(k) in own}
-        key = (what, signal, record.name, tuple(mine.items()))
-        found = self._made.get(key)  # another thread may clear the rest meanwhile
-        if found is None:
-            if what == "rate":
-                found = slope(true_signal(signal, record, mine), record.period)
-            else:
-                found = self._value(signal, record, mine)
-            if len(self._made) > KEPT:
-                self._made.clear()
-            self._made[key] = found
-        return found
+        mine = tuple((k, v) for k, v in errors.items() if signal_of(k) in own)
+        return self._once(what, signal, record, mine)
+
+    def _made(
+        self, what: str, signal: str, record: Record, errors: tuple[tuple[str, float], ...]
+    ) -> Course:
+        """Over a period, where the view has states, halfway between its ends."""
+        if what == "rate":
+            values = slope(true_signal(signal, record, dict(errors)), record.period)
+        else:
+            values = self._value(signal, record, dict(errors))
+        if not self.averaging:
+            return Course(values, values)
+        return Course(values, np.append(0.5 * (values[:-1] + values[1:]), values[-1]))
 
     def _speed(self, signal: str, record: Record) -> str | None:
         speed = self.pairs.get(signal)

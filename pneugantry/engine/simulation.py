@@ -13,11 +13,12 @@ from functools import cached_property
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.threads import THREADS
 from pneugantry.engine.views import View
 
 __all__ = ["Cell", "Columns", "Point", "Residuals", "Simulation"]
 
-SHARES = 4  # of a view's runs, so that both threads end together
+SHARES = 4  # of a view's runs, so that the threads end together
 SHARE = 8  # runs at least: as many are simulated side by side
 MOST = 64  # runs of one call: their signals are in memory together
 USUAL = 0.1  # a tolerance's spread, in an effect's usual sizes
@@ -52,7 +53,7 @@ class Point:
 
 
 class Simulation:
-    """Runs views on two threads; the simulations themselves are native and hold no lock."""
+    """Runs views on threads of its own."""
 
     def __init__(self, views: Sequence[View], records: Sequence[Record], rules: Rules) -> None:
         self.views = {v.name: v for v in views}
@@ -60,7 +61,7 @@ class Simulation:
         self.cells = [(v.name, r.name) for v in views for r in records if v.shows(r)]
         self.rules = rules
         self.seconds = 0.0  # of records, simulated so far
-        self._pool = ThreadPoolExecutor(2)
+        self._pool = ThreadPoolExecutor(THREADS)
 
     def close(self) -> None:
         self._pool.shutdown()
@@ -100,7 +101,7 @@ class Simulation:
 
     def _shares(self, jobs: Sequence[_Job]) -> list[list[_Job]]:
         """Runs of one view each, that are simulated in one call: few calls, and lanes that are
-        full, but work for both threads.
+        full, but work for all threads.
         """
         of_views: dict[str, list[_Job]] = {}
         for job in jobs:

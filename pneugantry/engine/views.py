@@ -11,12 +11,22 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from modelica_fmu.batch import Correction, Drive, Part, Subsystem, build_part, part_key, read_part
+from modelica_fmu.batch import (
+    Correction,
+    Course,
+    Drive,
+    Part,
+    Subsystem,
+    build_part,
+    part_key,
+    read_part,
+)
 from modelica_fmu.compiled import Structure
 from modelica_fmu.errors import InputError
 from pneugantry.engine.pieces import Piece, Pieces
@@ -24,6 +34,7 @@ from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.readings import Readings
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, sensed, signal_of
+from pneugantry.engine.threads import on_threads
 
 __all__ = [
     "Measured",
@@ -41,7 +52,7 @@ Run = tuple[Record, Values]  # over a record, with these parameters; the rest as
 Errors = tuple[tuple[str, float], ...]  # of sensors
 _Felt = tuple[str, Errors, tuple[float, ...]]  # record, errors, parameters: what makes a run
 LONGEST_STEP = 0.002  # s, of the solver; its tolerance bounds the error, rows read no finer
-KEPT = 64  # inputs that a view keeps
+KEPT = 64  # drives that a view keeps, and inputs of its own
 RATE = "der "  # before a signal's name: its rate, taken from its readings
 
 
@@ -99,7 +110,8 @@ class SubsystemView:
     def __post_init__(self) -> None:
         whole = Piece(self.part, subsystem=self.subsystem)
         self._pieces = Pieces(whole, self.defaults, self._again if self.cut_at else None)
-        self._kept: dict[tuple[object, ...], Drive] = {}
+        self._drive = lru_cache(maxsize=KEPT)(self._driven)
+        self._command = lru_cache(maxsize=KEPT)(self._commanded)
         self._readings = Readings(
             {s.name: s.sigma for s in self.plant.signals},
             self.pairs,
@@ -171,7 +183,7 @@ class SubsystemView:
             error = record.signals[signal] - sensed(signal, simulated[:, c], record, values)
             if record.judged is not None and self.corrected:
                 error[~record.judged] = 0.0
-            result[:, c] = sum(error[k:end:each] for k in range(each)) / each
+            result[:, c] = error[:end].reshape(-1, each) @ np.full(each, 1 / each)
         return result
 
     def simulate(self, runs: Sequence[Run]) -> list[Array]:
@@ -231,36 +243,29 @@ class SubsystemView:
         sensors = ((k, v) for k, v in given.items() if k.startswith(PREFIX))
         return tuple(sorted((k, v) for k, v in sensors if signal_of(k) in read))
 
-    def _drive(self, record: Record, piece: Piece, felt: Errors) -> Drive:
+    def _driven(self, record: Record, piece: Piece, felt: Errors) -> Drive:
         """Inputs and corrected states of a piece, from a record whose sensors have these errors."""
-        key, errors = (record.name, piece, felt), dict(felt)
-        kept = self._kept.get(key)  # another thread may clear the rest meanwhile
-        if kept is not None:
-            return kept
-        inputs: dict[str, Array | tuple[Array, Array]] = {}
-        moving = bool(self.part.of("state"))
+        errors, readings = dict(felt), self._readings
+        inputs: dict[str, Course] = {}
         for name, source in self.sources.items():
             if name not in piece.inputs:
                 continue
             if source in self.plant.inputs:
-                own = np.asarray(record.inputs[source], dtype=float)
-                inputs[name] = record.driving(source) if moving else own
-                continue
-            signal = source.removeprefix(RATE)
-            made = self._readings.rate if source.startswith(RATE) else self._readings.value
-            values = made(signal, record, errors)
-            over = np.append(0.5 * (values[:-1] + values[1:]), values[-1])
-            inputs[name] = (values, over) if moving else values
+                inputs[name] = self._command(record, source)
+            else:
+                made = readings.rate if source.startswith(RATE) else readings.value
+                inputs[name] = made(source.removeprefix(RATE), record, errors)
         correction = None
         drawn = {state: s for state, s in self.corrected.items() if state in piece.states}
         if drawn:
             share = 1 - np.exp(-record.period / (self.observer))
-            measured = [self._readings.value(s, record, errors) for s in drawn.values()]
+            measured = [readings.value(s, record, errors).at for s in drawn.values()]
             correction = Correction(tuple(drawn), np.column_stack(measured), (share,) * len(drawn))
-        if len(self._kept) > KEPT:
-            self._kept.clear()
-        found = self._kept[key] = Drive(inputs, correction)
-        return found
+        return Drive(inputs, correction)
+
+    def _commanded(self, record: Record, name: str) -> Course:
+        """An input of the plant."""
+        return Course.of(record.driving(name) if self.remembers else record.inputs[name])
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,10 +331,10 @@ def build_views(
     sight = _Sight(plant, shape, signals, cache, known.coarse)
     decimation = max(1, round(1 / (rules.band * period)))
     grouped: dict[tuple[object, ...], list[str]] = {}
-    for name in signals:
-        where = tuple(name in own for own in known.held)
-        grouped.setdefault((where, _same(*_cut(sight, [name]))), []).append(name)
-    return [_view(sight, names, decimation, rules.observer) for names in grouped.values()]
+    for name, own in zip(signals, on_threads(lambda n: _cut(sight, [n]), signals), strict=True):
+        where = tuple(name in held for held in known.held)
+        grouped.setdefault((where, _same(*own)), []).append(name)
+    return on_threads(lambda n: _view(sight, n, decimation, rules.observer), grouped.values())
 
 
 def view_beside(plant: Plant, signal: str, cache: Path, like: SubsystemView) -> SubsystemView:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from modelica_fmu.batch import Drive
-from modelica_fmu.cut import Structure, structure
+from modelica_fmu.compiled import Structure
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.views import RATE, SubsystemView, View, part_of
@@ -186,6 +186,8 @@ def opened(plant: Plant, views: Sequence[View], records: Sequence[Record], cache
     """The plant with an addend in each equation of its components that computes a number from
     others: not in those that only name a variable again. Views of another kind are left out.
     """
+    from modelica_fmu.cut import structure  # the compiler is loaded where it has to work
+
     shape = structure(plant.model, plant.class_name)
     points = tuple(_points(plant, shape))
     model = written(plant, {p.equation: _open(p) for p in points}, cache)

@@ -8,7 +8,6 @@ curves and waves are then linear algebra.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -18,6 +17,7 @@ from pneugantry.engine.fitter import Fit
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
+from pneugantry.engine.threads import on_threads
 from pneugantry.learn.curve import SIZES, Basis, Wave, finer, knots_over
 from pneugantry.learn.linear import Answer, Base, Response, base_of, response_of, trial_of
 from pneugantry.learn.points import Opened, OpenedView, Point
@@ -169,8 +169,7 @@ class Screening:
     def _responses(self) -> list[tuple[_Group, Response]]:
         """Of equations that answer; two records are simulated at a time."""
         asked = [(g, self.of_name[v], r) for g in self._groups for v, r in self._asked(g)]
-        with ThreadPoolExecutor(2) as pool:
-            told = list(pool.map(lambda each: self._reply(*each), asked))
+        told = on_threads(lambda each: self._reply(*each), asked)
         found: list[tuple[_Group, Response]] = []
         for group in self._groups:
             known = {

@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 from test_cut import CART, MEASURED
 
-from modelica_fmu.batch import Correction, Drive, Part, Subsystem, build_part, part_key, read_part
+from modelica_fmu.batch import (
+    Correction,
+    Course,
+    Drive,
+    Part,
+    Subsystem,
+    build_part,
+    part_key,
+    read_part,
+)
 from modelica_fmu.cut import cut
 from modelica_fmu.errors import InputError
 from modelica_fmu.toolchain import PLATFORMS, Compiler, host_platform, own_processor
@@ -176,6 +185,55 @@ def test_a_run_does_not_depend_on_what_runs_beside_it(tmp_path: Path, outputs: l
         assert np.isnan(run[-1]).all() if k == 5 else np.isfinite(run).all()
     assert [len(run) for run in found[:3]] == [1300, 1500, 1]
     assert np.ptp(found[0][:, 0]) > 0.01
+
+
+PAD = """package Toy
+  model Pad "Touch on a bumpy pad: relations, but no state"
+    parameter Real k = 100.0;
+    parameter Real bump = 1e-3 "m";
+    input Real s;
+    output Real f;
+  protected
+    Real depth = s - bump * sin(300 * s);
+  equation
+    f = if depth > 0 then k * depth * (if depth > 0.01 then 1 + depth else 1) else 0;
+  end Pad;
+end Toy;
+"""
+
+
+def test_runs_of_a_model_without_states_do_not_depend_on_each_other(tmp_path: Path) -> None:
+    """Relations and outputs come from one function there: the same bits as alone, and as the
+    formula says.
+    """
+    (tmp_path / "Toy.mo").write_text(PAD, encoding="utf-8")
+    pad = Subsystem(build_part(cut(tmp_path / "Toy.mo", "Toy.Pad", ["f"]), tmp_path, "pad"))
+    s = 0.02 * np.sin(np.arange(700) / 40)
+    values = np.column_stack([np.linspace(50, 200, 11), np.linspace(0, 3e-3, 11)])
+    values[4, 0] = np.nan
+    found = pad.run(["k", "bump"], values, drive := Drive({"s": s}), ["f"], PERIOD)[:, :, 0]
+    alone = [pad.run(["k", "bump"], v, drive, ["f"], PERIOD)[0, :, 0] for v in values[:, None]]
+    np.testing.assert_array_equal(found, alone)
+    assert np.isnan(found[4, 1:]).all()
+    for (k, bump), f in zip(np.delete(values, 4, 0), np.delete(found, 4, 0), strict=True):
+        depth = s - bump * np.sin(300 * s)
+        true = np.where(depth > 0, k * depth * np.where(depth > 0.01, 1 + depth, 1), 0.0)
+        np.testing.assert_allclose(f, true, rtol=1e-12)
+
+
+def test_drives_may_share_a_course_and_find_out_about_it_once(cart: Subsystem) -> None:
+    u = Course.of(np.sin(np.arange(60) / 9))
+    two = [Drive({"u": u}), Drive({"u": u}, Correction(("v",), np.zeros((60, 1)), (0.5,)))]
+    first, second = (cart.run(["m"], np.ones((1, 1)), d, ["v"], PERIOD) for d in two)
+    assert len(u.kinds) == 1
+    assert np.abs(second).max() < np.abs(first).max()
+
+
+def test_inputs_of_a_drive_have_the_same_rows_and_parts() -> None:
+    with pytest.raises(ValueError, match="the same rows"):
+        Drive({"u": np.zeros(3), "clamp": np.zeros(4)})
+    with pytest.raises(ValueError, match="the same parts"):
+        Drive({n: (np.zeros(3), np.zeros((3, k))) for n, k in (("u", 2), ("clamp", 3))})
 
 
 def test_the_whole_gantry_equals_the_fmu_s_co_simulation() -> None:

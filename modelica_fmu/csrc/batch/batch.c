@@ -30,8 +30,9 @@ typedef struct {
     const unsigned *inputs;
     const size_t *rows, *sound; /* [n_drives], of each, and until an input is out of its bounds */
     const unsigned char *const *kind; /* [n_drives] of [rows], of RowKind */
-    const double *const *at;   /* [n_drives] of [rows][n_inputs], at the rows */
-    const double *const *over; /* [n_drives] of [rows][n_parts][n_inputs], over the parts of the period behind each row */
+    const double *const *at;   /* [n_drives][n_inputs] of [rows], at the rows */
+    const double *const *over; /* [n_drives][n_inputs] of [rows][apart], over the period behind each row */
+    const size_t *apart;       /* [n_drives][n_inputs], parts of a period over which an input differs: n_parts or 1 */
     const unsigned *corrected; /* states */
     const double *const *measured; /* [n_drives] of [rows][n_corrected]; NaN: no correction */
     const double *gains;       /* [n_corrected], share of the difference that is taken away per period */
@@ -41,7 +42,8 @@ typedef struct {
 
 /* What one call finds out once of each drive: where things lie in an instance. */
 typedef struct {
-    const double *at, *over, *measured;
+    const double *const *at, *const *over, *measured; /* of each input */
+    const size_t *apart;
     const unsigned char *kind;
     int place[AT_LEAST_1(N_INPUTS)];    /* of each input among the model's */
     size_t state[AT_LEAST_1(N_STATES)]; /* of each corrected state among the model's */
@@ -56,19 +58,32 @@ typedef enum {
     SWITCHED = 2 /* one that is no number changes behind the row before or up to the next */
 } RowKind;
 
+static inline double over_part(const Plan *plan, size_t i, size_t k, size_t part) {
+    const size_t n = plan->apart[i];
+    return plan->over[i][k * n + (n > 1 ? part : 0)];
+}
+
 static int set_all(Instance *s, size_t n, const unsigned *references, const double *values) {
     for (size_t i = 0; i < n; i++)
         if (core_set(s, references[i], values[i]) > CORE_WARNING) return 0;
     return 1;
 }
 
-/* Inputs that are sound; of those that are no numbers (a clamp) a change may bring an event. */
-static void put_inputs(Instance *s, const Batch *b, const Plan *plan, const double *row) {
-    for (size_t i = 0; i < b->n_inputs; i++) {
-        double *to = &s->c.q.u[plan->place[i]];
-        s->c.events_possible |= *to != row[i] && model_variables[b->inputs[i]].type != VT_REAL;
-        *to = row[i];
-    }
+/* An input that is sound; of one that is no number (a clamp) a change may bring an event. */
+static void put_input(Instance *s, const Batch *b, const Plan *plan, size_t i, double value) {
+    double *to = &s->c.q.u[plan->place[i]];
+    s->c.events_possible |= *to != value && model_variables[b->inputs[i]].type != VT_REAL;
+    *to = value;
+}
+
+static void put_at(Instance *s, const Batch *b, const Plan *plan, size_t k) {
+    for (size_t i = 0; i < b->n_inputs; i++) put_input(s, b, plan, i, plan->at[i][k]);
+    invalidate(s);
+}
+
+/* What holds over a part of the period behind row k. */
+static void put_over(Instance *s, const Batch *b, const Plan *plan, size_t k, size_t part) {
+    for (size_t i = 0; i < b->n_inputs; i++) put_input(s, b, plan, i, over_part(plan, i, k, part));
     invalidate(s);
 }
 
@@ -90,10 +105,9 @@ static void correct(Instance *s, const Batch *b, const Plan *plan, size_t k) {
 /* From row k to the next; at once, where no input changes on the way. */
 static int pass(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     const double time = (double)k * b->period, part = b->period / (double)b->n_parts;
-    const double *row = plan->over + k * b->n_parts * b->n_inputs;
     if (plan->kind[k] & STEADY) return core_step(s, time, b->period) <= CORE_WARNING;
     for (size_t j = 0; j < b->n_parts; j++) {
-        if (j > 0) put_inputs(s, b, plan, row + j * b->n_inputs);
+        if (j > 0) put_over(s, b, plan, k, j);
         if (core_step(s, time + (double)j * part, part) > CORE_WARNING) return 0;
     }
     return 1;
@@ -101,7 +115,7 @@ static int pass(Instance *s, const Batch *b, const Plan *plan, size_t k) {
 
 static int begin_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
     if (!set_all(s, b->n_parameters, b->parameters, b->values + run * b->n_parameters) || plan->sound == 0) return 0;
-    put_inputs(s, b, plan, plan->at);
+    put_at(s, b, plan, 0);
     return core_initialise(s, 0.0) <= CORE_WARNING;
 }
 
@@ -110,12 +124,12 @@ static int one_row(Instance *s, const Batch *b, const Plan *plan, size_t k, doub
     const double time = (double)k * b->period;
     const int settle = k == 0 || !plan->plain || plan->kind[k] & SWITCHED; /* else no output feels the new inputs at once */
     if (settle) {
-        if (k > 0 || !plan->same) put_inputs(s, b, plan, plan->at + k * b->n_inputs);
+        if (k > 0 || !plan->same) put_at(s, b, plan, k);
         if (core_step(s, time, 0.0) > CORE_WARNING) return 0; /* events that the new inputs bring */
     }
     if (!read_all(s, b, result + k * b->n_outputs)) return 0;
     if (N_STATES == 0 || k + 1 == plan->rows) return 1;
-    if (!plan->same || !settle) put_inputs(s, b, plan, plan->over + k * b->n_parts * b->n_inputs);
+    if (!plan->same || !settle) put_over(s, b, plan, k, 0);
     correct(s, b, plan, k);
     return pass(s, b, plan, k) && core_taken(s) < STEPS_AT_FIRST + STEPS_PER_ROW * (k + 1);
 }
@@ -138,14 +152,15 @@ static int one_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
 /* Whether what is to be corrected are states. */
 static int planned(const Batch *b, size_t drive, Plan *plan) {
     plan->rows = b->rows[drive], plan->sound = b->sound[drive], plan->kind = b->kind[drive];
-    plan->at = b->at[drive], plan->over = b->over[drive], plan->measured = b->measured[drive];
+    plan->at = b->at + drive * b->n_inputs, plan->over = b->over + drive * b->n_inputs;
+    plan->apart = b->apart + drive * b->n_inputs, plan->measured = b->measured[drive];
     for (size_t i = 0; i < b->n_corrected; i++) {
         size_t j = 0;
         while (j < model_n_states && model_state_references[j] != b->corrected[i]) j++;
         if (j == model_n_states || b->n_corrected > model_n_states) return 0;
         plan->state[i] = j;
     }
-    plan->same = plan->at == plan->over;
+    plan->same = 1;
     plan->plain = 1;
     plan->laned = 1;
     for (size_t i = 0; i < b->n_outputs; i++) {
@@ -153,7 +168,10 @@ static int planned(const Batch *b, size_t drive, Plan *plan) {
         plan->plain &= v->kind == VK_STATE;
         plan->laned &= v->kind == VK_STATE || (v->kind == VK_ALGEBRAIC && v->index < N_OUTPUTS);
     }
-    for (size_t i = 0; i < b->n_inputs; i++) plan->place[i] = model_variables[b->inputs[i]].index;
+    for (size_t i = 0; i < b->n_inputs; i++) {
+        plan->same &= plan->at[i] == plan->over[i];
+        plan->place[i] = model_variables[b->inputs[i]].index;
+    }
     return 1;
 }
 
@@ -211,37 +229,26 @@ EXPORTED int batch_run(const Batch *b) {
     return failed;
 }
 
-/* Rows until one is out of its inputs' bounds. */
-static size_t sound(size_t n, const unsigned *inputs, const double *values, size_t rows) {
-    double least[AT_LEAST_1(N_INPUTS)], most[AT_LEAST_1(N_INPUTS)];
-    for (size_t i = 0; i < n; i++) {
-        const ModelVariable *v = &model_variables[inputs[i]];
-        least[i] = fmax(v->min, -DBL_MAX), most[i] = fmin(v->max, DBL_MAX);
-    }
-    for (size_t k = 0; k < rows; k++, values += n) {
-        int good = 1;
-        for (size_t i = 0; i < n; i++) good &= values[i] >= least[i] && values[i] <= most[i];
-        if (!good) return k;
-    }
-    return rows;
+/* Values until one is out of a variable's bounds. */
+static size_t sound(const ModelVariable *v, const double *values, size_t n) {
+    const double least = fmax(v->min, -DBL_MAX), most = fmin(v->max, DBL_MAX);
+    size_t k = 0;
+    while (k < n && values[k] >= least && values[k] <= most) k++;
+    return k;
 }
 
-/* What is found out once of a drive: of what kind each of its rows is. Returns the rows until an input is out of its bounds. */
-EXPORTED size_t batch_kinds(size_t rows, size_t parts, size_t n, const unsigned *inputs, const double *at, const double *over, unsigned char *kind) {
+/* What is found out once of an input's course: what each row is to it. Returns the rows until it is out of its bounds. */
+EXPORTED size_t batch_kinds(unsigned input, size_t rows, size_t parts, const double *at, const double *over, unsigned char *kind) {
+    const ModelVariable *v = &model_variables[input];
     memset(kind, STEADY, rows);
-    for (size_t k = 0; parts > 1 && k < rows; k++) {
-        const double *row = over + k * parts * n;
-        int steady = 1;
-        for (size_t j = n; j < parts * n; j++) steady &= row[j] == row[j - n];
-        kind[k] = steady ? STEADY : 0;
+    for (size_t k = 0; parts > 1 && k < rows; k++)
+        for (size_t j = 1; j < parts; j++)
+            if (over[k * parts + j] != over[k * parts + j - 1]) kind[k] = 0;
+    for (size_t k = 1; v->type != VT_REAL && k < rows; k++) {
+        int changed = at[k] != at[k - 1];
+        for (size_t j = (k - 1) * parts; j < (k + 1) * parts; j++) changed |= over[j] != at[k];
+        if (changed) kind[k] |= SWITCHED;
     }
-    for (size_t i = 0; i < n; i++)
-        for (size_t k = 1; model_variables[inputs[i]].type != VT_REAL && k < rows; k++) {
-            const double now = at[k * n + i];
-            int changed = now != at[(k - 1) * n + i];
-            for (size_t j = (k - 1) * parts; j < (k + 1) * parts; j++) changed |= over[j * n + i] != now;
-            if (changed) kind[k] |= SWITCHED;
-        }
-    const size_t first = sound(n, inputs, at, rows), behind = at == over ? rows : sound(n, inputs, over, rows * parts) / parts;
+    const size_t first = sound(v, at, rows), behind = at == over ? rows : sound(v, over, rows * parts) / parts;
     return first < behind ? first : behind;
 }

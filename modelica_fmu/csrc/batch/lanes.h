@@ -81,12 +81,21 @@ static inline void condition_lanes(Lanes *w, const double *changed) {
         }
 }
 
+/* Rates; of a model without states outputs. */
+static inline void evaluate_lanes(Lanes *w) {
+#if N_STATES > 0
+    lanes_rates(&w->q, w->dx, w->z);
+#else
+    lanes_observed(&w->q, w->z, w->y);
+#endif
+}
+
 /* Relations as they are now, and rates under them, as iterate_events of core.c finds them. */
 static inline void settle_lanes(Lanes *w) {
     Lane changed = {0}, odd = {0};
     for (int round = 0; round < ROUNDS; round++) {
         memset(odd, 0, sizeof odd);
-        lanes_rates(&w->q, w->dx, w->z);
+        evaluate_lanes(w);
         contradict(&w->q, w->z, odd);
         if (!any(odd)) break;
         if (!w->kept) {
@@ -105,6 +114,7 @@ static inline void settle_lanes(Lanes *w) {
     refuse_endless(w->dx, N_STATES, w->off);
 }
 
+#if N_STATES > 0
 /* x of a stage, `share` of a step behind x0 at the rates dx. */
 static inline void stage(Lane *restrict x, const Lane *restrict x0, double share, const Lane *restrict dx) {
     for (int i = 0; i < N_STATES; i++)
@@ -143,23 +153,28 @@ static inline void step_lanes(Lanes *w, double h) {
     refuse_endless(q->x, N_STATES, w->off);
     refuse_endless(w->dx, N_STATES, w->off);
 }
+#endif
 
-/* A table's rows, of all lanes side by side; a lane that is over keeps what it was given last. */
-static inline void beside(Lanes *w, Lane *to, const double *const *from, size_t first, size_t values) {
-    for (int l = 0; l < LANES; l++) {
-        const size_t left = w->plan[l]->rows > first ? w->plan[l]->rows - first : 0, n = (left < AHEAD ? left : AHEAD) * values;
-        const double *own = from[l] + first * values;
-        for (size_t i = 0; i < n; i++) to[i][l] = own[i];
-    }
+/* Rows of a lane that are to come, at most AHEAD; a lane that is over keeps what it was given last. */
+static inline size_t to_come(const Lanes *w, int l, size_t k) {
+    const size_t left = w->plan[l]->rows > k ? w->plan[l]->rows - k : 0;
+    return left < AHEAD ? left : AHEAD;
 }
 
 /* Inputs and measured states of the next rows: what is stored one by one cannot be read as a vector at once. */
 static inline void look_ahead(Lanes *w, const Batch *b, size_t k) {
-    const double *at[LANES], *over[LANES], *measured[LANES];
-    for (int l = 0; l < LANES; l++) at[l] = w->plan[l]->at, over[l] = w->plan[l]->over, measured[l] = w->plan[l]->measured;
-    if (!w->plan[0]->plain) beside(w, w->at, at, k, b->n_inputs);
-    if (N_STATES > 0) beside(w, w->over_parts, over, k, b->n_inputs * b->n_parts);
-    if (N_STATES > 0) beside(w, w->measured, measured, k, b->n_corrected);
+    const size_t n = b->n_inputs, parts = b->n_parts, states = b->n_corrected;
+    const int ahead = !w->plan[0]->plain;
+    for (int l = 0; l < LANES; l++) {
+        const Plan *plan = w->plan[l];
+        const size_t rows = to_come(w, l, k);
+        for (size_t i = 0; i < n && ahead; i++)
+            for (size_t r = 0; r < rows; r++) w->at[r * n + i][l] = plan->at[i][k + r];
+        for (size_t i = 0; i < n && N_STATES > 0; i++)
+            for (size_t r = 0; r < rows; r++)
+                for (size_t j = 0; j < parts; j++) w->over_parts[(r * parts + j) * n + i][l] = over_part(plan, i, k + r, j);
+        for (size_t r = 0; r < rows * states && N_STATES > 0; r++) w->measured[r][l] = plan->measured[k * states + r];
+    }
     w->ahead = k;
 }
 
@@ -178,6 +193,7 @@ static inline void draw_lanes(Lanes *w, const Batch *b, const Lane *measured) {
     }
 }
 
+#if N_STATES > 0
 /* Over a time under constant inputs, in steps as core.c would take. */
 static inline void pass_lanes(Lanes *w, double time, double length) {
     const double end = time + length, longest = w->run[0]->c.q.p[P_MAX_STEP], usual = length < longest ? length : longest;
@@ -190,16 +206,18 @@ static inline void pass_lanes(Lanes *w, double time, double length) {
         step_lanes(w, last ? left : left / pieces);
     }
 }
+#endif
 
 /* What row k says, then the way to the next one, of the lanes that are not off. */
 static inline void lanes_row(Lanes *w, const Batch *b, size_t k) {
-    const double time = (double)k * b->period, part = b->period / (double)b->n_parts;
-    const int whole = w->kind[k] & STEADY;
+    const double time = (double)k * b->period;
     if (!w->plan[0]->plain) {
         put_lanes(w, b, w->at + (k - w->ahead) * b->n_inputs);
         w->q.time = time;
         settle_lanes(w);
+#if N_STATES > 0
         lanes_outputs(&w->q, w->y);
+#endif
     }
     for (size_t i = 0; i < b->n_outputs; i++) {
         const ModelVariable *v = &model_variables[b->outputs[i]];
@@ -208,12 +226,16 @@ static inline void lanes_row(Lanes *w, const Batch *b, size_t k) {
         for (int l = 0; l < LANES; l++)
             if (w->off[l] == 0) w->result[l][k * b->n_outputs + i] = (*from)[l];
     }
-    if (N_STATES == 0 || k + 1 == w->rows) return;
+#if N_STATES > 0
+    const double part = b->period / (double)b->n_parts;
+    const int whole = w->kind[k] & STEADY;
+    if (k + 1 == w->rows) return;
     draw_lanes(w, b, w->measured + (k - w->ahead) * b->n_corrected);
     for (size_t j = 0; j < (whole ? 1 : b->n_parts); j++) {
         put_lanes(w, b, w->over_parts + ((k - w->ahead) * b->n_parts + j) * b->n_inputs);
         pass_lanes(w, time + (double)j * part, whole ? b->period : part);
     }
+#endif
 }
 
 /* Rows from k on, until one that some lane leaves to core.c: that row. */
