@@ -30,8 +30,9 @@ class Hypothesis:
         return tuple(p for _, form in self.effects for p in form.parameters)
 
     @property
-    def _told(self) -> set[tuple[str, str]]:
-        return {(e.key, f.name) for e, f in self.effects}
+    def forms(self) -> frozenset[tuple[str, str]]:
+        """Names of its effects, each with that of its form, in whichever order they came."""
+        return frozenset((e.key, f.name) for e, f in self.effects)
 
     def plus(self, effect: Effect, form: Form) -> Hypothesis:
         return Hypothesis((*self.effects, (effect, form)))
@@ -41,7 +42,7 @@ class Hypothesis:
 
     def beyond(self, other: Hypothesis) -> Hypothesis:
         """What only one of both has."""
-        apart = self._told ^ other._told
+        apart = self.forms ^ other.forms
         both = (*self.effects, *other.effects)
         return Hypothesis(tuple((e, f) for e, f in both if (e.key, f.name) in apart))
 

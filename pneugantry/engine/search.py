@@ -71,7 +71,7 @@ class _Trail:
     @property
     def known(self) -> set[frozenset[tuple[str, str]]]:
         """Which effects were tried together, in which forms."""
-        return {_told(f.hypothesis.effects) for f in self.tried}
+        return {f.hypothesis.forms for f in self.tried}
 
     def beside(self, keys: Collection[str]) -> list[Effect]:
         return [e for k, e in self.offered.items() if k not in keys]
@@ -131,7 +131,7 @@ def _reformed(trail: _Trail, best: Fit) -> Fit:
     for effect, form in best.hypothesis.effects[:-1]:
         for other in filter(fitter.readable, effect.forms):
             hypothesis = best.hypothesis.without(effect.key).plus(effect, other)
-            if other is not form and _told(hypothesis.effects) not in trail.known:
+            if other is not form and hypothesis.forms not in trail.known:
                 fits.append(fitter.explore(hypothesis, best, [best.values(None)], thorough=False))
     trail.tried += fits
     top = min((best, *fits), key=lambda f: f.evidence)
@@ -180,7 +180,7 @@ def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
             for e in trail.beside(rest)
             for f in e.forms
             if e.block == effect.block and fitter.readable(f)
-            if _told(base.hypothesis.plus(e, f).effects) not in known
+            if base.hypothesis.plus(e, f).forms not in known
         ]
         screened = screen(fitter, base, forms, {})
         least = max(base.evidence - best.evidence, trail.bar)
@@ -199,7 +199,7 @@ def _replacing(trail: _Trail, best: Fit) -> list[Fit]:
     for fit in sorted(trail.tried, key=lambda f: f.evidence):
         effects = fit.hypothesis.effects
         more = [e for e, _ in effects if e.key not in best.keys]
-        if len(fit.keys) != len(best.keys) + 1 or len(more) != 1 or _told(effects) in seen:
+        if len(fit.keys) != len(best.keys) + 1 or len(more) != 1 or fit.hypothesis.forms in seen:
             continue
         if fit.evidence > best.evidence + trail.bar:
             break
@@ -207,12 +207,8 @@ def _replacing(trail: _Trail, best: Fit) -> list[Fit]:
         if not seen and fit.evidence < best.evidence - trail.fitter.rules.entry:
             gone.append(more[0].key)
         fits += [trail.fitter.explore(fit.hypothesis.without(key), fit) for key in gone]
-        seen.add(_told(effects))
+        seen.add(fit.hypothesis.forms)
     return fits
-
-
-def _told(effects: Sequence[Offer]) -> frozenset[tuple[str, str]]:
-    return frozenset((e.key, f.name) for e, f in effects)
 
 
 def _fits(
@@ -333,7 +329,7 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     the best of those, too.
     """
     made: list[Fit] = []
-    known = {_told(f.hypothesis.effects[-1:]) for f in fits}
+    known = {f.hypothesis.forms for f in fits}
     best = _best_of_each(fits)
     least = NEARLY * max((base.evidence - f.evidence for f in fits), default=0.0)
     near = [f for f in best if base.evidence - f.evidence > max(least, 0.0)]
@@ -342,9 +338,9 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     for fit in near[: fitter.rules.reformed]:
         effect, _ = fit.hypothesis.effects[-1]
         for form in effect.forms:
-            if _told([(effect, form)]) in known or not fitter.readable(form):
-                continue
             hypothesis = base.hypothesis.plus(effect, form)
+            if hypothesis.forms in known or not fitter.readable(form):
+                continue
             starts = [fit.values(None), *(s for s in starts_of(fitter, base, form) if s)]
             ahead = _ahead([*fits, *made])
             made.append(fitter.explore(hypothesis, base, starts[:STARTS], ahead, thorough=False))
