@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 
 from modelica_fmu.batch import Course
 from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.recent import Recent
 from pneugantry.engine.sensors import affine, signal_of, slope, true_signal
 from pneugantry.engine.smooth import Widest, savgol, widest
 from pyfmi_runner.smoothing import smooth_axis
@@ -35,10 +35,8 @@ class Readings:
     pairs: Mapping[str, str]  # position -> its speed
     corrected: frozenset[str]  # signals of states that an observer draws: it averages by itself
     averaging: bool  # the view has states, which average by themselves
-    _filtered: dict[tuple[str, str], tuple[Array, ...] | Widest] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self._once = lru_cache(maxsize=KEPT)(self._made)
+    _filtered: Recent[tuple[Array, ...] | Widest] = field(default_factory=lambda: Recent(KEPT))
+    _made: Recent[Course] = field(default_factory=lambda: Recent(KEPT))
 
     def value(self, signal: str, record: Record, errors: Errors) -> Course:
         return self._course("value", signal, record, errors)
@@ -52,17 +50,16 @@ class Readings:
         that it is smoothed with.
         """
         own = (signal, self.pairs.get(signal))
-        mine = tuple((k, v) for k, v in errors.items() if signal_of(k) in own)
-        return self._once(what, signal, record, mine)
+        mine = {k: v for k, v in errors.items() if signal_of(k) in own}
+        key = (what, signal, record, tuple(mine.items()))
+        return self._made.of(key, lambda: self._over_periods(what, signal, record, mine))
 
-    def _made(
-        self, what: str, signal: str, record: Record, errors: tuple[tuple[str, float], ...]
-    ) -> Course:
+    def _over_periods(self, what: str, signal: str, record: Record, errors: Errors) -> Course:
         """Over a period, where the view has states, halfway between its ends."""
         if what == "rate":
-            values = slope(true_signal(signal, record, dict(errors)), record.period)
+            values = slope(true_signal(signal, record, errors), record.period)
         else:
-            values = self._value(signal, record, dict(errors))
+            values = self._value(signal, record, errors)
         if not self.averaging:
             return Course(values, values)
         return Course(values, np.append(0.5 * (values[:-1] + values[1:]), values[-1]))
@@ -78,13 +75,11 @@ class Readings:
             values = true_signal(signal, record, errors)
             rate = None if speed is None else true_signal(speed, record, errors)
             return self._less(self._filter(signal, speed, values, rate, record.period), signal)
-        filtered = self._filtered.get((signal, record.name))
-        if filtered is None:
-            rate = None if speed is None else record.signals[speed]
-            filtered = self._filter(signal, speed, record.signals[signal], rate, record.period)
-            if len(self._filtered) > KEPT:
-                self._filtered.clear()
-            self._filtered[signal, record.name] = filtered
+        rate = None if speed is None else record.signals[speed]
+        filtered = self._filtered.of(
+            (signal, record),
+            lambda: self._filter(signal, speed, record.signals[signal], rate, record.period),
+        )
         return self._less(filtered, signal, own, other)
 
     def _filter(

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
@@ -32,6 +31,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.pieces import Piece, Pieces
 from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.readings import Readings
+from pneugantry.engine.recent import Recent
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX, sensed, signal_of
 from pneugantry.engine.threads import on_threads
@@ -110,8 +110,8 @@ class SubsystemView:
     def __post_init__(self) -> None:
         whole = Piece(self.part, subsystem=self.subsystem)
         self._pieces = Pieces(whole, self.defaults, self._again if self.cut_at else None)
-        self._drive = lru_cache(maxsize=KEPT)(self._driven)
-        self._command = lru_cache(maxsize=KEPT)(self._commanded)
+        self._drives: Recent[Drive] = Recent(KEPT)
+        self._commands: Recent[Course] = Recent(KEPT)
         self._readings = Readings(
             {s.name: s.sigma for s in self.plant.signals},
             self.pairs,
@@ -243,8 +243,12 @@ class SubsystemView:
         sensors = ((k, v) for k, v in given.items() if k.startswith(PREFIX))
         return tuple(sorted((k, v) for k, v in sensors if signal_of(k) in read))
 
-    def _driven(self, record: Record, piece: Piece, felt: Errors) -> Drive:
+    def _drive(self, record: Record, piece: Piece, felt: Errors) -> Drive:
         """Inputs and corrected states of a piece, from a record whose sensors have these errors."""
+        key = (record, piece, felt)
+        return self._drives.of(key, lambda: self._driven(record, piece, felt))
+
+    def _driven(self, record: Record, piece: Piece, felt: Errors) -> Drive:
         errors, readings = dict(felt), self._readings
         inputs: dict[str, Course] = {}
         for name, source in self.sources.items():
@@ -263,9 +267,13 @@ class SubsystemView:
             correction = Correction(tuple(drawn), np.column_stack(measured), (share,) * len(drawn))
         return Drive(inputs, correction)
 
-    def _commanded(self, record: Record, name: str) -> Course:
+    def _command(self, record: Record, name: str) -> Course:
         """An input of the plant."""
-        return Course.of(record.driving(name) if self.remembers else record.inputs[name])
+
+        def made() -> Course:
+            return Course.of(record.driving(name) if self.remembers else record.inputs[name])
+
+        return self._commands.of((record, name), made)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ should make it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.log import MEASURED, SIGMA
 
-__all__ = ["coarse_channels", "converter_step", "rounded"]
-
-__all__ = ["COARSE", "converter_step"]
+__all__ = ["COARSE", "as_read", "coarse_channels", "converter_step", "rounded"]
 
 Array = NDArray[np.float64]
 # converter step in units of the noise from which on it is an effect; logs themselves are rounded to
 # about 0.2
 COARSE = 0.45
 ENOUGH = 40  # readings in a stretch of the grid that make an unused cell telling
+BESIDE = 0.2  # share of a step by which a log's own rounding may move a reading off its grid
 CLOSER = (
     0.8  # share of a step within which no two cells of its grid lie, but by the log's own rounding
 )
@@ -57,10 +56,57 @@ def coarse_channels(campaign: Campaign) -> dict[str, float]:
     """Steps of the coarse converters by channel, of all logs together."""
     found = {}
     for channel in MEASURED:
-        logs = [run.log[channel] for run in campaign if channel in run.log]
-        if logs and (step := converter_step(np.concatenate(logs), SIGMA[channel])):
-            found[channel] = step
+        values = _of_all(campaign, channel)
+        if len(values) and (step := converter_step(values, SIGMA[channel])):
+            grid = _grid(values, step)
+            found[channel] = step if grid is None else grid[1]
     return found
+
+
+def _of_all(campaign: Campaign, channel: str) -> Array:
+    """A channel's readings in all logs, one log after the other."""
+    logs = [run.log[channel] for run in campaign if channel in run.log]
+    return np.concatenate(logs) if logs else np.zeros(0)
+
+
+def _grid(values: Array, step: float) -> tuple[float, float] | None:
+    """Line (first cell, step) through the cells that readings lie on, about so far apart; None
+    where some lie beside it, or are no numbers.
+    """
+    cells = np.unique(values)
+    number = np.append(0.0, np.cumsum(np.round(np.diff(cells) / step)))
+    if not np.isfinite(number).all() or number[-1] == 0:
+        return None
+    finer, first = np.polyfit(number, cells, 1)
+    beside = np.abs(cells - first - finer * number).max()
+    return (float(first), float(finer)) if beside < BESIDE * step else None
+
+
+def as_read(campaign: Campaign, steps: Mapping[str, float]) -> Campaign:
+    """The campaign as its converters gave it: a log that is stored with fewer digits moves every
+    reading of one cell by the same, and a controller that integrates would notice.
+    """
+    grids = {c: _grid(_of_all(campaign, c), q) for c, q in steps.items()}
+
+    def exact(channel: str, values: Array) -> Array:
+        grid = grids[channel]
+        if grid is None:
+            return values
+        first, step = grid
+        return np.asarray(first + step * np.round((values - first) / step))
+
+    return _changed(campaign, steps, exact)
+
+
+def _changed(
+    campaign: Campaign, channels: Collection[str], made: Callable[[str, Array], Array]
+) -> Campaign:
+    """A campaign with some channels made anew."""
+    logs = {}
+    for name, run in campaign.logs.items():
+        own = {c: made(c, run.log[c]) for c in channels if c in run.log}
+        logs[name] = replace(run, log=replace(run.log, table=run.log.table.assign(**own)))
+    return replace(campaign, logs=logs)
 
 
 def rounded(campaign: Campaign, steps: Mapping[str, float]) -> Campaign:
@@ -69,11 +115,7 @@ def rounded(campaign: Campaign, steps: Mapping[str, float]) -> Campaign:
     """
     if not any(_cut(run, steps) for run in campaign):
         return campaign
-    logs = {}
-    for name, run in campaign.logs.items():
-        moved = {c: run.log[c] + 0.5 * q for c, q in steps.items() if c in run.log}
-        logs[name] = replace(run, log=replace(run.log, table=run.log.table.assign(**moved)))
-    return replace(campaign, logs=logs)
+    return _changed(campaign, steps, lambda channel, values: values + 0.5 * steps[channel])
 
 
 def _cut(run: LoggedRun, steps: Mapping[str, float]) -> bool:

@@ -120,7 +120,9 @@ def record_of(name: str, run: LoggedRun) -> Record:
 
 
 def views_of(plant: Plant, campaign: Campaign, cache: Path, rules: Rules) -> list[View]:
-    """Views cut from the model, and that of the controller where it is known."""
+    """Views cut from the model, and that of the controller where it is known. campaign: as it was
+    read, by the controller too.
+    """
     measured = [s.name for s in plant.signals]
     period, held = PERIOD * rules.thinning, [r.log.table.columns for r in campaign.logs.values()]
     views = build_views(plant, measured, cache, period, rules, Measured(held=held))

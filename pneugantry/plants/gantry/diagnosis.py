@@ -23,7 +23,7 @@ from pneugantry.engine.run import Found, Task, run
 from pneugantry.engine.views import View
 from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of, check_names
 from pneugantry.plants.gantry.closed_loop import left_out, rerun
-from pneugantry.plants.gantry.converter import coarse_channels, rounded
+from pneugantry.plants.gantry.converter import as_read, coarse_channels, rounded
 from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, record_of, views_of
 from pneugantry.plants.gantry.excitation import not_excited
 from pneugantry.plants.gantry.next_experiment import next_experiment, rivals
@@ -66,11 +66,12 @@ def diagnose(
     say("model")
     parameters = parameters_of(fmu, own, next(iter(campaigns[0]))) if fmu is not None else {}
     grids = [coarse_channels(c) for c in campaigns]
-    campaigns = [rounded(c, q) for c, q in zip(campaigns, grids, strict=True)]
+    campaigns = [as_read(c, q) for c, q in zip(campaigns, grids, strict=True)]
     tasks = [
         task_of(c, catalogue, rules, parameters, q, nominal.model)
         for c, q in zip(campaigns, grids, strict=True)
     ]
+    campaigns = [rounded(c, q) for c, q in zip(campaigns, grids, strict=True)]
     task = tasks[0] if after is None else joined(*tasks)
     campaign = campaigns[0] if after is None else both(*campaigns)
     found = run(task, rules, say)
@@ -94,8 +95,10 @@ def task_of(
     model: Path | None = None,
 ) -> Task:
     """What the engine is given of a campaign. parameters: of the nominal gantry, where they are not
-    the model's own. quanta: steps of coarse converters by channel. model: as of `Nominal`.
+    the model's own. quanta: steps of coarse converters by channel; what these cut off its
+    controller does not see. model: as of `Nominal`.
     """
+    read, campaign = campaign, rounded(campaign, quanta or {})
     measured = measured_of(campaign)
     if not measured:
         hint = "add one of the columns that `pneugantry list columns` names"
@@ -104,7 +107,7 @@ def task_of(
     plant = _coarser(plant, quanta or {})
     plant = plant if model is None else replace(plant, model=model)
     cache = cache_folder() / "parts"
-    views = views_of(plant, campaign, cache, rules)
+    views = views_of(plant, read, cache, rules)
     data, dull = _judged(data_of(campaign, rules), views, campaign)
     fitted = {r.name for r in data.fitted}
     notes = (*campaign.notes, *dull, *(() if data.held_out else (ONE_LOG,)))
@@ -176,7 +179,7 @@ def finished(found: Found, campaign: Campaign, rules: Rules) -> Found:
     them; campaign: as it was read.
     """
     grid, plant = coarse_channels(campaign), found.task.plant
-    campaign = rounded(campaign, grid)
+    campaign = rounded(as_read(campaign, grid), grid)
     fmu = FmuFile.read(build_fmu(plant.class_name, plant.model).path)
     found = _with(found, _coarse(found.diagnosis, grid))
     return _in_loop(_at_full_rate(found, campaign, rules), campaign, fmu)

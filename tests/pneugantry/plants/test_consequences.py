@@ -20,9 +20,11 @@ from pneugantry.plants.gantry.augmented import (
     outside_the_plant,
     write_augmented,
 )
-from pneugantry.plants.gantry.converter import coarse_channels, rounded
-from pneugantry.plants.gantry.describe import plant_of
+from pneugantry.plants.gantry.converter import as_read, coarse_channels, rounded
+from pneugantry.plants.gantry.describe import plant_of, record_of
 from pneugantry.plants.gantry.next_experiment import candidates, next_experiment
+from pneugantry.plants.gantry.timing import ControllerView
+from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.campaign import Campaign, LoggedRun, scenario_setup
 from pyfmi_runner.fmu import FmuFile, FmuSession
@@ -150,3 +152,43 @@ def test_readings_that_were_cut_off_are_taken_in_the_middle_of_their_step(
     assert quanta == {"v_x": pytest.approx(step)}
     (read,) = rounded(campaign, quanta)
     assert abs(np.mean(read.log["v_x"] - true)) < 0.25 * step
+
+
+@pytest.mark.parametrize("cuts", [True, False])
+def test_what_a_log_rounds_of_coarse_readings_its_controller_never_saw(
+    late: Campaign, cuts: bool
+) -> None:
+    """Every reading of one cell is moved alike, and the controller integrates: its commands would
+    leave a multiple of their own rounding.
+    """
+    sent = late.logs["contour_curved"]
+    step, digits = 0.2809652, 1e-2  # N
+    exact = step * np.floor(sent.log["f_z"] / step + (0.0 if cuts else 0.5))
+    rig = replace(sent, log=replace(sent.log, table=sent.log.table.assign(f_z=exact)))
+    commands = recomputed_commands(rig, rig.log.measured())
+    assert commands is not None
+    running = np.isfinite(commands).all(axis=1)
+    table = rig.log.table.assign(f_z=digits * np.round(exact / digits))
+    for i, channel in enumerate(("u_x", "u_z")):
+        table.loc[running, channel] = np.round(commands[running, i], 4)
+    stored = replace(rig, log=replace(rig.log, table=table))
+    campaign = Campaign("coarse", Path("c"), {"one": stored})
+    quanta = coarse_channels(campaign)
+    assert quanta["f_z"] == pytest.approx(step, rel=1e-4)
+    read = as_read(campaign, quanta)
+    left = {}
+    for name, own in (("stored", campaign), ("read", read), ("middle", rounded(read, quanta))):
+        view = ControllerView(own.logs)
+        left[name] = np.std(view.residuals([(record_of("one", stored), {})])[0], axis=0).max()
+    assert left["read"] < 0.4 * COMMAND_QUANTUM < left["stored"]
+    np.testing.assert_allclose(read.logs["one"].log["f_z"], exact, atol=0.1 * digits)
+
+
+def test_readings_off_the_grid_stay_as_they_are(late: Campaign) -> None:
+    run = late.logs["contour_curved"]
+    coarse = 0.02 * np.round(run.log["v_x"] / 0.02)
+    coarse[100] += 0.009
+    log = replace(run.log, table=run.log.table.assign(v_x=coarse))
+    campaign = Campaign("odd", Path("c"), {"one": LoggedRun(run.setup, log)})
+    (read,) = as_read(campaign, {"v_x": 0.02})
+    np.testing.assert_array_equal(read.log["v_x"], coarse)
