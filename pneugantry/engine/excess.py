@@ -97,20 +97,23 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors) -> Excess:
 
 
 def _erring(fitter: Fitter) -> set[Channel]:
-    """Channels of which an error of the model is quoted."""
+    """Channels of which an error of the model is quoted, or that a coarse converter reads: at rest
+    that shows less than its usual error, and as much as it likes.
+    """
+    coarse = {s.name for s in fitter.plant.signals if s.step}
     return {
         (cell[0], signal)
         for cell in fitter.simulation.cells
         for signal, known in zip(
             fitter.simulation.views[cell[0]].signals, fitter.erring(cell), strict=True
         )
-        if known is not None
+        if known is not None or signal in coarse
     }
 
 
 def _level(bulk: Mapping[Channel, float], erring: set[Channel]) -> float:
-    """Of the sensors, as most channels have it; one of which an error of the model is quoted says
-    nothing of it, and must not stand out because the others are quiet.
+    """Of the sensors, as most channels have it; one that errs says nothing of it, and must not
+    stand out because the others are quiet.
     """
     told = [size for channel, size in bulk.items() if channel not in erring]
     level = min(float(np.median(told)), NOISIEST) if told else 1.0

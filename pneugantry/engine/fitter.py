@@ -433,13 +433,16 @@ class Fitter:
         return start
 
     def _loudness(self, of_views: Sequence[Residuals]) -> float:
-        """How much noisier the rig's sensors are than quoted: that of most of them."""
+        """How much noisier the rig's sensors are than quoted: that of most of them. A coarse
+        converter at rest is no quiet sensor.
+        """
         sizes = [
             noise.spread([w])
             for residuals in of_views
             for w in self._white(residuals, {c: self.floor(c) for c in residuals}).values()
         ]
-        return float(np.clip(np.median(sizes or [1.0]), self.rules.quietest, noise.NOISIEST))
+        least = 1.0 if any(s.step for s in self.plant.signals) else self.rules.quietest
+        return float(np.clip(np.median(sizes or [1.0]), least, noise.NOISIEST))
 
     def _raced(self, problem: Problem, start: Solution, bar: float) -> Solution:
         """A view's descent by steps that look over events, given up where it is farther above a

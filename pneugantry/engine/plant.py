@@ -24,10 +24,11 @@ class Signal:
 
     name: str
     variable: str  # of the model
-    sigma: float  # RMS of the sensor's noise as quoted, white
+    sigma: float  # RMS of the sensor's noise as quoted, white but for the error of its converter
     unit: str = "1"
     error: float = 0.0  # RMS of what even a right model leaves besides, in the unit of sigma
     lasting: float = 1.0  # s, in which the correlation of that falls to 1/e
+    step: float = 0.0  # of a converter coarser than the noise; sigma has its error, step/sqrt(12)
 
 
 @dataclass(frozen=True)

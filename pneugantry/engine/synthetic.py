@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -56,12 +57,26 @@ class Nominal:
 def noisy(plant: Plant, record: Record, only: str | None = None) -> Record:
     """The record with one more draw of every sensor's quoted noise, or of one sensor's."""
     draw = np.random.default_rng(zlib.crc32(record.name.encode()))
-    sigma = {s.name: s.sigma for s in plant.signals if only in (None, s.name)}
-    signals = {
-        n: v + sigma.get(n, 0.0) * draw.standard_normal(len(v))
-        for n, v in sorted(record.signals.items())
-    }
+    known = {s.name: s for s in plant.signals if only in (None, s.name)}
+    signals = {}
+    for n, v in sorted(record.signals.items()):
+        sigma, step = (known[n].sigma, known[n].step) if n in known else (0.0, 0.0)
+        white = math.sqrt(max(sigma**2 - step**2 / 12, 0.0))
+        signals[n] = v + white * draw.standard_normal(len(v))
+        if step:
+            signals[n] += _converted(v, step, draw.random())
     return replace(record, name=f"{record.name}, {only or 'all'} noisier", signals=signals)
+
+
+def _converted(values: Array, step: float, moved: float) -> Array:
+    """Error (N,) of a converter whose grid is moved by a share of its step. What it reads is taken
+    to pass from cell to cell evenly: at rest its error lasts, and no average makes it smaller.
+    """
+    at = np.flatnonzero(np.diff(values))
+    true = values
+    if len(at):
+        true = np.interp(np.arange(len(values)), at + 0.5, 0.5 * (values[at] + values[at + 1]))
+    return np.asarray(step * (np.round(true / step + moved) - moved) - true)
 
 
 def changes_of(

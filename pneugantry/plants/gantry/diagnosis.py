@@ -4,6 +4,7 @@ has beside it: notes on its logs, a coarse converter, the closed loop, the next 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -242,11 +243,12 @@ def _coarse_notes(quanta: Mapping[str, float] | None) -> tuple[str, ...]:
 
 def _coarser(plant: Plant, quanta: Mapping[str, float]) -> Plant:
     """A plant whose signals have a grid's error beside their noise: RMS of q/sqrt(12)."""
-    signals = tuple(
-        replace(s, sigma=(s.sigma**2 + quanta.get(s.name, 0.0) ** 2 / 12) ** 0.5)
+    steps = {s.name: quanta.get(s.name, 0.0) for s in plant.signals}
+    signals = (
+        replace(s, sigma=math.hypot(s.sigma, steps[s.name] / math.sqrt(12)), step=steps[s.name])
         for s in plant.signals
     )
-    return replace(plant, signals=signals)
+    return replace(plant, signals=tuple(signals))
 
 
 def _coarse(d: Diagnosis, quanta: Mapping[str, float]) -> Diagnosis:

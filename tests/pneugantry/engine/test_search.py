@@ -338,6 +338,29 @@ def test_what_a_fit_leaves_of_a_sound_rig_is_the_sensors_noise(plant: Plant, par
     fitter.close()
 
 
+def test_a_coarse_converter_stands_out_nowhere(plant: Plant, parts: Path) -> None:
+    """At rest its error lasts, and noise as large that is white would hide it in no average."""
+    step = 0.2  # A, ten times the noise
+    own = (
+        Signal(s.name, s.variable, float(np.hypot(s.sigma, step / np.sqrt(12))), step=step)
+        if s.name == "i"
+        else s
+        for s in plant.signals
+    )
+    coarse = replace(plant, signals=tuple(own))
+    records = [
+        replace(r, signals={**r.signals, "i": step * np.round(r.signals["i"] / step)})
+        for r in (record("log 1", 1), record("log 2", 2))
+    ]
+    rules = Rules()
+    fitter = Fitter(coarse, build_views(coarse, list(SIGMA), parts, PERIOD, rules), records, rules)
+    null = fitter.null()
+    left = excess_of(fitter, null, floors_of(fitter, null))
+    assert left.level >= 1.0
+    assert max(left.ratio(channel) for channel in left.bulk) < 1.2
+    fitter.close()
+
+
 def test_a_view_that_lacks_a_term_stands_out(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts, leak=0.05)
     null = fitter.null()
