@@ -339,8 +339,10 @@ def test_what_a_fit_leaves_of_a_sound_rig_is_the_sensors_noise(plant: Plant, par
 
 
 def test_a_coarse_converter_stands_out_nowhere(plant: Plant, parts: Path) -> None:
-    """At rest its error lasts, and noise as large that is white would hide it in no average."""
-    step = 0.2  # A, ten times the noise
+    """At rest its error lasts: taken for white noise it would make all sensors 1.9 times as noisy
+    as quoted; they are 1.2 times.
+    """
+    step = 0.6  # A, thirty times the noise
     own = (
         Signal(s.name, s.variable, float(np.hypot(s.sigma, step / np.sqrt(12))), step=step)
         if s.name == "i"
@@ -356,8 +358,8 @@ def test_a_coarse_converter_stands_out_nowhere(plant: Plant, parts: Path) -> Non
     fitter = Fitter(coarse, build_views(coarse, list(SIGMA), parts, PERIOD, rules), records, rules)
     null = fitter.null()
     left = excess_of(fitter, null, floors_of(fitter, null))
-    assert left.level >= 1.0
-    assert max(left.ratio(channel) for channel in left.bulk) < 1.2
+    assert left.level == pytest.approx(1.2, abs=0.06)
+    assert max(left.ratio(channel) for channel in left.bulk) < 1.1
     fitter.close()
 
 
