@@ -27,7 +27,7 @@ COMMANDS = {  # name: the command, without --json
     "rootlocus_z": "pneugantry rootlocus --axis z --lag z",
     "rootlocus_x": "pneugantry rootlocus --axis z --lag x",
     "motor": "pneugantry diagnose examples/motor/plant.toml",
-    "blind_nuisance": "pneugantry blind --set nuisance --seed 87644 --cases 60 --no-learn",
+    "blind_nuisance": "pneugantry blind --set nuisance --seed 87704 --cases 60 --no-learn",
     "blind_nofa": "pneugantry blind --set nofa --seed 87200 --cases 20",
     "blind_contour": "pneugantry blind --set contour --seed 87230 --cases 20",
     "blind_three": "pneugantry blind --set three --seed 87260 --cases 16",
