@@ -10,6 +10,7 @@ import casadi as ca
 
 from modelica_fmu import generate
 from modelica_fmu.about import about_file
+from modelica_fmu.alone import alone
 from modelica_fmu.compiled import CompiledModel, Variable
 from modelica_fmu.errors import InputError, Undecided
 from modelica_fmu.frontend import FlatModel, flatten
@@ -24,6 +25,7 @@ from modelica_fmu.variables import fmi_variables
 CORE = ("core.h", "core.c")
 
 
+@alone
 def compile_model(
     path: Path | None,
     class_name: str,

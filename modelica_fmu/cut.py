@@ -17,6 +17,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
+from modelica_fmu.alone import alone
 from modelica_fmu.compiled import CompiledModel, Structure
 from modelica_fmu.compiler import compile_system
 from modelica_fmu.errors import InputError
@@ -73,6 +74,7 @@ class _Graph:
         return roots
 
 
+@alone
 def structure(model: Path, class_name: str) -> Structure:
     """Structure of a class of a Modelica file. Raises InputError."""
     graph = _Graph(build_system(flatten(model, class_name)))
@@ -86,6 +88,7 @@ def structure(model: Path, class_name: str) -> Structure:
     return Structure(graph.roots, frozenset(states), rates)
 
 
+@alone
 def cut(
     model: Path,
     class_name: str,

@@ -185,10 +185,9 @@ def decide(
     pairs = [(kept[int(i)].fit, float(weights[i])) for i in order]
     answers = _answers(pairs, unknown, chances, doubtful)
     answers.sort(key=lambda a: -a.probability)
-    holding = [sum(weights[i] for i in order if k in kept[int(i)].fit.keys) for k in best.keys]
-    known = float(
-        min(holding, default=1.0)
-    )  # a further effect that may be there takes nothing away
+    # a further effect that may be there takes nothing away; something unknown in its place does
+    holding = [sum(a.probability for a in answers if k in a.keys) for k in best.keys]
+    known = min(holding, default=1.0)
     none = next((a.probability for a in answers if not a.keys), 0.0)
     if unknown > SURE:
         verdict = UNKNOWN

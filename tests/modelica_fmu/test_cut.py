@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import gc
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import modelica_fmu.cut as cutting
 from modelica_fmu.batch import Drive, Subsystem, build_part
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.cut import cut, structure
 from modelica_fmu.errors import InputError
+from modelica_fmu.hybrid import HybridSystem
 from pyfmi_runner.build import default_model
 from pyfmi_runner.plant import DEFAULT_CLASS
 
@@ -184,3 +189,29 @@ def test_what_cannot_be_fixed_is_one_clear_line(sled: Path, name: str) -> None:
     with pytest.raises(InputError, match=f"{name} is no parameter") as caught:
         cut(sled, "Toy.Sled", ["v"], fixed={name: 1.0})
     assert "\n" not in str(caught.value)
+
+
+def test_threads_compile_one_at_a_time_and_collect_no_garbage_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """CasADi's expressions belong to no two threads: it crashes otherwise, now and then."""
+    model = written(CART, tmp_path)
+    inside, most, compiling = 0, 0, cutting.compile_system
+
+    def watched(system: HybridSystem) -> CompiledModel:
+        nonlocal inside, most
+        inside += 1
+        most = max(most, inside)
+        time.sleep(0.02)
+        assert not gc.isenabled()
+        made = compiling(system)
+        inside -= 1
+        return made
+
+    monkeypatch.setattr(cutting, "compile_system", watched)
+    with ThreadPoolExecutor(4) as pool:
+        jobs = [pool.submit(cut, model, "Toy.Cart", [v]) for v in ("f", "v", "s") * 2]
+        made = [job.result() for job in jobs]
+    assert most == 1
+    assert gc.isenabled()
+    assert all(m.sources for m in made)

@@ -34,6 +34,7 @@ OPEN = 8.0  # s
 # times the noise: beyond it a difference counts no more, or one missed break-away would choose
 MOST = 10.0
 THINNING = 2  # rows of an experiment that are averaged into one
+UNLIKELY = 0.02  # probability of a hypothesis up to which no experiment is spent on it
 TELLING = 1.2  # separation below which an experiment is not worth its time
 
 
@@ -68,8 +69,9 @@ def next_experiment(
 
 
 def rivals(decision: Decision) -> list[Rival]:
-    """The two likeliest hypotheses within the catalogue."""
-    known = [a for a in decision.answers if UNKNOWN not in a.keys and a.fit is not None]
+    """The two likeliest hypotheses within the catalogue; one, where all else is unlikely."""
+    likely = (a for a in decision.answers if a.probability > UNLIKELY)
+    known = [a for a in likely if UNKNOWN not in a.keys and a.fit is not None]
     return [(a.keys, a.fit.values(None)) for a in known[:2] if a.fit is not None]
 
 

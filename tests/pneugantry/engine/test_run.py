@@ -193,6 +193,17 @@ def test_beside_an_effect_unknown_asks_for_more() -> None:
     assert decide([fit_of(0.0), fit_of(-500.0, "drag")], between, chances).verdict == "identified"
 
 
+def test_what_something_unknown_may_well_look_like_is_not_identified() -> None:
+    """At 0.6 a cause is no more than likely; where it cannot look like what stands out, it is."""
+    chances = Chances()
+    found = [fit_of(0.0), fit_of(-500.0, "drag")]
+    made = decide(found, score := chances.unknown_beside - 0.04, chances)
+    assert 0.2 < made.unknown < 0.5
+    assert made.verdict == "ambiguous"
+    assert [a.keys for a in made.answers[:2]] == [("drag",), ("unknown",)]
+    assert decide(found, score, chances, doubtful=()).verdict == "identified"
+
+
 def test_a_parameter_bent_far_beyond_tolerance_counts_for_unknown() -> None:
     chances = Chances()
     quiet = Excess(1.0, {}, {("view", "v"): 1.0}, {})

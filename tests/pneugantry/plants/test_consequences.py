@@ -13,8 +13,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pneugantry.engine.decide import Decision
+from pneugantry.engine.fitter import Fit
+from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Data
+from pneugantry.engine.result import Answer
 from pneugantry.engine.run import Task
+from pneugantry.engine.simulation import Point
 from pneugantry.plants.gantry.augmented import (
     augmented_model,
     outside_the_plant,
@@ -22,7 +27,7 @@ from pneugantry.plants.gantry.augmented import (
 )
 from pneugantry.plants.gantry.converter import as_read, coarse_channels, rounded
 from pneugantry.plants.gantry.describe import plant_of, record_of
-from pneugantry.plants.gantry.next_experiment import candidates, next_experiment
+from pneugantry.plants.gantry.next_experiment import candidates, next_experiment, rivals
 from pneugantry.plants.gantry.timing import ControllerView
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.build import build_fmu, cache_folder
@@ -131,6 +136,16 @@ def test_the_next_experiment_tells_two_plants_apart_and_can_be_run(
     assert json.dumps(found)
     scenario = scenario_from(tomllib.loads(found["scenario"]))
     assert run_scenario(scenario, gantry).outcome == "done"
+
+
+def test_no_experiment_is_spent_on_what_is_unlikely() -> None:
+    point = Point((), np.zeros(0), {})
+    nothing = np.zeros((0, 0))
+    fit = Fit(Hypothesis(), point, {}, {}, {}, {}, nothing, 1.0, {}, 0.0)
+    shares = {("drag",): 0.6, ("unknown",): 0.38, (): 0.01, ("mass",): 0.01}
+    answers = tuple(Answer(k, p, None if "unknown" in k else fit) for k, p in shares.items())
+    made = Decision("ambiguous", answers, ("drag",), 0.01, 0.38, fit)
+    assert [keys for keys, _ in rivals(made)] == [("drag",)]
 
 
 def test_no_experiment_tells_a_plant_from_itself(gantry: FmuFile, late: Campaign) -> None:
