@@ -143,9 +143,8 @@ class Fitter:
 
     def touched(self, hypothesis: Hypothesis) -> list[Cell]:
         """Cells whose view reads anything of a hypothesis' effects."""
-        names = {p.name for p in hypothesis.parameters} | set(hypothesis.settings)
-        views = self.simulation.views
-        return [c for c in self.simulation.cells if any(views[c[0]].depends_on(n) for n in names)]
+        read = {view for _, form in hypothesis.effects for view in self.readers(form)}
+        return [c for c in self.simulation.cells if c[0] in read]
 
     def readers(self, form: Form) -> set[str]:
         """Views that read anything of a form."""
