@@ -33,6 +33,7 @@ from pathlib import Path
 
 from modelica_fmu.errors import InputError
 from pneugantry.engine.catalogue import Effect, Form, Parameter, read_catalogue
+from pneugantry.engine.converter import converted
 from pneugantry.engine.cuts import sharp_views
 from pneugantry.engine.foreign import ForeignFmu, ForeignPlant, foreign_views
 from pneugantry.engine.plan import Case
@@ -101,6 +102,13 @@ def described(
     records, held, notes = logs.read()
     signals, said = signals_of(logs, (*records, *held))
     _check_names(top, signals, source)
+    signals, read = converted(signals, (*records, *held))
+    records, held = read[: len(records)], read[len(records) :]
+    said += [
+        f"{s.name} is read on a grid of {s.step:.3g} {s.unit}: its noise counts as {s.sigma:.3g}"
+        for s in signals
+        if s.step
+    ]
     given = own.of_type("catalogue", str, "")
     effects = _catalogue(catalogue or (path.parent / given if given else None))
     plant = _plant(top, own, source, signals)

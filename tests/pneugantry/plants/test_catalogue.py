@@ -12,7 +12,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Record
 from pneugantry.engine.synthetic import Nominal
 from pneugantry.plants.gantry.catalogue import FOLDER, QUANTISATION, catalogue_of, check_names
-from pneugantry.plants.gantry.converter import converter_step
+from pneugantry.engine.converter import converter_step
 from pneugantry.plants.gantry.describe import plant_of
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.fmu import FmuFile
