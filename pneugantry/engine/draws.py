@@ -16,6 +16,7 @@ import numpy as np
 from modelica_fmu.errors import RunError
 from pneugantry.engine.catalogue import Effect, Form
 from pneugantry.engine.confirm import Replay, replays
+from pneugantry.engine.converter import Grid
 from pneugantry.engine.hypothesis import effect_coordinate, nuisance_coordinate
 from pneugantry.engine.plant import Array, Data, Nuisance, Plant, Record
 from pneugantry.engine.sensors import PREFIX, neutral
@@ -100,9 +101,9 @@ def drawn(source: Source, seed: int) -> Drawn:
         causes.append(_discrepancy(source, rig, rng))
     values = {k: v for c in causes for k, v in c.values.items()}
     odd = next((c.odd for c in causes if c.odd is not None), None)
-    sigma = {s.name: s.sigma * float(np.exp(NOISE * rng.normal())) for s in source.plant.signals}
+    white = {s.name: s.white * float(np.exp(NOISE * rng.normal())) for s in source.plant.signals}
     records = [
-        _measured(source, r, {**rig[r.name], **values}, odd, sigma, rng)
+        _measured(source, r, {**rig[r.name], **values}, odd, white, rng)
         for r in _records(source.data)
     ]
     held = records.pop() if source.data.held_out is not None else None
@@ -241,14 +242,19 @@ def _measured(
     record: Record,
     values: Mapping[str, float],
     odd: _Odd | None,
-    sigma: Mapping[str, float],
+    white: Mapping[str, float],
     rng: np.random.Generator,
 ) -> Record:
-    """The record as the sensors of a rig with these values say it."""
+    """The record as the sensors of a rig with these values say it, under noise of these RMS and
+    through their converters.
+    """
     found = _run(source, record, values, odd)
     if found is None:
         raise RunError(f"{record.name}: the model stops under the values that were drawn")
-    noise = rng.standard_normal(found.simulated.shape) * [sigma[n] for n in found.signals]
+    noise = rng.standard_normal(found.simulated.shape) * [white[n] for n in found.signals]
     said = found.simulated + noise
     signals = {n: said[:, i] for i, n in enumerate(found.signals)}
+    for s in source.plant.signals:
+        if s.step:
+            signals[s.name] = Grid(0.0, s.step).nearest(signals[s.name])
     return replace(record, signals={**record.signals, **signals}, judged=None)

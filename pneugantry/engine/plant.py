@@ -6,6 +6,7 @@ A parameter is one of the model, or of a signal's sensor: "sensors.SIGNAL.WHAT" 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,6 +30,11 @@ class Signal:
     error: float = 0.0  # RMS of what even a right model leaves besides, in the unit of sigma
     lasting: float = 1.0  # s, in which the correlation of that falls to 1/e
     step: float = 0.0  # of a converter coarser than the noise; sigma has its error, step/sqrt(12)
+
+    @property
+    def white(self) -> float:
+        """RMS of the sensor's noise before its converter."""
+        return math.sqrt(max(self.sigma**2 - self.step**2 / 12, 0.0))
 
 
 @dataclass(frozen=True)

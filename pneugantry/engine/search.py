@@ -266,10 +266,17 @@ def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[
     least = fitter.rules.hopeful * max((base.evidence - f.evidence for f in foremost), default=0.0)
     hopeful = [f for f in foremost if base.evidence - f.evidence > least]
     surveyed = [_surveyed(fitter, base, f) for f in hopeful or foremost]
-    chosen = [f for f in surveyed if f.evidence < base.evidence and not f.negligible(fitter.rules)]
+    chosen = [f for f in surveyed if f.evidence < base.evidence and not _idle(fitter, f)]
     if len(chosen) == 1 and chosen[0].gain(base, fitter.rules) > bar:
         return chosen
     return [fitter.again(f) for f in chosen]
+
+
+def _idle(fitter: Fitter, fit: Fit) -> bool:
+    """Whether the effect that came last is of a size that is none; an older one may be so because
+    the last is what it stood in for.
+    """
+    return fit.keys[-1] in fit.negligible(fitter.rules)
 
 
 def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:

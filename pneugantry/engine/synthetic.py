@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -60,8 +59,7 @@ def noisy(plant: Plant, record: Record, only: str | None = None) -> Record:
     known = {s.name: s for s in plant.signals if only in (None, s.name)}
     signals = {}
     for n, v in sorted(record.signals.items()):
-        sigma, step = (known[n].sigma, known[n].step) if n in known else (0.0, 0.0)
-        white = math.sqrt(max(sigma**2 - step**2 / 12, 0.0))
+        white, step = (known[n].white, known[n].step) if n in known else (0.0, 0.0)
         signals[n] = v + white * draw.standard_normal(len(v))
         if step:
             signals[n] += _converted(v, step, draw.random())

@@ -19,6 +19,7 @@ from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.screening import Candidate, Memory, screen
 from pneugantry.engine.search import (
+    _finals,
     _fits,
     _main_forms,
     _other_forms,
@@ -261,6 +262,23 @@ def test_a_hundredth_of_the_usual_size_is_no_effect(plant: Plant, parts: Path) -
     theta[[c.name for c in fit.point.coordinates].index("drag")] = -0.01
     assert fit.negligible(fitter.rules) == []
     assert replace(fit, point=fit.point.moved(theta)).negligible(fitter.rules) == ["drag"]
+
+
+def test_what_makes_an_older_effect_nothing_is_no_idle_fit(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, hypothesis = fitter.null(), Hypothesis()
+    for own in (CATALOGUE["leak"], CATALOGUE["drag"]):
+        hypothesis = hypothesis.plus(own, own.forms[0])
+    fit = fitter.explore(hypothesis, null)
+    theta, names = fit.point.theta.copy(), [c.name for c in fit.point.coordinates]
+    theta[names.index("leak")] = 0.01
+    older = replace(fit, point=fit.point.moved(theta))
+    assert older.negligible(fitter.rules) == ["leak"]
+    assert _finals(fitter, null, [older], 30.0)
+    theta[names.index("drag")] = 0.01
+    idle = replace(fit, point=fit.point.moved(theta))
+    assert not _finals(fitter, null, [idle], 30.0)
+    fitter.close()
 
 
 def test_what_stands_beside_an_effect_may_replace_it(plant: Plant, parts: Path) -> None:

@@ -1,4 +1,4 @@
-"""The gantry's catalogue, and the converters that its readings show."""
+"""The gantry's catalogue."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Record
 from pneugantry.engine.synthetic import Nominal
 from pneugantry.plants.gantry.catalogue import FOLDER, QUANTISATION, catalogue_of, check_names
-from pneugantry.engine.converter import converter_step
 from pneugantry.plants.gantry.describe import plant_of
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.fmu import FmuFile
@@ -68,35 +67,6 @@ def test_a_range_of_indices_stands_for_its_members() -> None:
     assert [p.name for p in profile.parameters] == [
         f"axis_z.friction.position_table[{i}]" for i in range(1, 12)
     ]
-
-
-@pytest.mark.parametrize(
-    ("step", "found"), [(0.0, False), (0.01, False), (0.05, True), (0.5, True)]
-)
-def test_a_coarse_converter_is_seen_and_a_logs_own_rounding_is_not(
-    step: float, found: bool
-) -> None:
-    generator = np.random.default_rng(2)
-    level = np.repeat(generator.uniform(0.0, 5.0, 40), 500)
-    reading = level + 0.05 * generator.standard_normal(len(level))
-    if step:
-        reading = step * np.round(reading / step)
-    reading = 0.01 * np.round(reading / 0.01)
-    measured = converter_step(reading, 0.05)
-    assert (measured > 0) == found
-    if found:
-        assert measured == pytest.approx(step, rel=0.05)
-
-
-def test_a_coarse_converter_is_seen_on_a_channel_that_mostly_rests_in_one_of_its_cells() -> None:
-    generator = np.random.default_rng(6)
-    level = np.concatenate([np.full(60_000, 0.05), generator.uniform(0.0, 40.0, 15_000)])
-    coarse = 0.17 * np.floor((level + 0.05 * generator.standard_normal(len(level))) / 0.17)
-    assert converter_step(0.01 * np.round(coarse / 0.01), 0.05) == pytest.approx(0.17)
-    fine = np.concatenate(
-        [np.zeros(60_000), level[60_000:] + 0.05 * generator.standard_normal(15_000)]
-    )
-    assert converter_step(0.01 * np.round(fine / 0.01), 0.05) == 0.0
 
 
 def test_a_cable_that_hardly_pulls_may_still_be_coiled() -> None:

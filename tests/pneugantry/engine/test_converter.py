@@ -1,0 +1,97 @@
+"""Grids of coarse converters and encoders, as readings show them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pneugantry.engine.converter import converted, converter_step, step_and_grid
+from pneugantry.engine.plant import Record, Signal
+
+SIGMA = 0.05
+
+
+def swept(rows: int = 4000, sigma: float = SIGMA) -> np.ndarray:
+    """A signal that never dwells, over 40 noises and more."""
+    true = np.linspace(0.0, 2.0, rows) + 20 * np.sin(np.linspace(0.0, 5.0, rows))
+    return np.asarray(true + sigma * np.random.default_rng(4).standard_normal(rows))
+
+
+def cells(values: np.ndarray, step: float) -> np.ndarray:
+    return np.asarray(step * np.round(values / step))
+
+
+@pytest.mark.parametrize(
+    ("step", "found"), [(0.0, False), (0.01, False), (0.05, True), (0.5, True)]
+)
+def test_a_coarse_converter_is_seen_and_a_logs_own_rounding_is_not(
+    step: float, found: bool
+) -> None:
+    generator = np.random.default_rng(2)
+    level = np.repeat(generator.uniform(0.0, 5.0, 40), 500)
+    reading = level + SIGMA * generator.standard_normal(len(level))
+    if step:
+        reading = step * np.round(reading / step)
+    reading = 0.01 * np.round(reading / 0.01)
+    measured = converter_step(reading, SIGMA)
+    assert (measured > 0) == found
+    if found:
+        assert measured == pytest.approx(step, rel=0.05)
+
+
+def test_a_coarse_converter_is_seen_on_a_channel_that_mostly_rests_in_one_of_its_cells() -> None:
+    generator = np.random.default_rng(6)
+    level = np.concatenate([np.full(60_000, 0.05), generator.uniform(0.0, 40.0, 15_000)])
+    coarse = 0.17 * np.floor((level + SIGMA * generator.standard_normal(len(level))) / 0.17)
+    assert converter_step(0.01 * np.round(coarse / 0.01), SIGMA) == pytest.approx(0.17)
+    fine = np.concatenate(
+        [np.zeros(60_000), level[60_000:] + SIGMA * generator.standard_normal(15_000)]
+    )
+    assert converter_step(0.01 * np.round(fine / 0.01), SIGMA) == 0.0
+
+
+@pytest.mark.parametrize("step", [0.03, 0.1, 0.5])
+def test_an_encoder_whose_cells_are_passed_is_seen(step: float) -> None:
+    assert converter_step(cells(swept(), step), SIGMA) == pytest.approx(step)
+
+
+@pytest.mark.parametrize("digits", [0.001, 0.01, 0.02])
+def test_what_a_log_rounds_is_no_converter(digits: float) -> None:
+    assert converter_step(cells(swept(), digits), SIGMA) == 0.0
+
+
+def test_significant_digits_are_no_converter() -> None:
+    """A decade higher cells are ten times as wide, yet finer than the noise."""
+    assert converter_step(np.array([float(f"{v:.4g}") for v in 8 * swept()]), 8 * SIGMA) == 0.0
+
+
+def test_means_of_an_encoder_s_neighbours_show_it_and_stay_as_they_are() -> None:
+    mean = np.convolve(cells(swept(), 0.5), np.ones(7) / 7, mode="valid")
+    assert step_and_grid(mean, SIGMA) == (pytest.approx(0.5), None)
+
+
+def test_what_holds_no_numbers_or_one_value_is_no_converter() -> None:
+    for values in (np.zeros(0), np.zeros(500), np.full(500, np.nan), np.array([0.0, 1.0] * 300)):
+        assert step_and_grid(values, SIGMA) == (0.0, None)
+
+
+def test_readings_go_back_on_the_grid_off_which_a_log_moved_them() -> None:
+    step, true = 0.28097, swept()
+    read = cells(true, step)
+    logged = np.round(read, 2)
+    records = [Record("log", 1e-3, {}, {"f": logged, "v": true}, {})]
+    signals, (back,) = converted([Signal("f", "f", SIGMA), Signal("v", "v", SIGMA)], records)
+    assert [s.step for s in signals] == [pytest.approx(step, rel=1e-5), 0.0]
+    np.testing.assert_allclose(back.signals["f"], read, atol=2e-3)
+    np.testing.assert_array_equal(back.signals["v"], true)
+
+
+@pytest.mark.parametrize(("quoted", "counted"), [(0.1, 0.1756), (0.2, 0.2)])
+def test_a_quoted_noise_without_what_the_converter_leaves_gets_it(
+    quoted: float, counted: float
+) -> None:
+    """0.5/sqrt(12) is 0.144: what is quoted above that has it."""
+    records = [Record("log", 1e-3, {}, {"q": cells(swept(), 0.5)}, {})]
+    ((signal,), _) = converted([Signal("q", "q", quoted)], records)
+    assert signal.sigma == pytest.approx(counted, abs=1e-4)
+    assert signal.white == pytest.approx(np.sqrt(counted**2 - 0.25 / 12), abs=1e-3)
