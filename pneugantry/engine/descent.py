@@ -50,6 +50,10 @@ LONGER = 10.0  # by which it grows after each further one
 KEPT = 0.7  # share of a view's predicted fall by which it may be missed and its columns serve again
 TAKEN = 0.1  # share of a step's predicted fall from which on it is taken
 SHARED = 0.2  # share of what a step falls short from which on a view is to blame
+FLAT = 1e-2  # of the largest change per theta: directions along which columns are made anew
+ALONG = 0.02  # of theta, the step along them
+LONG = 4.0  # times as long is another step
+SAME = 0.5  # of an error, by which those over both may differ
 WORTH = 0.05  # of the fall that ends a descent: a step of which less is predicted is not tried
 
 
@@ -177,11 +181,17 @@ def descend(
     views = {c[0] for c in problem.cells}
     old: set[str] = set()  # views whose columns are those of an earlier point
     known = None if of_views is None else Weighing(of_views, rules)
+    turned: Point | None = None
     for steps in range(rules.iterations):
         if hopeless(steps, state):
             break
         weighing = known or Weighing(flat_noise(sim, state.residuals), rules)
         step = _step(problem, state, weighing, damping, converged)
+        if (step is None or step.short) and not old and state.point is not turned:
+            turned, mended = state.point, _mended(problem, state, weighing)
+            if mended is not None:
+                state, damping[:] = mended, LEAST
+                continue
         if step is None:
             if not old:
                 break
@@ -196,6 +206,60 @@ def descend(
             state = Solution(state.point, state.residuals, {**state.columns, **made})
             old -= stale
     return state
+
+
+def _mended(problem: Problem, at: Solution, weighing: Weighing) -> Solution | None:
+    """With columns that hold along a valley, where they all but cancel each other and the jumps
+    that a solver makes over a small step are what is left. None where the step from here is not
+    worth it, or no cell's columns miss it by as much.
+    """
+    sim, point, known = problem.simulation, at.point, problem.prior
+    curved, slope = weighing.normal(point, at.residuals, at.columns)
+    slope = slope + known.square @ point.theta - known.pull
+    step = -np.linalg.solve(curved + known.square, slope)
+    hoped = -float(slope @ step)
+    if hoped < problem.rules.entry or not problem.fine:
+        return None
+    along = step * ALONG / np.linalg.norm(step)
+    share = SHARED * hoped * float(along @ along / (step @ step))
+    cells = [c for c, e in _missed(sim, at, problem.cells, along, weighing) if e > share]
+    sizes, directions = np.linalg.eigh(curved)
+    flat = directions.T[sizes < FLAT**2 * sizes[-1]]
+    if not cells or len(flat) == 0:
+        return None
+    points = [point.moved(point.theta + ALONG * v) for v in flat]
+    found = sim.run({c: [p.values(c[1]) for p in points] for c in cells})
+    columns = dict(at.columns)
+    for cell in cells:
+        index = [i for i, c in enumerate(point.coordinates) if (cell, c.name) in columns]
+        names = [point.coordinates[i].name for i in index]
+        made = (np.stack(found[cell]) - at.residuals[cell]) / ALONG
+        own, within = np.stack([columns[cell, n] for n in names]), flat[:, index]
+        missed = made - np.tensordot(within, own, 1)
+        mended = own + np.tensordot(np.linalg.pinv(within, rcond=FLAT), missed, 1)
+        columns |= {(cell, n): c for n, c in zip(names, mended, strict=True)}
+    return Solution(point, at.residuals, columns)
+
+
+def _missed(
+    sim: Simulation, at: Solution, cells: Sequence[Cell], step: Array, weighing: Weighing
+) -> list[tuple[Cell, float]]:
+    """By how much columns miss what a step changes in each cell, squared, where they miss as much
+    of a longer one: else it is an event, or bends.
+    """
+    points = [at.point.moved(at.point.theta + k * step) for k in (1.0, LONG)]
+    found = sim.run({c: [p.values(c[1]) for p in points] for c in cells})
+    told = _foretold(at, cells, step)
+    off = []
+    for cell in cells:
+        if not all(np.isfinite(r).all() for r in found[cell]):
+            continue
+        near, far = found[cell]
+        missed = weighing.innovations(cell, near - told[cell])
+        own = (far - at.residuals[cell]) / LONG - (near - at.residuals[cell])
+        if np.linalg.norm(weighing.innovations(cell, own)) < SAME * np.linalg.norm(missed):
+            off.append((cell, float(missed @ missed)))
+    return off
 
 
 def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | None:

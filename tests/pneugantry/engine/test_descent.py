@@ -1,0 +1,115 @@
+"""A descent along a valley, on residuals that a solver's jumps roughen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pneugantry.engine.descent import Problem, Solution, Weighing, _mended, descend, prior
+from pneugantry.engine.hypothesis import Coordinate
+from pneugantry.engine.noise import Whitener
+from pneugantry.engine.plant import Array
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.simulation import Cell, Point, Simulation
+
+NAMES = ("a", "b", "c")
+CELLS: tuple[Cell, ...] = (("view", "rough"), ("view", "smooth"))
+ROWS, JUMP, OFTEN = 400, 1e-5, 3e6
+WEAK = 1e-3  # what the smooth record shows, of the rough one
+
+
+class Rough(Simulation):
+    """Two records of a linear model, whose parameters a and b move them almost alike; one says
+    little.
+    """
+
+    def __init__(self, bent: float = 0.0) -> None:
+        self.rules, self.jump, self.bent, self.ran = Rules(), JUMP, bent, list[Cell]()
+        draw = np.random.default_rng(5)
+        a, b, c = draw.standard_normal((3, ROWS))
+        self.slopes = 300 * np.stack([a, a + 1e-3 * b, c])
+        self.pattern = c  # a column that errs by it tilts the valley towards another parameter
+        self.noise = {cell: 0.5 * draw.standard_normal(ROWS) for cell in CELLS}
+
+    def run(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> dict[Cell, list[Array]]:
+        self.ran += [cell for cell, own in jobs.items() for _ in own]
+        return {cell: [self.residual(cell, p) for p in own] for cell, own in jobs.items()}
+
+    def residual(self, cell: Cell, values: Mapping[str, float]) -> Array:
+        theta, rough = np.array([values[n] for n in NAMES]), cell == CELLS[0]
+        found = (1.0 if rough else WEAK) * theta @ self.slopes + self.noise[cell]
+        if rough:
+            found = found + self.jump * np.sin(OFTEN * theta[0]) * self.pattern
+            found = found + self.bent * abs(theta[0] - 2.0) * self.pattern
+        return np.asarray(found[:, None])
+
+    def in_cell(self, c: Coordinate, cell: Cell) -> bool:
+        return True
+
+    def step(self, c: Coordinate, theta: float, fine: bool) -> float:
+        return self.rules.difference * self.rules.fine
+
+
+def problem_of(sim: Rough) -> tuple[Problem, Solution, Weighing]:
+    """Far off along the valley."""
+    coordinates = tuple(Coordinate(n, 0.0, 1.0, spread=3.0) for n in NAMES)
+    problem = Problem(sim, sim.rules, CELLS, prior(coordinates))
+    point = Point(coordinates, np.array([2.0, -2.0, 0.0]), {})
+    residuals = sim.residuals(point, CELLS)
+    columns = sim.columns(point, residuals, CELLS, set(NAMES))
+    weighing = Weighing({c: (Whitener(np.zeros(0), 0.5),) for c in CELLS}, sim.rules)
+    return problem, Solution(point, residuals, columns), weighing
+
+
+def test_a_valley_is_followed_though_jumps_spoil_its_columns() -> None:
+    sim = Rough()
+    problem, start, weighing = problem_of(sim)
+    wrong = start.columns[CELLS[0], "a"][:, 0] - sim.slopes[0]
+    assert np.linalg.norm(wrong) > 5 * np.linalg.norm(sim.slopes[1] - sim.slopes[0])
+    end = descend(problem, start, weighing.noise, 0.01)
+    both = np.hstack([sim.slopes, WEAK * sim.slopes]) / 0.5
+    exact = -np.linalg.solve(
+        both @ both.T + np.eye(3) / 9, both @ np.concatenate([*sim.noise.values()]) / 0.5
+    )
+    np.testing.assert_allclose(end.point.theta, exact, atol=0.05)
+
+
+def test_only_what_misses_is_made_anew() -> None:
+    sim = Rough()
+    problem, start, weighing = problem_of(sim)
+    sim.ran.clear()
+    mended = _mended(problem, start, weighing)
+    assert mended is not None
+    assert sim.ran.count(CELLS[0]) > sim.ran.count(CELLS[1]) == 2
+    along = np.array([1.0, -1.0, 0.0])
+    told = along @ np.stack([mended.columns[CELLS[0], n][:, 0] for n in NAMES])
+    np.testing.assert_allclose(told, along @ sim.slopes, atol=0.02)
+    for n in NAMES:
+        assert mended.columns[CELLS[1], n] is start.columns[CELLS[1], n]
+
+
+def test_a_kink_is_no_wrong_column() -> None:
+    """The first of two steps hardly passes it."""
+    sim = Rough(bent=200.0)
+    sim.jump = 0.0
+    problem, start, weighing = problem_of(sim)
+    point = start.point.moved(start.point.theta + np.array([0.01, -0.01, 0.0]))
+    residuals = sim.residuals(point, CELLS)
+    columns = sim.columns(point, residuals, CELLS, set(NAMES))
+    assert _mended(problem, Solution(point, residuals, columns), weighing) is None
+    assert _mended(problem, Solution(point, residuals, start.columns), weighing) is None
+
+
+def test_where_no_step_is_worth_it_nothing_is_simulated() -> None:
+    sim = Rough()
+    problem, start, weighing = problem_of(sim)
+    end = descend(problem, start, weighing.noise, 0.01)
+    made = sim.columns(end.point, end.residuals, CELLS, set(NAMES))
+    sim.ran.clear()
+    at = Solution(end.point, end.residuals, made)
+    smooth = replace(problem, cells=CELLS[1:])
+    own = Solution(at.point, {CELLS[1]: at.residuals[CELLS[1]]}, at.columns)
+    assert _mended(smooth, own, weighing) is None
+    assert not sim.ran
