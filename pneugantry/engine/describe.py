@@ -105,7 +105,8 @@ def described(
     signals, read = converted(signals, (*records, *held))
     records, held = read[: len(records)], read[len(records) :]
     said += [
-        f"{s.name} is read on a grid of {s.step:.3g} {s.unit}: its noise counts as {s.sigma:.3g}"
+        f"{s.name} is read on a grid of {_quantity(s.step, s.unit)}: its noise counts as "
+        f"{_quantity(s.sigma, s.unit)}"
         for s in signals
         if s.step
     ]
@@ -248,6 +249,10 @@ def _wired(fmu: ForeignFmu, inputs: Sequence[str], signals: Mapping[str, str]) -
         if variable.startswith(fmu.prefix) and bare in variables and bare not in at:
             made[bare] = signal
     return replace(fmu, inputs=sources, outputs=made)
+
+
+def _quantity(value: float, unit: str) -> str:
+    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
 
 
 def _check_names(top: Fields, signals: Sequence[Signal], source: _Model) -> None:

@@ -188,6 +188,20 @@ def test_noise_that_is_not_given_is_estimated_and_said(folder: Path, cache: Path
     assert "noise of force estimated from the logs" in found.notes[0]
 
 
+def test_an_encoder_is_seen_said_and_counted(
+    folder: Path, cache: Path, truth: dict[str, np.ndarray]
+) -> None:
+    for name in ("sweep", "again"):
+        coarse = {**truth, "V": 0.05 * np.round(truth["V"] / 0.05)}
+        pd.DataFrame(coarse).to_csv(folder / f"{name}.csv", index=False)
+    found = read(folder, MODEL, cache, period=PERIOD)
+    force, speed = found.plant.signals
+    assert (force.step, force.sigma) == (0.0, 0.01)
+    assert speed.step == pytest.approx(0.05)
+    assert speed.sigma == pytest.approx(np.hypot(0.01, 0.05 / np.sqrt(12)))
+    assert found.notes[-1] == "speed is read on a grid of 0.05 m/s: its noise counts as 0.0176 m/s"
+
+
 def test_the_noise_of_a_coarse_converter_is_that_of_its_step() -> None:
     slow = np.round(np.linspace(0, 1, 2000) / 0.01) * 0.01
     assert noise_of([slow]) == pytest.approx(0.01 / np.sqrt(12), rel=1e-6)

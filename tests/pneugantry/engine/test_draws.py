@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,18 @@ def test_a_seed_draws_one_rig(source: Source) -> None:
     for record, same in zip(one.data.fitted, again.data.fitted, strict=True):
         np.testing.assert_array_equal(record.signals["w"], same.signals["w"])
     assert not np.array_equal(one.data.fitted[0].signals["w"], other.data.fitted[0].signals["w"])
+
+
+def test_a_drawn_rig_is_read_through_the_plants_converters(source: Source) -> None:
+    (speed,) = source.plant.signals
+    step = 5 * speed.sigma
+    coarse = replace(speed, sigma=float(np.hypot(speed.sigma, step / np.sqrt(12))), step=step)
+    rig = drawn(replace(source, plant=replace(source.plant, signals=(coarse,))), 3)
+    fine = drawn(source, 3)
+    for record, other in zip(rig.data.fitted, fine.data.fitted, strict=True):
+        cells = record.signals["w"] / step
+        np.testing.assert_allclose(cells, np.round(cells), atol=1e-9)
+        assert np.abs(record.signals["w"] - other.signals["w"]).max() < 0.6 * step
 
 
 def test_all_kinds_are_drawn_and_their_causes_show(source: Source) -> None:
