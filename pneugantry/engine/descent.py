@@ -7,8 +7,8 @@ back and a shorter step next time, so that one rough view does not stop the othe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -181,16 +181,16 @@ def descend(
     views = {c[0] for c in problem.cells}
     old: set[str] = set()  # views whose columns are those of an earlier point
     known = None if of_views is None else Weighing(of_views, rules)
-    turned: Point | None = None
+    renewed: Point | None = None  # where columns were made anew along a valley
     for steps in range(rules.iterations):
         if hopeless(steps, state):
             break
         weighing = known or Weighing(flat_noise(sim, state.residuals), rules)
         step = _step(problem, state, weighing, damping, converged)
-        if (step is None or step.short) and not old and state.point is not turned:
-            turned, mended = state.point, _mended(problem, state, weighing)
-            if mended is not None:
-                state, damping[:] = mended, LEAST
+        if (step is None or step.short) and not old and state.point is not renewed:
+            renewed, along = state.point, _along_valley(problem, state, weighing)
+            if along is not None:
+                state, damping[:] = along, LEAST
                 continue
         if step is None:
             if not old:
@@ -208,7 +208,7 @@ def descend(
     return state
 
 
-def _mended(problem: Problem, at: Solution, weighing: Weighing) -> Solution | None:
+def _along_valley(problem: Problem, at: Solution, weighing: Weighing) -> Solution | None:
     """With columns that hold along a valley, where they all but cancel each other and the jumps
     that a solver makes over a small step are what is left. None where the step from here is not
     worth it, or no cell's columns miss it by as much.
@@ -224,21 +224,33 @@ def _mended(problem: Problem, at: Solution, weighing: Weighing) -> Solution | No
     share = SHARED * hoped * float(along @ along / (step @ step))
     cells = [c for c, e in _missed(sim, at, problem.cells, along, weighing) if e > share]
     sizes, directions = np.linalg.eigh(curved)
-    flat = directions.T[sizes < FLAT**2 * sizes[-1]]
+    inner = (_inward(point, v) for v in directions.T[sizes < FLAT**2 * sizes[-1]])
+    flat = np.array([v for v in inner if v is not None])
     if not cells or len(flat) == 0:
         return None
     points = [point.moved(point.theta + ALONG * v) for v in flat]
     found = sim.run({c: [p.values(c[1]) for p in points] for c in cells})
     columns = dict(at.columns)
     for cell in cells:
+        if not all(np.isfinite(r).all() for r in found[cell]):
+            continue
         index = [i for i, c in enumerate(point.coordinates) if (cell, c.name) in columns]
         names = [point.coordinates[i].name for i in index]
         made = (np.stack(found[cell]) - at.residuals[cell]) / ALONG
         own, within = np.stack([columns[cell, n] for n in names]), flat[:, index]
         missed = made - np.tensordot(within, own, 1)
-        mended = own + np.tensordot(np.linalg.pinv(within, rcond=FLAT), missed, 1)
-        columns |= {(cell, n): c for n, c in zip(names, mended, strict=True)}
+        renewed = own + np.tensordot(np.linalg.pinv(within, rcond=FLAT), missed, 1)
+        columns |= {(cell, n): c for n, c in zip(names, renewed, strict=True)}
     return Solution(point, at.residuals, columns)
+
+
+def _inward(point: Point, direction: Array) -> Array | None:
+    """A direction or its opposite, whichever passes no bound."""
+    for own in (direction, -direction):
+        theta = point.theta + ALONG * own
+        if np.array_equal(inside(point.moved(theta)).theta, theta):
+            return own
+    return None
 
 
 def _missed(
@@ -370,77 +382,135 @@ class _Step:
     short: bool  # whether it is a share of what was predicted to be worth a step
 
 
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A point to try, and once it was run what is left there."""
+
+    point: Point
+    predicted: float  # fall of the cost
+    by_view: Mapping[str, float]  # predicted
+    fall: float = 0.0
+    falls: Mapping[str, float] = field(default_factory=dict)  # by view; predicted where not run
+    residuals: Residuals = field(default_factory=dict)
+    left: tuple[Cell, ...] = ()  # that were not run: the others had told enough
+
+    def missed(self, view: str) -> float:
+        """By how much a view's cost fell less than predicted."""
+        return self.by_view[view] - self.falls[view]
+
+
+class _Ahead:
+    """What columns tell of steps from a point."""
+
+    def __init__(self, problem: Problem, state: Solution, weighing: Weighing) -> None:
+        self.problem, self.state, self.weighing = problem, state, weighing
+        known, theta = problem.prior, state.point.theta
+        self.costs = weighing.costs(state.residuals)
+        self.parts = {v: weighing.normal(state.point, *_of(state, v)) for v in self.costs}
+        curved = sum((n for n, _ in self.parts.values()), np.zeros_like(known.square))
+        self.normal = known.square + curved
+        self.gradient = known.square @ theta - known.pull + sum(g for _, g in self.parts.values())
+
+    def damped(self, damping: Array) -> Array:
+        return np.asarray(self.normal + np.diag(damping * np.diag(self.normal)))
+
+    def towards(self, damping: Array, share: float) -> _Trial:
+        """The share of a damped step."""
+        point = self.state.point
+        end = newton(point, self.damped(damping), self.gradient)
+        if share < 1:
+            end = inside(point.moved(point.theta + share * (end.theta - point.theta)))
+        made = end.theta - point.theta
+        by_view = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in self.parts.items()}
+        return _Trial(end, -float(made @ (2 * self.gradient + self.normal @ made)), by_view)
+
+    def run(self, trial: _Trial, first: Collection[str], least: float) -> _Trial:
+        """A trial with what it leaves. first: views that are run first; where the cost falls by no
+        more than `least` whatever the others do as predicted, these are not.
+        """
+        known, theta = self.problem.prior, self.state.point.theta
+        falls, tried = dict(trial.by_view), dict(self.state.residuals)
+        left = [c for c in self.problem.cells if c[0] in self.costs]
+        fall = 0.0
+        for views in (set(first), set(self.costs) - set(first)):
+            cells = [c for c in left if c[0] in views]
+            left = [c for c in left if c[0] not in views]
+            found = self.problem.simulation.residuals(trial.point, cells) if cells else {}
+            tried |= found
+            falls |= {v: self.costs[v] - after for v, after in self.weighing.costs(found).items()}
+            fall = sum(falls.values()) + known.cost(theta) - known.cost(trial.point.theta)
+            if fall <= least:
+                break
+        return replace(trial, fall=fall, falls=falls, residuals=tried, left=tuple(left))
+
+    def stale(self, trial: _Trial, converged: float) -> frozenset[str]:
+        """Views that did not do what their columns predicted."""
+        least = {v: max(converged, KEPT * abs(p)) for v, p in trial.by_view.items()}
+        return frozenset(v for v in self.costs if abs(trial.missed(v)) > least[v])
+
+    def spoiling(self, trial: _Trial) -> set[str]:
+        """Views to which most of what a trial falls short is due."""
+        short = trial.predicted - trial.fall
+        return {v for v in self.costs if trial.missed(v) > SHARED * short}
+
+    def moving(self, views: Collection[str]) -> Array:
+        """Coordinates (of theta,) that move any of some views."""
+        moved = (self.parts[v][0] for v in views or self.costs)
+        return np.asarray(np.diag(sum(moved, np.zeros_like(self.normal))) > 0)
+
+    def back(self, trial: _Trial, damping: Array, share: float) -> Point | None:
+        """From where a step failed back to the valley that it left, by the same columns: a valley
+        is bent where some of what may grow together is fitted as its logarithm. share: of the step
+        that it was, which was to leave the rest of the slope. None where a simulation failed.
+        """
+        state, known = self.state, self.problem.prior
+        theta = trial.point.theta
+        tried = trial.residuals | _foretold(state, trial.left, theta - state.point.theta)
+        if not all(np.isfinite(r).all() for r in tried.values()):
+            return None
+        _, slope = self.weighing.normal(trial.point, tried, state.columns)
+        slope = slope + known.square @ theta - known.pull - (1 - share) * self.gradient
+        return newton(trial.point, self.damped(damping), slope)
+
+
 def _step(
     problem: Problem, state: Solution, weighing: Weighing, damping: Array, converged: float
 ) -> _Step | None:
     """A step that lowers the cost; None where none is predicted or found. A view that falls short
     of what is predicted gets shorter steps. Renews `damping` in place.
     """
-    sim, point, known = problem.simulation, state.point, problem.prior
-    costs, theta = weighing.costs(state.residuals), state.point.theta
-    parts = {v: weighing.normal(point, *_of(state, v)) for v in costs}
-    curved = sum((n for n, _ in parts.values()), np.zeros_like(known.square))
-    normal = known.square + curved
-    gradient = known.square @ theta - known.pull + sum(g for _, g in parts.values())
-    best: _Step | None = None
+    ahead, best = _Ahead(problem, state, weighing), None
     worst: set[str] = set()  # views that spoilt a try: the next one runs them first
-    bent: Point | None = None  # where a first try that failed leads back to the valley
-    backs: list[float] = []  # falls of the tries that led there
     share, shorter = 1.0, list(SHORTER) if problem.fine else []
     tries = 0
     while tries < TRIES:
-        least = best.fall if best else 0.0
-        if bent is None:
-            damped = normal + np.diag(damping * np.diag(normal))
-            trial = newton(point, damped, gradient)
-            if share < 1:
-                trial = inside(point.moved(theta + share * (trial.theta - theta)))
-            made = trial.theta - theta
-            predicted = -float(made @ (2 * gradient + normal @ made))
-            if predicted < WORTH * converged:
-                break
-            by_view = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in parts.items()}
-        else:
-            trial, least = bent, max(backs)
-        falls, tried = dict(by_view), dict(state.residuals)
-        left = [c for c in problem.cells if c[0] in costs]
-        for views in (worst, set(costs) - worst):
-            cells = [c for c in left if c[0] in views]
-            left = [c for c in left if c[0] not in views]
-            found = sim.residuals(trial, cells) if cells else {}
-            tried |= found
-            falls |= {v: costs[v] - after for v, after in weighing.costs(found).items()}
-            fall = sum(falls.values()) + known.cost(theta) - known.cost(trial.theta)
-            if fall <= least:
-                break  # whatever the others do as predicted
-        missed = {v: by_view[v] - falls[v] for v in costs}
-        stale = frozenset(
-            v for v in costs if abs(missed[v]) > max(converged, KEPT * abs(by_view[v]))
-        )
-        if fall > (best.fall if best else 0.0):
-            best = _Step(Solution(trial, tried, state.columns), fall, stale, share < 1)
-        if fall > TAKEN * predicted:
-            damping[:] = np.maximum(0.1 * damping, LEAST)
+        trial = ahead.towards(damping, share)
+        if trial.predicted < WORTH * converged:
             break
-        worst = {v for v in costs if missed[v] > SHARED * (predicted - fall)}
-        if (
-            tries == 0
-            and problem.fine
-            and len(backs) < BACKS
-            and fall > max(backs, default=-FAILED)
-        ):
-            backs.append(fall)
-            tried |= _foretold(state, left, trial.theta - theta)
-            at = Solution(trial, tried, state.columns)
-            bent = _back(weighing, at, damped, known, (1 - share) * gradient)
-            if bent is not None:
-                continue
-        bent = None
-        if tries == 0 and shorter and predicted > problem.rules.entry:
-            share, backs = shorter.pop(0), []
+        backs: list[float] = []  # falls of the tries that led back to the valley
+        while True:
+            lowest = best.fall if best else 0.0
+            trial = ahead.run(trial, worst, max(backs, default=lowest))
+            if trial.fall > lowest:
+                end = Solution(trial.point, trial.residuals, state.columns)
+                best = _Step(end, trial.fall, ahead.stale(trial, converged), share < 1)
+            if trial.fall > TAKEN * trial.predicted:
+                damping[:] = np.maximum(0.1 * damping, LEAST)
+                return best
+            worst = ahead.spoiling(trial)
+            onward = problem.fine and tries == 0 and len(backs) < BACKS
+            if not onward or trial.fall <= max(backs, default=-FAILED):
+                break
+            bent = ahead.back(trial, damping, share)
+            if bent is None:
+                break
+            backs.append(trial.fall)
+            trial = replace(trial, point=bent)
+        if tries == 0 and shorter and trial.predicted > problem.rules.entry:
+            share = shorter.pop(0)
             continue
         share, tries = 1.0, tries + 1
-        short = np.diag(sum((parts[v][0] for v in worst or costs), np.zeros_like(normal))) > 0
+        short = ahead.moving(worst)
         damping[short] = np.maximum(LONGER * damping[short], FIRST)
     return best
 
@@ -453,21 +523,6 @@ def _foretold(state: Solution, cells: Sequence[Cell], made: Array) -> Residuals:
             if (cell, c.name) in state.columns:
                 found[cell] += step * state.columns[cell, c.name]
     return found
-
-
-def _back(
-    weighing: Weighing, at: Solution, damped: Array, known: Parabola, ahead: Array
-) -> Point | None:
-    """From where a step failed back to the valley that it left, by the same columns: a valley is
-    bent where some of what may grow together is fitted as its logarithm. ahead: slope that the step
-    was to leave, for it was a share of one. None where a simulation failed.
-    """
-    if not all(np.isfinite(r).all() for r in at.residuals.values()):
-        return None
-    theta = at.point.theta
-    _, slope = weighing.normal(at.point, at.residuals, at.columns)
-    slope = slope + known.square @ theta - known.pull - ahead
-    return newton(at.point, damped, slope)
 
 
 def newton(point: Point, square: Array, slope: Array) -> Point:
