@@ -186,9 +186,11 @@ def descend(
         if hopeless(steps, state):
             break
         weighing = known or Weighing(flat_noise(sim, state.residuals), rules)
-        step = _step(problem, state, weighing, damping, converged)
-        if (step is None or step.short) and not old and state.point is not renewed:
-            renewed, along = state.point, _along_valley(problem, state, weighing)
+        ahead = _Ahead(problem, state, weighing)
+        step = _step(ahead, damping, converged)
+        failed = problem.fine and (step is None or step.short)
+        if failed and not old and state.point is not renewed:
+            renewed, along = state.point, _along_valley(ahead)
             if along is not None:
                 state, damping[:] = along, LEAST
                 continue
@@ -208,22 +210,21 @@ def descend(
     return state
 
 
-def _along_valley(problem: Problem, at: Solution, weighing: Weighing) -> Solution | None:
+def _along_valley(ahead: _Ahead) -> Solution | None:
     """With columns that hold along a valley, where they all but cancel each other and the jumps
     that a solver makes over a small step are what is left. None where the step from here is not
     worth it, or no cell's columns miss it by as much.
     """
-    sim, point, known = problem.simulation, at.point, problem.prior
-    curved, slope = weighing.normal(point, at.residuals, at.columns)
-    slope = slope + known.square @ point.theta - known.pull
-    step = -np.linalg.solve(curved + known.square, slope)
-    hoped = -float(slope @ step)
-    if hoped < problem.rules.entry or not problem.fine:
+    problem, at, weighing = ahead.problem, ahead.state, ahead.weighing
+    sim, point = problem.simulation, at.point
+    step = -np.linalg.solve(ahead.normal, ahead.gradient)
+    hoped = -float(ahead.gradient @ step)
+    if hoped < problem.rules.entry:
         return None
     along = step * ALONG / np.linalg.norm(step)
     share = SHARED * hoped * float(along @ along / (step @ step))
     cells = [c for c, e in _missed(sim, at, problem.cells, along, weighing) if e > share]
-    sizes, directions = np.linalg.eigh(curved)
+    sizes, directions = np.linalg.eigh(ahead.curved)
     inner = (_inward(point, v) for v in directions.T[sizes < FLAT**2 * sizes[-1]])
     flat = np.array([v for v in inner if v is not None])
     if not cells or len(flat) == 0:
@@ -407,8 +408,8 @@ class _Ahead:
         known, theta = problem.prior, state.point.theta
         self.costs = weighing.costs(state.residuals)
         self.parts = {v: weighing.normal(state.point, *_of(state, v)) for v in self.costs}
-        curved = sum((n for n, _ in self.parts.values()), np.zeros_like(known.square))
-        self.normal = known.square + curved
+        self.curved = sum((n for n, _ in self.parts.values()), np.zeros_like(known.square))
+        self.normal = known.square + self.curved
         self.gradient = known.square @ theta - known.pull + sum(g for _, g in self.parts.values())
 
     def damped(self, damping: Array) -> Array:
@@ -473,13 +474,11 @@ class _Ahead:
         return newton(trial.point, self.damped(damping), slope)
 
 
-def _step(
-    problem: Problem, state: Solution, weighing: Weighing, damping: Array, converged: float
-) -> _Step | None:
+def _step(ahead: _Ahead, damping: Array, converged: float) -> _Step | None:
     """A step that lowers the cost; None where none is predicted or found. A view that falls short
     of what is predicted gets shorter steps. Renews `damping` in place.
     """
-    ahead, best = _Ahead(problem, state, weighing), None
+    problem, best = ahead.problem, None
     worst: set[str] = set()  # views that spoilt a try: the next one runs them first
     share, shorter = 1.0, list(SHORTER) if problem.fine else []
     tries = 0
@@ -492,7 +491,7 @@ def _step(
             lowest = best.fall if best else 0.0
             trial = ahead.run(trial, worst, max(backs, default=lowest))
             if trial.fall > lowest:
-                end = Solution(trial.point, trial.residuals, state.columns)
+                end = Solution(trial.point, trial.residuals, ahead.state.columns)
                 best = _Step(end, trial.fall, ahead.stale(trial, converged), share < 1)
             if trial.fall > TAKEN * trial.predicted:
                 damping[:] = np.maximum(0.1 * damping, LEAST)

@@ -7,7 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneugantry.engine.descent import Problem, Solution, Weighing, _along_valley, descend, prior
+from pneugantry.engine.descent import (
+    Problem,
+    Solution,
+    Weighing,
+    _Ahead,
+    _along_valley,
+    descend,
+    prior,
+)
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import Whitener
 from pneugantry.engine.plant import Array
@@ -80,7 +88,7 @@ def test_only_what_misses_is_made_anew() -> None:
     sim = Rough()
     problem, start, weighing = problem_of(sim)
     sim.ran.clear()
-    renewed = _along_valley(problem, start, weighing)
+    renewed = _along_valley(_Ahead(problem, start, weighing))
     assert renewed is not None
     assert sim.ran.count(CELLS[0]) > sim.ran.count(CELLS[1]) == 2
     along = np.array([1.0, -1.0, 0.0])
@@ -98,8 +106,9 @@ def test_a_kink_is_no_wrong_column() -> None:
     point = start.point.moved(start.point.theta + np.array([0.01, -0.01, 0.0]))
     residuals = sim.residuals(point, CELLS)
     columns = sim.columns(point, residuals, CELLS, set(NAMES))
-    assert _along_valley(problem, Solution(point, residuals, columns), weighing) is None
-    assert _along_valley(problem, Solution(point, residuals, start.columns), weighing) is None
+    for known in (columns, start.columns):
+        at = Solution(point, residuals, known)
+        assert _along_valley(_Ahead(problem, at, weighing)) is None
 
 
 def test_where_no_step_is_worth_it_nothing_is_simulated() -> None:
@@ -111,5 +120,5 @@ def test_where_no_step_is_worth_it_nothing_is_simulated() -> None:
     at = Solution(end.point, end.residuals, made)
     smooth = replace(problem, cells=CELLS[1:])
     own = Solution(at.point, {CELLS[1]: at.residuals[CELLS[1]]}, at.columns)
-    assert _along_valley(smooth, own, weighing) is None
+    assert _along_valley(_Ahead(smooth, own, weighing)) is None
     assert not sim.ran
