@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import logging
@@ -143,15 +144,24 @@ def build_compiled(
 def source_key(models: Sequence[Path], what: str, fmi: str, platforms: Sequence[str] | None) -> str:
     """Hash of all that decides what the FMU will be: `models` and the compiler's own files."""
     targets = [find_platform(name) for name in platforms] if platforms else [host_platform()]
-    versions = f"{version('casadi')} {version('fmpy')}"
-    digest = hashlib.sha256(f"{what} {fmi} {versions}".encode())
+    digest = hashlib.sha256(f"{what} {fmi}".encode())
     for target in targets:
         compiler = find_compiler(target, portable=bool(platforms))
         digest.update(f"{target.fmi3} {compiler.version} {flags_for(compiler, target)}".encode())
-    files = sorted(p for p in COMPILER.rglob("*") if p.suffix in (".py", ".c", ".h"))
-    for file in [*models, *files]:
-        digest.update(f"\0{file.name}\0{_sha256(file.read_bytes())}".encode())
+    digest.update("".join(map(_told, models)).encode())
+    digest.update(_own_files().encode())
     return digest.hexdigest()
+
+
+@functools.cache
+def _own_files() -> str:
+    """The compiler's own files and what it is built on: a process has loaded them."""
+    files = (p for p in COMPILER.rglob("*") if p.suffix in (".py", ".c", ".h"))
+    return f"{version('casadi')} {version('fmpy')}" + "".join(map(_told, sorted(files)))
+
+
+def _told(file: Path) -> str:
+    return f"\0{file.name}\0{_sha256(file.read_bytes())}"
 
 
 def _fresh(path: Path, manifest: Path, key: str) -> bool:

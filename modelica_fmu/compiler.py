@@ -66,14 +66,16 @@ def _decided(
 
 
 def compile_system(
-    system: HybridSystem, starts: Mapping[str, float] | None = None
+    system: HybridSystem, starts: Mapping[str, float] | None = None, part: bool = False
 ) -> CompiledModel:
-    """Compiles a system of equations, whole or cut. Raises as `compile_model`."""
+    """Compiles a system of equations. part: one that was cut out, for `batch`, without what only an
+    FMU has to answer. Raises as `compile_model`.
+    """
     model = system.table.model
     reduce_index(system)
     solved = solve(system)
     initial = initial_system(system, solved)
-    layout = _layout(system)
+    layout = _layout(system, part)
     _restart(layout.parameters, starts or {}, model)
     expressions = _expressions(system, layout, solved, initial)
     plain, enumerations = _typed(fmi_variables(system, layout, initial), model)
@@ -148,7 +150,7 @@ def _restart(parameters: Sequence[Scalar], starts: Mapping[str, float], model: F
         known[name].value = ca.SX(value)
 
 
-def _layout(system: HybridSystem) -> Layout:
+def _layout(system: HybridSystem, part: bool) -> Layout:
     table = system.table
     algebraics = [s for s in table.of("algebraic") if not s.variable.protected]
     outputs = [s for s in algebraics if s.variable.causality == "output"]
@@ -161,6 +163,7 @@ def _layout(system: HybridSystem) -> Layout:
         memories=system.memories,
         algebraics=outputs + rest,
         n_outputs=len(outputs),
+        part=part,
     )
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import casadi as ca
@@ -74,10 +75,23 @@ class _Graph:
         return roots
 
 
+def _translated(model: Path, class_name: str) -> HybridSystem:
+    """The equations of a class, to be changed at will. A diagnosis cuts sixty parts out of one
+    model: half of the time went into reading it.
+    """
+    text = model.read_bytes() if model.is_file() else b""
+    return _kept(model, class_name, text).copy()
+
+
+@lru_cache(maxsize=2)  # a plant, and the one whose equations are opened
+def _kept(model: Path, class_name: str, text: bytes) -> HybridSystem:
+    return build_system(flatten(model, class_name))
+
+
 @alone
 def structure(model: Path, class_name: str) -> Structure:
     """Structure of a class of a Modelica file. Raises InputError."""
-    graph = _Graph(build_system(flatten(model, class_name)))
+    graph = _Graph(_translated(model, class_name))
     states = set(graph.system.derivatives)
     rates = {}
     for state in states:
@@ -102,7 +116,7 @@ def cut(
     fixed: parameters that become numbers; what they leave without effect is no part of it. Raises
     InputError for a name that is no variable.
     """
-    system = build_system(flatten(model, class_name))
+    system = _translated(model, class_name)
     _fix(system, fixed or {})
     graph = _Graph(system)
     known = tuple(known)
@@ -119,7 +133,7 @@ def cut(
     _keep_equations(system, part)
     _keep_events(system, part)
     _keep_scalars(system, part, outputs)
-    return compile_system(system)
+    return compile_system(system, part=True)
 
 
 def _fix(system: HybridSystem, fixed: Mapping[str, float]) -> None:
@@ -259,8 +273,8 @@ def _keep_scalars(system: HybridSystem, part: _Needed, outputs: Sequence[str]) -
                 scalar.variable = _as(scalar, "input")
                 if scalar.value is None or not scalar.value.is_constant():
                     scalar.value = ca.SX(0)
-            elif scalar.kind == "algebraic":
-                scalar.variable = _as(scalar, "output" if name in outputs else "")
+            elif scalar.kind == "algebraic":  # what is no output nobody reads
+                scalar.variable = _as(scalar, "output" if name in outputs else "", name in outputs)
             kept[name] = scalar
     scalars.clear()
     scalars.update(kept)
@@ -294,6 +308,6 @@ def _parameters_of(system: HybridSystem) -> set[str]:
     return names
 
 
-def _as(scalar: Scalar, causality: str) -> FlatVariable:
+def _as(scalar: Scalar, causality: str, shown: bool = True) -> FlatVariable:
     """A scalar's variable with another causality; "": none."""
-    return replace(scalar.variable, causality=causality, protected=False)
+    return replace(scalar.variable, causality=causality, protected=not shown)

@@ -39,6 +39,22 @@ TYPE = {
 SOLVER = {"solver.max_step": "P_MAX_STEP", "solver.tolerance": "P_TOLERANCE"}  # places in q->p
 
 
+# Of a part without states, and of any part, whose outputs are all that is exposed
+APART = """\
+void model_rates(const ModelData *q, double *dx, double *z) {
+    double y[N_OUTPUTS];
+    (void)dx;
+    model_observed(q, z, y);
+}
+void model_outputs(const ModelData *q, double *y) {
+    double z[N_RELATIONS ? N_RELATIONS : 1];
+    model_observed(q, z, y);
+}
+"""
+DIRECTIONAL = "const ModelData *q, const double *seed, double *dx, double *y"
+LOCALS = "void model_locals(const ModelData *q, double *y) { model_outputs(q, y); }\n"
+
+
 @dataclass
 class Layout:
     """Order of the scalars within each C array."""
@@ -50,6 +66,7 @@ class Layout:
     memories: list[Scalar]
     algebraics: list[Scalar]  # the exposed ones, outputs first
     n_outputs: int
+    part: bool = False  # no FMU: nobody asks for derivatives, the solver's own excepted
 
 
 @dataclass
@@ -248,16 +265,7 @@ def source(
     functions = [
         emitter.function("model_starts", {"x": column(e.starts)}, f"{q}, double *x"),
         emitter.function("model_memory_starts", {"d": column(e.memory_starts)}, f"{q}, double *d"),
-        emitter.function(
-            "model_rates",
-            {"dx": column(e.derivatives), "z": column(e.indicators)},
-            f"{q}, double *dx, double *z",
-        ),
-        emitter.function(
-            "model_outputs", {"y": column(e.algebraics[: layout.n_outputs])}, f"{q}, double *y"
-        ),
-        *_observed(emitter, layout, e),
-        emitter.function("model_locals", {"y": column(e.algebraics)}, f"{q}, double *y"),
+        *_values(emitter, layout, e),
         emitter.function("model_conditions", {"c": column(e.conditions)}, f"{q}, double *c"),
         emitter.function(
             "model_updates",
@@ -303,13 +311,27 @@ def source(
     return header(system, layout, e, len(hoist.slots)), _silence_unused(text)
 
 
-def _observed(emitter: Emitter, layout: Layout, e: Expressions) -> list[str]:
-    """Relations and outputs together, of a model without states: both are most of the same."""
-    if len(e.derivatives):
-        return []
-    both = {"z": column(e.indicators), "y": column(e.algebraics[: layout.n_outputs])}
-    arguments = "const ModelData *q, double *z, double *y"
-    return [emitter.function("model_observed", both, arguments)]
+def _values(emitter: Emitter, layout: Layout, e: Expressions) -> list[str]:
+    """Rates and relations, outputs, and all that is exposed. Of a part without states relations and
+    outputs are most of the same: they are computed together.
+    """
+    q = "const ModelData *q"
+    outputs, indicators = column(e.algebraics[: layout.n_outputs]), column(e.indicators)
+    if layout.part and not e.derivatives:
+        observed = {"z": indicators, "y": outputs}
+        found = [emitter.function("model_observed", observed, f"{q}, double *z, double *y"), APART]
+    else:
+        rates = {"dx": column(e.derivatives), "z": indicators}
+        found = [
+            emitter.function("model_rates", rates, f"{q}, double *dx, double *z"),
+            emitter.function("model_outputs", {"y": outputs}, f"{q}, double *y"),
+        ]
+    if layout.part:
+        return [*found, LOCALS]
+    return [
+        *found,
+        emitter.function("model_locals", {"y": column(e.algebraics)}, f"{q}, double *y"),
+    ]
 
 
 def _delays_used(system: HybridSystem, hoist: Hoist) -> str:
@@ -335,10 +357,19 @@ def _delays_used(system: HybridSystem, hoist: Hoist) -> str:
 
 
 def _directional(inputs: dict[str, ca.SX], layout: Layout, e: Expressions, hoist: Hoist) -> str:
-    """Forward mode; the order of the seeds is that of `seeded`."""
+    """Forward mode; the order of the seeds is that of `seeded`. Of a part: of the rates, by what
+    the solver moves.
+    """
     calculated = [s.symbol for s in layout.calculated]
     known = seeded(inputs, layout)
     seed = ca.SX.sym("seed", known.numel())
+    if layout.part:
+        loops, own = inputs["q->w"].numel(), inputs["q->x"].numel()
+        moved = ca.vertcat(inputs["q->x"], inputs["q->w"], inputs["q->time"])
+        seeds = ca.vertcat(seed[:own], seed[known.numel() - loops - 1 :])
+        rates = ca.jtimes(column(e.derivatives), moved, seeds)
+        emitter = Emitter({**inputs, "seed": seed}, ("q->p",), hoist)
+        return emitter.function("model_directional", {"dx": rates}, DIRECTIONAL)
     unknown = column(e.derivatives + e.algebraics)
     if calculated:
         closed = close(layout, e)
@@ -351,7 +382,7 @@ def _directional(inputs: dict[str, ca.SX], layout: Layout, e: Expressions, hoist
     return emitter.function(
         "model_directional",
         {"dx": product[:n], "y": product[n:]},
-        "const ModelData *q, const double *seed, double *dx, double *y",
+        DIRECTIONAL,
     )
 
 

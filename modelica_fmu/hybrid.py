@@ -8,7 +8,7 @@ between values that only change at events.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -99,6 +99,31 @@ class HybridSystem:
     initial: ca.SX = field(default_factory=lambda: ca.SX.sym("initial"))
     path: ca.SX = field(default_factory=lambda: ca.SX.sym("homotopy()"))  # 0 to 1
     simplified: bool = False  # some homotopy() has a simplified side of its own
+
+    def copy(self) -> HybridSystem:
+        """One that may be changed without this one. Expressions are shared: they never change."""
+        scalars = {n: replace(s) for n, s in self.table.scalars.items()}
+        branches = [
+            replace(b, assigns=dict(b.assigns), reinits=dict(b.reinits)) for b in self.branches
+        ]
+        return replace(
+            self,
+            table=replace(self.table, scalars=scalars),
+            residuals=list(self.residuals),
+            initial_residuals=list(self.initial_residuals),
+            roundings=[replace(r) for r in self.roundings],
+            loops=list(self.loops),
+            constraints=list(self.constraints),
+            relations=[replace(r) for r in self.relations],
+            samples=[replace(s) for s in self.samples],
+            delays=[replace(d) for d in self.delays],
+            branches=branches,
+            assertions=[replace(a) for a in self.assertions],
+            updates=dict(self.updates),
+            memories=[scalars[s.name] for s in self.memories],
+            derivatives=dict(self.derivatives),
+            pre=dict(self.pre),
+        )
 
 
 class HybridScope:

@@ -93,16 +93,16 @@ def find_compiler(target: Platform, portable: bool = False) -> Compiler:
         command = os.environ.get("CC")
         candidates = [command] if command else ["cc", "gcc", "clang"]
         for candidate in candidates:
-            words = shlex.split(candidate)
+            words = tuple(shlex.split(candidate))
             if words and shutil.which(words[0]):
-                return Compiler(tuple(words), _version(words), zig=False)
+                return Compiler(words, _version(words), zig=False)
         if command:
             raise InputError(
                 f"no compiler {command!r}", field="CC", hint="correct or unset the variable CC"
             )
     if zig:
-        words = [sys.executable, "-m", "ziglang", "cc"]
-        return Compiler(tuple(words), "zig " + _version(words), zig=True)
+        words = (sys.executable, "-m", "ziglang", "cc")
+        return Compiler(words, "zig " + _version(words), zig=True)
     system = (
         ", or install gcc or clang (Debian: apt install gcc)" if target == host_platform() else ""
     )
@@ -120,7 +120,8 @@ def glibc_needed(library: bytes) -> str | None:
     return ".".join(map(str, max(versions))) if versions else None
 
 
-def _version(words: Sequence[str]) -> str:
+@functools.cache
+def _version(words: tuple[str, ...]) -> str:
     result = subprocess.run([*words, "--version"], capture_output=True, text=True, check=False)
     return (
         (result.stdout or result.stderr).strip().splitlines()[0]

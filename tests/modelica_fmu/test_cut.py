@@ -198,13 +198,13 @@ def test_threads_compile_one_at_a_time_and_collect_no_garbage_meanwhile(
     model = written(CART, tmp_path)
     inside, most, compiling = 0, 0, cutting.compile_system
 
-    def watched(system: HybridSystem) -> CompiledModel:
+    def watched(system: HybridSystem, part: bool) -> CompiledModel:
         nonlocal inside, most
         inside += 1
         most = max(most, inside)
         time.sleep(0.02)
         assert not gc.isenabled()
-        made = compiling(system)
+        made = compiling(system, part=part)
         inside -= 1
         return made
 

@@ -7,7 +7,7 @@ import ctypes
 import numpy as np
 import pytest
 
-from modelica_fmu.batch import CSRC, VECTOR_FLAGS, Drive, Subsystem, build_part
+from modelica_fmu.batch import CSRC, PART_FLAGS, Drive, Subsystem, build_part
 from modelica_fmu.cut import cut
 from modelica_fmu.lanes import in_lanes
 from modelica_fmu.toolchain import compile_library, find_compiler, host_platform
@@ -35,7 +35,7 @@ def elementary(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     (folder / "all.c").write_text(source)
     target = host_platform()
     name = f"all{target.extension}"
-    compile_library(find_compiler(target), target, folder, ["all.c"], name, VECTOR_FLAGS)
+    compile_library(find_compiler(target), target, folder, ["all.c"], name, PART_FLAGS)
     return ctypes.CDLL(str(folder / name))
 
 
