@@ -54,6 +54,7 @@ Array = NDArray[np.float64]
 Kinds = tuple[int, NDArray[np.uint8] | None]  # rows until out of bounds; None: all are STEADY
 STEADY, SWITCHED = 1, 2  # RowKind of batch.c
 CSRC = Path(__file__).parent / "csrc"
+SOURCES = "sources.json"  # of a part: file name -> text, until it is compiled
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class PartVariable:
 class Part:
     """What is known of a part before it is loaded."""
 
-    library: Path
+    library: Path  # compiled when the part is loaded first
     variables: tuple[PartVariable, ...]
     switching: frozenset[str]  # states whose rate changes its form at events
 
@@ -164,8 +165,9 @@ class Subsystem:
     """A loaded part. Threads may share it: every call has instances of its own."""
 
     def __init__(self, part: Part) -> None:
+        """Raises InputError where its library has yet to be compiled and cannot be."""
         self.part = part
-        self._library = ctypes.CDLL(os.fspath(part.library))
+        self._library = ctypes.CDLL(os.fspath(_compiled(part.library)))
         self._library.batch_run.argtypes = [ctypes.POINTER(_Batch)]
         self._library.batch_run.restype = ctypes.c_int
         self._references = {v.name: i for i, v in enumerate(part.variables)}
@@ -278,14 +280,17 @@ def _addresses(arrays: Sequence[NDArray[Any]]) -> NDArray[np.uintp]:
 
 
 def build_part(compiled: CompiledModel, folder: Path, key: str) -> Part:
-    """Compiles a model with the batch driver into `folder`/`key`, unless it is there already."""
+    """Writes a model with the batch driver into `folder`/`key`, unless it is there already. The C
+    compiler works when the part is loaded: a diagnosis reads of every part what it computes, and
+    runs few of the large ones.
+    """
     home = folder / key
     if not (home / "part.json").is_file():
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as temporary:
             made = Path(temporary) / "part"
             made.mkdir()
-            _compile(compiled, made)
+            _write(compiled, made)
             shutil.rmtree(home, ignore_errors=True)
             made.rename(home)
     part = read_part(folder, key)
@@ -312,8 +317,8 @@ def part_key(model: Path, what: str) -> str:
     return hashlib.sha256(key.encode()).hexdigest()[:24]
 
 
-def _compile(compiled: CompiledModel, folder: Path) -> None:
-    target = host_platform()
+def _write(compiled: CompiledModel, folder: Path) -> None:
+    """Sources and description of a part."""
     core = ("core.c", "core.h", "implicit.h", "newton.h")
     sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in core}
     for name in ("batch.c", "elementary.h", "lanes.h"):
@@ -323,16 +328,32 @@ def _compile(compiled: CompiledModel, folder: Path) -> None:
     sources["model.c"] = with_elementary(compiled.sources["model.c"])
     model, kinds = compiled.sources["model.c"], {v.kind for v in compiled.variables}
     sources["model_lanes.h"] = in_lanes(model, LANED if "state" in kinds else LANED_STILL)
-    for name, text in sources.items():
-        (folder / name).write_text(text, encoding="utf-8")
-    names = [n for n in sources if n.endswith(".c") and n != "core.c"]  # batch.c holds it
-    output = f"part{target.extension}"
-    compiler = find_compiler(target)
-    flags = (*PART_FLAGS, *own_processor(compiler, target))
-    compile_library(compiler, target, folder, names, output, flags)
-    for name in sources:
-        (folder / name).unlink()
+    (folder / SOURCES).write_text(json.dumps(sources), encoding="utf-8")
     keys = ("name", "kind", "type", "start", "unit", "min", "max")
     variables = [{k: v for k, v in asdict(x).items() if k in keys} for x in compiled.variables]
     told = {"variables": variables, "switching": sorted(compiled.switching)}
     (folder / "part.json").write_text(json.dumps(told), encoding="utf-8")
+
+
+def _compiled(library: Path) -> Path:
+    """A part's library, made from its sources unless it is there. Another process may be at it."""
+    home = library.parent
+    if library.is_file():
+        return library
+    try:
+        sources = json.loads((home / SOURCES).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        if library.is_file():
+            return library
+        raise
+    target = host_platform()
+    compiler = find_compiler(target)
+    flags = (*PART_FLAGS, *own_processor(compiler, target))
+    names = [n for n in sources if n.endswith(".c") and n != "core.c"]  # batch.c holds it
+    with tempfile.TemporaryDirectory(dir=home) as temporary:
+        for name, text in sources.items():
+            (Path(temporary) / name).write_text(text, encoding="utf-8")
+        made = compile_library(compiler, target, Path(temporary), names, library.name, flags)
+        made.replace(library)
+    (home / SOURCES).unlink(missing_ok=True)
+    return library

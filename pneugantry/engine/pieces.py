@@ -34,12 +34,15 @@ class Piece:
         self.inputs = frozenset(part.of("input"))
         self.states = frozenset(part.of("state"))
         self._subsystem = subsystem
+        self._loading = threading.Lock()
 
     @property
     def subsystem(self) -> Subsystem:
-        if self._subsystem is None:
-            self._subsystem = Subsystem(self.part)
-        return self._subsystem
+        """Loaded, and compiled if need be, by whoever asks first."""
+        with self._loading:
+            if self._subsystem is None:
+                self._subsystem = Subsystem(self.part)
+            return self._subsystem
 
     def serves(self, model: Values) -> bool:
         """Whether it computes what the whole part does with these parameters."""
@@ -90,6 +93,7 @@ class Pieces:
             made = Piece(self._again(fixed), fixed, unusual)
         except InputError:  # equations that have no solution any more
             return
+        _ = made.subsystem  # here, where other views' pieces are made beside it
         with self._lock:
             self._made = sorted((*self._made, made), key=_size)
 

@@ -281,3 +281,18 @@ def test_names_that_the_part_lacks_are_one_clear_line(cart: Subsystem) -> None:
     wrong = Correction(("K",), np.zeros((5, 1)), (0.5,))
     with pytest.raises(InputError, match="cannot correct K"):
         cart.run(["m"], np.ones((1, 1)), Drive({"u": n}, wrong), ["v"], PERIOD)
+
+
+def test_a_part_is_compiled_when_it_is_loaded_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "Toy.mo").write_text(CART, encoding="utf-8")
+    part = build_part(cut(tmp_path / "Toy.mo", "Toy.Cart", ["v"]), tmp_path, "cart")
+    assert part.of("state") == ["f", "v"]
+    assert not part.library.exists()
+    with ThreadPoolExecutor(2) as pool:  # two processes may be at it
+        list(pool.map(Subsystem, [part, part]))
+    names = {p.name for p in part.library.parent.iterdir()}
+    assert names == {"part.json", part.library.name}
+    monkeypatch.setattr("modelica_fmu.batch.compile_library", None)
+    Subsystem(part)  # it is there

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from pneugantry.engine.pieces import Piece
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.synthetic import Nominal
@@ -43,6 +45,13 @@ def test_pieces_compute_what_the_whole_does(
     assert np.abs(np.stack(view.residuals([(record, job) for job in JOBS])) - whole).max() < 1e-9
     assert np.ptp(whole[1] - whole[0]) > 1e-4
     assert np.ptp(whole[3] - whole[0]) > 1e-4
+
+
+def test_a_part_is_loaded_once_by_whoever_asks_first(views: dict[str, SubsystemView]) -> None:
+    whole = Piece(the_one_with(views, "spring").part)
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: whole.subsystem, range(8)))
+    assert all(f is found[0] for f in found)
 
 
 def served(view: SubsystemView, jobs: list[dict[str, float]], record: Record) -> list[set[str]]:
