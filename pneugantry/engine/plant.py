@@ -7,7 +7,7 @@ A parameter is one of the model, or of a signal's sensor: "sensors.SIGNAL.WHAT" 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -164,6 +164,11 @@ class Data:
     def unseen(self) -> tuple[Record, ...]:
         """All that no fit sees."""
         return self.also_held if self.held_out is None else (self.held_out, *self.also_held)
+
+    def each(self, change: Callable[[Record], Record]) -> Data:
+        """The same of changed records."""
+        held = None if self.held_out is None else change(self.held_out)
+        return Data(tuple(map(change, self.fitted)), held, tuple(map(change, self.also_held)))
 
 
 def thinned(record: Record, every: int) -> Record:

@@ -114,9 +114,10 @@ class FineKnots(Knots):
 
 @dataclass(frozen=True)
 class Wave:
-    """A sine and a cosine."""
+    """A sine and a cosine; in each of several records of their own where it runs on between."""
 
     period: float  # in units of the variable
+    phases: int = 1  # records with a phase of their own
 
     @property
     def bends(self) -> tuple[float, ...]:
@@ -127,7 +128,7 @@ class Wave:
         return np.column_stack([np.sin(phase), np.cos(phase)])
 
     def prior(self, size: float, bend: float) -> Array:
-        return np.eye(2) / size**2
+        return np.eye(2 * self.phases) / size**2
 
 
 def knots_over(values: Array) -> Knots | None:

@@ -108,6 +108,7 @@ class Distilled:
     values: tuple[float, ...]  # p1, p2, ...
     cost: float  # squared distance from the curve in its standard deviations, and PRICE each
     beside: tuple[float, ...] = ()  # shares of what was fitted beside
+    places: tuple[float, ...] = ()  # of a wave, in each record, where they are of their own
 
 
 def distilled(knots: Knots, curve: Array, covariance: Array) -> list[Distilled]:
@@ -213,12 +214,14 @@ class _Fit:
 
 
 def wave_of(candidate: Candidate, wave: Wave) -> Distilled:
-    """The sine of a candidate."""
-    curve = candidate.answer.coefficients
-    size, phase = float(np.hypot(*curve)), float(np.arctan2(curve[1], curve[0]))
-    place = -phase / (2 * np.pi) * wave.period
+    """The sine of a candidate. Its size is that of all records."""
+    curve = candidate.answer.coefficients.reshape(-1, 2)
+    size = float(np.sqrt((curve**2).sum(axis=1).mean()))
+    places = -np.arctan2(curve[:, 1], curve[:, 0]) / (2 * np.pi) * wave.period
     law = next(f for f in FORMS if f.name == "sine")
-    return Distilled(law, (size, wave.period, place), 3 * PRICE)
+    own = tuple(map(float, places)) if wave.phases > 1 else ()
+    values = (size, wave.period, 0.0 if own else float(places[0]))
+    return Distilled(law, values, 3 * PRICE, places=own)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from pneugantry.engine.confirm import Gap, Replay, replays, values_on
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.hypothesis import Hypothesis
-from pneugantry.engine.plant import Array, Nuisance, Plant
+from pneugantry.engine.plant import Array, Nuisance, Plant, Record
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
@@ -29,6 +29,7 @@ from pneugantry.learn.composite import composites
 from pneugantry.learn.curve import Knots, Wave
 from pneugantry.learn.experiments import Experiment, Rival, telling
 from pneugantry.learn.forms import Distilled, FreeCurve, distilled, free_curve, wave_of
+from pneugantry.learn.places import place_of
 from pneugantry.learn.points import Opened, Point, opened, recut
 from pneugantry.learn.regressors import TIME, Regressor
 from pneugantry.learn.screen import Candidate, Screen, Screening
@@ -52,6 +53,7 @@ OUT = 0.3  # share of the worst view's excess from which on a view's equations a
 FAR = 100.0  # -2 log evidence behind the likeliest one from which on a term is no rival
 CLOSE = 8.0  # -2 log evidence by which a form may lie behind the closest one to be fitted
 LINE = 0.02  # relative error of a period that a spectrum tells
+ANYWHERE = 0.29  # standard deviation of a place that nothing tells, as a share of the period
 FORMS = 3  # forms of a pair that are fitted
 NONE = np.zeros(0)
 
@@ -82,6 +84,10 @@ class Tried:
         for c in (c for c in point.coordinates if c.name in self.term.parameters):
             sigma = OPEN * self.fit.sigma(c.name) * c.unit
             found.append(Nuisance(c.parameter, sigma, relative=c.logarithmic))
+        own = [c for c in point.coordinates if c.parameter == self.term.own and c.record]
+        if own:
+            sigma = OPEN * max(self.fit.sigma(c.name) * c.unit for c in own)
+            found.append(Nuisance(self.term.own, sigma, per_record=True))
         return found
 
 
@@ -139,7 +145,7 @@ def learn(
             field="learn",
             hint="describe the plant by its Modelica source",
         )
-    apart = opened(task.plant, task.views, task.data.fitted, task.cache)
+    apart = opened(task.plant, task.views, task.cache)
     made = _Learning(found, rules, say, finish, apart).run()
     return replace(made, seconds=time.perf_counter() - began)
 
@@ -273,7 +279,7 @@ class _Learning:
         pairs: dict[tuple[Point, Regressor], Tried] = {}
         for t in tried:
             pairs.setdefault((t.term.point, t.term.regressor), self._simplest(t, tried))
-        rest = [self._again(t) for t in list(pairs.values())[:RIVALS]]
+        rest = [self._placed(self._again(t)) for t in list(pairs.values())[:RIVALS]]
         least = min(t.cost for t in rest)
         rest = [t for t in rest if t.cost < least + FAR]
         told = {t: self._foretold(t) if len(rest) > 1 else NONE for t in rest}
@@ -319,7 +325,7 @@ class _Learning:
         if record is None:
             return NONE
         plant = with_term(task.plant, tried.term, task.cache, blank=True)
-        replay = replays(plant, record, [values_on(tried.fit, record)], task.cache)[0]
+        replay = replays(plant, record, [self._values(tried, record)], task.cache)[0]
         if replay is None:
             return np.array([LOST])
         return self._loss(replay)
@@ -340,11 +346,16 @@ class _Learning:
             for t in answers[:2]
         ]
         records = [*task.data.fitted, *([task.data.held_out] if task.data.held_out else [])]
+        for t in answers[:2]:
+            records = [t.term.within(r) for r in records]
         return telling(rivals[0], rivals[1], records, task.cache)
 
     def _term(self, candidate: Candidate, d: Distilled) -> Term:
         block, spreads = self.apart.block(candidate.point), _spreads(d, candidate)
-        return Term(candidate.point, candidate.regressor, d.law, d.values, spreads, block)
+        term = Term(candidate.point, candidate.regressor, d.law, d.values, spreads, block)
+        if not d.places:
+            return term
+        return replace(term, places=dict(zip(candidate.course.values, d.places, strict=True)))
 
     def _fitted(self, screen: Screen, count: int) -> list[Tried]:
         """The best candidates of a screen as waves and free curves; those that explain about as
@@ -392,7 +403,9 @@ class _Learning:
     def _tried(self, term: Term, fit: Fit) -> Tried:
         values = fit.values(None)
         price = 2 * self.rules.entry * len(fit.keys)
-        return Tried(term.at([values[n] for n in term.parameters]), fit, fit.evidence + price)
+        places = {r: fit.values(r).get(term.own, at) for r, at in term.places.items()}
+        made = term.at([values[n] for n in term.parameters], places)
+        return Tried(made, fit, fit.evidence + price)
 
     def _again(self, tried: Tried) -> Tried:
         """With all views fitted together."""
@@ -403,11 +416,42 @@ class _Learning:
             fitter.close()
         return replace(tried, term=made.term, fit=made.fit, cost=made.cost)
 
+    def _placed(self, tried: Tried) -> Tried:
+        """With what records that no fit has seen have of their own."""
+        term, places = tried.term, dict(tried.term.places)
+        for record in self.found.task.data.unseen if places else ():
+            plant, views = self._with(term)
+            fitter = Fitter(plant, views, [record], self.quick)
+            try:
+                values = {**values_on(tried.fit, record), **term.settings}
+                period = term.values[1]
+                places[record.name] = place_of(fitter.simulation, values, term.own, period)
+            finally:
+                fitter.close()
+        return replace(tried, term=replace(term, places=places))
+
+    @staticmethod
+    def _values(tried: Tried, record: Record) -> dict[str, float]:
+        """What a fit with a term says of a record that it has not seen."""
+        own = tried.term.within(record).parameters
+        return {
+            **values_on(tried.fit, record),
+            **{k: own[k] for k in own.keys() - record.parameters},
+        }
+
     def _fitter(self, term: Term) -> Fitter:
+        plant, views = self._with(term)
+        records = [term.within(r) for r in self.found.task.data.fitted]
+        return Fitter(plant, views, records, self.quick)
+
+    def _with(self, term: Term) -> tuple[Plant, list[View]]:
+        """The plant with a term, and its views."""
         task = self.found.task
         plant = with_term(task.plant, term, task.cache, blank=True)
-        views = _recut(task, plant, self.reached(term))
-        return Fitter(plant, views, task.data.fitted, self.quick)
+        if term.places:
+            own = Nuisance(term.own, ANYWHERE * term.values[1], per_record=True)
+            plant = replace(plant, nuisances=(*plant.nuisances, own))
+        return plant, _recut(task, plant, self.reached(term))
 
     def _diagnosed(self, best: Tried) -> Found:
         """The plant with the term in it, its values open as far as their fit leaves them, diagnosed
@@ -422,7 +466,9 @@ class _Learning:
             nuisances=(*plant.nuisances, *best.nuisances),
         )
         views = _recut(task, plant, self.reached(term))
-        return self.finish(run(replace(task, plant=plant, views=views), self.quick, self.say))
+        data = task.data.each(term.within)
+        made = run(replace(task, plant=plant, views=views, data=data), self.quick, self.say)
+        return self.finish(made)
 
     def _judged(self, best: Tried, after: Found) -> tuple[bool, str]:
         """Whether the term stands, and why."""
@@ -464,7 +510,7 @@ class _Learning:
         fitter = self._fitter(best.term)
         try:
             views = list(fitter.simulation.views.values())
-            foretelling = Foretelling(fitter, views, record)
+            foretelling = Foretelling(fitter, views, best.term.within(record))
             try:
                 (gain,) = foretelling.gains([best.fit], plain)
             finally:

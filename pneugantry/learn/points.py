@@ -102,7 +102,6 @@ class Opened:
     views: tuple[OpenedView, ...]
     shape: Structure
     cache: Path
-    periods: Mapping[str, float]  # s, between the rows of each record
 
     def readers(self, point: Point) -> list[OpenedView]:
         """Views that an addend reaches."""
@@ -116,11 +115,6 @@ class Opened:
             return self.plant.blocks[max(paths, key=len)]
         readers = self.readers(point)
         return path or (readers[0].blocks[0] if readers else self.plant.name)
-
-    def period_of(self, cell: tuple[str, str]) -> float:
-        """s between the rows of a view's residual of a record."""
-        view = next(v for v in self.views if v.name == cell[0])
-        return self.periods[cell[1]] * view.decimation
 
     def quiet(self, record: Record) -> Record:
         """A record whose addends are 0."""
@@ -182,7 +176,7 @@ def _known(plant: Plant, shape: Structure) -> dict[str, str]:
     return known
 
 
-def opened(plant: Plant, views: Sequence[View], records: Sequence[Record], cache: Path) -> Opened:
+def opened(plant: Plant, views: Sequence[View], cache: Path) -> Opened:
     """The plant with an addend in each equation of its components that computes a number from
     others: not in those that only name a variable again. Views of another kind are left out.
     """
@@ -196,7 +190,7 @@ def opened(plant: Plant, views: Sequence[View], records: Sequence[Record], cache
     cut_views = tuple(
         _opened_view(v, made, names, cache) for v in views if isinstance(v, SubsystemView)
     )
-    return Opened(made, points, cut_views, shape, cache, {r.name: r.period for r in records})
+    return Opened(made, points, cut_views, shape, cache)
 
 
 def _open(point: Point) -> Addition:

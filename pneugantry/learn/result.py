@@ -39,6 +39,7 @@ def band(tried: Tried, z: Array) -> tuple[Array, Array]:
 
     def at(moved: Array) -> Array:
         values = [c.value(t) for c, t in zip(coordinates, moved, strict=True)]
+        values += [0.0] * bool(term.places)  # a wave from where it starts
         return np.asarray(term.law.law(z, values), dtype=float)
 
     covariance = fit.covariance[np.ix_(index, index)]

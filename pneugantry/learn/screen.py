@@ -49,9 +49,11 @@ class Course:
     values: Mapping[str, Array]
     factors: Mapping[str, Array] | None  # by which its term is multiplied
 
-    def shapes(self, *bases: Basis) -> dict[str, Array]:
-        """Shapes (rows, n) of each record."""
-        found = {r: np.column_stack([b.shapes(v) for b in bases]) for r, v in self.values.items()}
+    def shapes(self, basis: Basis) -> dict[str, Array]:
+        """Shapes (rows, coefficients) of each record."""
+        found = {r: basis.shapes(v) for r, v in self.values.items()}
+        if isinstance(basis, Wave) and basis.phases > 1:
+            found = {r: _among(s, k, basis.phases) for k, (r, s) in enumerate(found.items())}
         own = self.factors
         return found if own is None else {r: s * own[r][:, None] for r, s in found.items()}
 
@@ -309,13 +311,13 @@ class Screening:
         if knots is None:
             return []
         bases: list[Basis] = [knots]
-        if regressor.times:
-            return [self._candidate(group, response, regressor, knots, course)]
         if regressor.name == TIME:
+            periods = periods_of(response, course.values, course.factors)
+            phases = sorted({1, len(course.values)})
+            bases += [Wave(p, n) for p in periods for n in phases]
+        if not regressor.times and regressor.name == TIME:
             bases.append(finer(knots))
-            periods = periods_of(self.fit, group.cells, self.opened.period_of)
-            bases += [Wave(p) for p in periods]
-        elif self._moves(regressor):
+        elif not regressor.times and self._moves(regressor):
             bases.append(finer(knots))
             bases += [Wave(p) for p in self._lines(response, course)]
         return [self._candidate(group, response, regressor, b, course) for b in bases]
@@ -369,6 +371,12 @@ class Screening:
             course=course,
             alike=tuple(group.points[1:]),
         )
+
+
+def _among(shapes: Array, k: int, count: int) -> Array:
+    """Shapes (rows, n) as the k-th of so many records' own ones."""
+    n = shapes.shape[1]
+    return np.pad(shapes, ((0, 0), (n * k, n * (count - 1 - k))))
 
 
 def _powers(response: Response, over: Mapping[Cell, Array], periods: Array) -> Array:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from pneugantry.engine.catalogue import Effect, Form, Parameter
-from pneugantry.engine.plant import Array, Plant
+from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.learn.forms import FORMS, FormLaw
 from pneugantry.learn.points import Point, written
 from pneugantry.learn.regressors import TIME, Regressor
@@ -34,6 +34,8 @@ class Term:
     values: tuple[float, ...]  # p1, p2, ...: where its fit starts
     spreads: tuple[float, ...]  # usual sizes of the values; of a width, its relative error
     block: str  # of the answer
+    places: Mapping[str, float] = field(default_factory=dict)  # of a wave that runs on between
+    # records: the last of its values, by record
 
     @property
     def variable(self) -> str:
@@ -42,8 +44,14 @@ class Term:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Of the whole plant."""
-        return tuple(f"{self.point.variable}.p{k + 1}" for k in range(len(self.values)))
+        """Of the whole plant, but for what each record has of its own."""
+        count = len(self.values) - bool(self.places)
+        return tuple(f"{self.point.variable}.p{k + 1}" for k in range(count))
+
+    @property
+    def own(self) -> str:
+        """What each record has of its own, of the whole plant."""
+        return f"{self.point.variable}.p{len(self.values)}"
 
     @property
     def name(self) -> str:
@@ -64,7 +72,7 @@ class Term:
             return f"curve of {self._shown}{' times' + turned.replace('*', ' ') if turned else ''}"
         text = self.law.text
         for k, value in enumerate(self.values, 1):
-            shown = f"{value:.{digits}g}"
+            shown = f"{value:.{digits}g}" if k <= len(self.parameters) else "t0"
             text = text.replace(f"p{k}", f"({shown})" if k > 1 and value < 0 else shown)
         text = text.replace("3.141592653589793", "pi").replace("z", self._shown)
         return f"({text}){turned}" if turned else text
@@ -154,7 +162,7 @@ class Term:
         """As an effect: neutral at a size of 0."""
         made = []
         for k, (name, value, spread) in enumerate(
-            zip(self.parameters, self.values, self.spreads, strict=True)
+            zip(self.parameters, self.values, self.spreads, strict=False)
         ):
             if self._is_size(k):
                 bound = WIDE * max(abs(value), spread)
@@ -172,11 +180,19 @@ class Term:
 
     @property
     def starts(self) -> dict[str, float]:
-        return dict(zip(self.parameters, self.values, strict=True))
+        return dict(zip(self.parameters, self.values, strict=False))
 
-    def at(self, values: Sequence[float]) -> Term:
-        """The same with other values."""
-        return replace(self, values=tuple(values))
+    def at(self, values: Sequence[float], places: Mapping[str, float] | None = None) -> Term:
+        """The same with other values of its parameters, and of what each record has."""
+        whole = (*values, *self.values[len(values) :])
+        return replace(self, values=whole, places=self.places if places is None else places)
+
+    def within(self, record: Record) -> Record:
+        """A record with what it has of its own, where that is known."""
+        if record.name not in self.places:
+            return record
+        own = {self.own: self.places[record.name]}
+        return replace(record, parameters={**record.parameters, **own})
 
 
 def _size(value: Array) -> str:
