@@ -206,8 +206,13 @@ class _Learning:
         return Learned(found, after, answers, tuple(tried), *kept, 0.0, experiment)
 
     def _screening(self, fit: Fit) -> Screening:
-        fitted, blamed = self.found.task.data.fitted, _blamed(self.found)
-        return Screening(self.apart, fit, fitted, self.rules, blamed)
+        task, blamed = self.found.task, _blamed(self.found)
+        fitter = Fitter(task.plant, task.views, task.data.fitted, self.quick)
+        try:
+            of_views = fitter.plain(fit.residuals)
+        finally:
+            fitter.close()
+        return Screening(self.apart, fit, of_views, task.data.fitted, self.rules, blamed)
 
     def _worth_fitting(self, screen: Screen) -> list[Candidate]:
         """The best curve and the best wave of each variable in each block. Of equations that do as

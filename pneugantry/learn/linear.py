@@ -12,7 +12,7 @@ import numpy as np
 
 from pneugantry.engine.descent import Weighing
 from pneugantry.engine.fitter import Fit
-from pneugantry.engine.noise import Noise, Whitener
+from pneugantry.engine.noise import Noise
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
@@ -117,9 +117,12 @@ class Base:
         return self.foretold(lambda left_out: self.kept[left_out].cost)
 
 
-def base_of(fit: Fit, rules: Rules, parts: int = 4) -> Base:
-    """Weights and whitened columns of a fit. parts: stretches into which a single record is cut."""
-    weighing = Weighing(_flat(fit, rules), rules)
+def base_of(fit: Fit, of_views: Noise, rules: Rules, parts: int = 4) -> Base:
+    """Weights and whitened columns of a fit. of_views: noise, of the sensors' own colour: what is
+    missing has coloured the residuals, and under their colour it would look like noise. parts:
+    stretches into which a single record is cut.
+    """
+    weighing = Weighing(of_views, rules)
     names = [c.name for c in fit.point.coordinates]
     roots, white, columns, folds = {}, {}, {}, {}
     records = sorted({c[1] for c in fit.residuals})
@@ -137,19 +140,6 @@ def base_of(fit: Fit, rules: Rules, parts: int = 4) -> Base:
                 columns[cell][:, i] = np.nan_to_num(column) * roots[cell]
         folds[cell] = tuple(_folds(cell[1], len(w), r.shape[1], 1 if len(records) > 1 else parts))
     return Base(fit, weighing, roots, white, columns, folds)
-
-
-def _flat(fit: Fit, rules: Rules) -> Noise:
-    """White noise of each residual's own size. What is missing has coloured the residuals: under
-    their own colour it would look like noise.
-    """
-    return {
-        cell: tuple(
-            Whitener(np.zeros(0), max(float(np.sqrt(np.mean(r[:, c] ** 2))), 0.1 * w.sigma))
-            for c, w in enumerate(fit.noise[cell])
-        )
-        for cell, r in fit.residuals.items()
-    }
 
 
 def _folds(record: str, rows: int, signals: int, parts: int) -> Iterable[tuple[str, slice]]:

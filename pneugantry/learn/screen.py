@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from pneugantry.engine.fitter import Fit
+from pneugantry.engine.noise import Noise
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
@@ -133,18 +134,19 @@ class _Group:
 @dataclass(eq=False)
 class Screening:
     """Every equation with every variable of its component, and time, beside a fit. records: those
-    of the fit. views: only equations that reach one of these; None: all.
+    of the fit. noise: see `base_of`. views: only equations that reach one of these; None: all.
     """
 
     opened: Opened
     fit: Fit
+    noise: Noise
     records: Sequence[Record]
     rules: Rules
     views: Collection[str] | None = None
     _zero: dict[Cell, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.base = base_of(self.fit, self.rules)
+        self.base = base_of(self.fit, self.noise, self.rules)
         self.values = {r.name: self.fit.values(r.name) for r in self.records}
         self.quiet = {r.name: self.opened.quiet(r) for r in self.records}
         self.of_name = {v.name: v for v in self.opened.views}
