@@ -175,8 +175,12 @@ def test_a_scale_that_tolerance_bears_is_found_along_the_valley(tmp_path: Path) 
     fit = fitter.again(fitter.explore(null.hypothesis.plus(effect, effect.forms[0]), null))
     fitter.close()
     (cause,) = json.loads((folder / "truth.json").read_text())["causes"]
-    drawn = cause["parameters"]["gain"]
-    assert fit.values(None)["sensors.i.scale"] == pytest.approx(drawn, abs=0.03)
+    (own,) = (c for c in fit.point.coordinates if c.parameter == "sensors.i.scale")
+    open_by = fit.sigma(own.name) * own.unit  # the last bits of a processor move it by as much
+    assert open_by < 0.03
+    assert fit.values(None)[own.parameter] == pytest.approx(
+        cause["parameters"]["gain"], abs=3 * open_by
+    )
     assert null.evidence - fit.evidence > 60
 
 
