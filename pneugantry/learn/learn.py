@@ -313,7 +313,10 @@ class _Learning:
             for t in tried
             if (t.term.point, t.term.regressor) == (own.point, own.regressor)
             and len(t.term.values) < len(own.values)
-            and not self._tells(best, t, {best: NONE, t: NONE})
+            and (
+                t.cost < best.cost + self.rules.entry
+                or not self._tells(best, t, {best: NONE, t: NONE})
+            )
         ]
         return min(close, key=lambda t: (len(t.term.values), t.cost), default=best)
 
