@@ -15,12 +15,10 @@ from typing import Any
 import numpy as np
 
 from pneugantry.engine.decide import (
-    UNKNOWN,
+    Belief,
     Chances,
     Weighed,
-    left_beside,
-    shares,
-    unknown_probability,
+    beliefs,
 )
 from pneugantry.engine.plant import Array
 
@@ -41,7 +39,8 @@ __all__ = [
 PARTS = 5  # of the rigs, each left out in turn
 BINS = 5  # of probability, of a table of reliability
 LEAST = 0.01  # probability that a truth has at least: one rig must not decide
-FITTED = ("temper", "entry", "unknown_at", "unknown_per", "unknown_beside", "beside")
+FITTED = ("temper", "entry", "unknown_at", "unknown_per", "unknown_beside", "beside", "imitated")
+SHARES = ("beside", "imitated")  # of these, shares of 1
 # Their logarithms (of a share: of its odds) have a spread of 1 about the present ones: a few cases
 # move them little.
 
@@ -99,36 +98,24 @@ def log_score(cases: Iterable[Known], chances: Chances) -> float:
 
 
 def _of(case: Known, chances: Chances) -> float:
-    among = shares(case.weighed, chances)
-    pairs = list(zip(among, (frozenset(k) - {UNKNOWN} for k, _ in case.weighed), strict=True))
-    odd = _odd(case, among, chances)
-    if not case.unknown:
-        right = sum(float(p) for p, keys in pairs if keys == case.effects)
-        return math.log(max(right, LEAST)) + math.log(max(1 - odd, LEAST))
-    right = sum(
-        float(p) * chance
-        for p, keys in pairs
-        for kept, chance in left_beside(keys, case.doubtful, chances)
-        if kept == case.effects
-    )
-    return math.log(max(right, LEAST)) + math.log(max(odd, LEAST))
+    believed = _believed(case, chances)
+    return math.log(max(believed.get((case.effects, case.unknown), 0.0), LEAST))
 
 
-def _odd(case: Known, among: Array, chances: Chances) -> float:
-    """Probability of something that the catalogue lacks."""
-    likeliest = case.weighed[int(np.argmax(among))][0]
-    return unknown_probability(case.stands_out, chances, bool(likeliest))
+def _believed(case: Known, chances: Chances) -> dict[Belief, float]:
+    return beliefs(case.weighed, case.stands_out, case.doubtful, chances)
 
 
 def fitted(cases: Sequence[Known], start: Chances) -> Chances:
     """The weights of the largest log probability, near those to start from."""
-    *scales, share = (getattr(start, n) for n in FITTED)
-    logs = np.log([*scales, share / (1 - share)])
+    now = np.array([getattr(start, n) for n in FITTED])
+    share = np.array([n in SHARES for n in FITTED])
+    logs = np.log(np.where(share, now / (1 - now), now))
 
     def chances(step: Array) -> Chances:
-        *found, odds = (float(v) for v in np.exp(logs + step))
-        values = [*found, odds / (1 + odds)]
-        return replace(start, **dict(zip(FITTED, values, strict=True)))  # type: ignore[arg-type]
+        found = np.exp(logs + step)
+        values = np.where(share, found / (1 + found), found)
+        return replace(start, **dict(zip(FITTED, map(float, values), strict=True)))  # type: ignore[arg-type]
 
     def cost(step: Array) -> float:
         return float(step @ step) / 2 - len(cases) * log_score(cases, chances(step))
@@ -170,19 +157,13 @@ def reliability(cases: Sequence[Known], weights: Sequence[Chances]) -> tuple[Bin
     """How often claims are true, by kind and probability; weights: one for each rig."""
     claims: dict[str, list[tuple[float, bool]]] = {"effect": [], "none": [], "unknown": []}
     for case, chances in zip(cases, weights, strict=True):
-        among = shares(case.weighed, chances)
-        odd = _odd(case, among, chances)
+        believed = _believed(case, chances)
+        odd = sum(p for (_, unknown), p in believed.items() if unknown)
         claims["unknown"].append((odd, case.unknown))
-        nothing = sum(
-            float(p) for p, (keys, _) in zip(among, case.weighed, strict=True) if not keys
-        )
-        claims["none"].append(((1 - odd) * nothing, not case.effects and not case.unknown))
-        for key in {k for keys, _ in case.weighed for k in keys}:
-            told = sum(
-                float(p) for p, (keys, _) in zip(among, case.weighed, strict=True) if key in keys
-            )
-            if key in case.doubtful:  # what is unknown may be all that there is
-                told *= 1 - odd + odd * chances.beside
+        nothing = believed.get((frozenset(), False), 0.0)
+        claims["none"].append((nothing, not case.effects and not case.unknown))
+        for key in {k for keys, _ in believed for k in keys}:
+            told = sum(p for (keys, _), p in believed.items() if key in keys)
             if told > LEAST:
                 claims["effect"].append((told, key in case.effects))
     return tuple(b for what, of in claims.items() for b in _bins(what, of))

@@ -22,16 +22,16 @@ from pneugantry.engine.result import Answer
 
 __all__ = [
     "UNKNOWN",
+    "Belief",
     "Chances",
     "Decision",
     "Evidence",
     "Outstanding",
     "Weighed",
+    "beliefs",
     "decide",
-    "left_beside",
     "outstanding",
     "shares",
-    "unknown_probability",
 ]
 
 UNKNOWN = "unknown"
@@ -49,6 +49,7 @@ class Chances:
     unknown_per: float = 0.03  # excess that makes it e times likelier
     unknown_beside: float = 0.6  # as `unknown_at`, beside an effect, whose form may be another
     beside: float = 0.1  # that what is named beside something unknown in its view is there (0132)
+    imitated: float = 0.04  # that what looks like a named effect is none the catalogue has (0140)
     usual: Mapping[Channel, float] | None = None  # excess ratio of a sound rig's channel
     replay: float = 0.2  # excess that a replay's gap e times the usual one counts as
     bent: float = 0.1  # excess that each spread counts as by which a deviation exceeds `bent_from`
@@ -118,42 +119,46 @@ def shares(weighed: Sequence[Weighed], chances: Chances) -> Array:
     return np.asarray(weights / weights.sum())
 
 
-def unknown_probability(score: float, chances: Chances, beside: bool) -> float:
-    """Of something that the catalogue lacks, from `outstanding`; beside: besides an effect that
-    it has, of which a part may be left.
+def _stands_out(score: float, chances: Chances, beside: bool) -> float:
+    """Probability that what stands out by `score` (see `outstanding`) is something that the
+    catalogue lacks; beside: besides an effect that it has, of which a part may be left.
     """
     share = chances.unknown_beside / chances.unknown_at if beside else 1.0
     odds = (chances.unknown_at * share - score) / (chances.unknown_per * share)
     return 1 / (1 + math.exp(min(odds, 700.0)))
 
 
-def left_beside(
-    keys: Collection[str], doubtful: Collection[str], chances: Chances
-) -> list[tuple[frozenset[str], float]]:
-    """What is there beside something unknown where `keys` are named, with its probability: of those
-    that may only look like it, all or none.
+Belief = tuple[frozenset[str], bool]  # effects, and whether there is something unknown besides
+
+
+def beliefs(
+    weighed: Sequence[Weighed],
+    score: float,
+    doubtful: Collection[str],
+    chances: Chances,
+    least: float = 0.0,
+) -> dict[Belief, float]:
+    """What may be wrong, with its probability; they sum to 1. Something unknown shows where it
+    stands out by `score`; of `doubtful` effects, which may only look like it, all or none are then
+    there. Or it hides behind what imitates it, the more likely the more effects that takes.
+    least: probability that something stands out has at least.
     """
-    kept = frozenset(keys) - frozenset(doubtful)
-    if len(kept) == len(keys):
-        return [(kept, 1.0)]
-    return [(frozenset(keys), chances.beside), (kept, 1 - chances.beside)]
-
-
-def _answers(
-    found: Sequence[tuple[Fit, float]], unknown: float, chances: Chances, doubtful: Collection[str]
-) -> list[Answer]:
-    """Hypotheses without and with something unknown."""
-    answers = [Answer(fit.keys, share * (1 - unknown), fit) for fit, share in found]
-    with_unknown: dict[frozenset[str], tuple[float, Fit | None]] = {}
-    for fit, share in found:
-        for keys, chance in left_beside(fit.keys, doubtful, chances):
-            before, carrier = with_unknown.get(keys, (0.0, None))
-            if carrier is None and keys == frozenset(fit.keys):
-                carrier = fit
-            with_unknown[keys] = before + share * unknown * chance, carrier
-    for keys, (probability, carrier) in with_unknown.items():
-        answers.append(Answer((*sorted(keys), UNKNOWN), probability, carrier))
-    return answers
+    among = shares(weighed, chances)
+    likeliest = weighed[int(np.argmax(among))][0]
+    out = max(_stands_out(score, chances, bool(likeliest)), least)
+    found: dict[Belief, float] = {}
+    for (named, _), share in zip(weighed, map(float, among), strict=True):
+        keys = frozenset(named) - {UNKNOWN}
+        true = (1 - chances.imitated) ** len(keys)
+        kept = keys - frozenset(doubtful)
+        for belief, part in (
+            ((keys, False), (1 - out) * true),
+            ((frozenset[str](), True), (1 - out) * (1 - true)),
+            ((keys, True), out * chances.beside),
+            ((kept, True), out * (1 - chances.beside)),
+        ):
+            found[belief] = found.get(belief, 0.0) + share * part
+    return found
 
 
 def decide(
@@ -174,17 +179,19 @@ def decide(
         if name not in by_keys or e.cost < by_keys[name].cost:
             by_keys[name] = e
     kept = list(by_keys.values())
-    weights = shares([(e.fit.keys, e.cost) for e in kept], chances)
-    order = np.argsort(-weights)
-    best = kept[int(order[0])].fit
-    unknown = unknown_probability(score, chances, bool(best.keys))
-    if worse:
-        unknown = max(unknown, CLEAR)
+    weighed = [(tuple(e.fit.keys), e.cost) for e in kept]
+    best = min(kept, key=lambda e: e.cost + chances.entry * len(e.fit.keys)).fit
     if doubtful is None:
         doubtful = {key for e in kept for key in e.fit.keys}
-    pairs = [(kept[int(i)].fit, float(weights[i])) for i in order]
-    answers = _answers(pairs, unknown, chances, doubtful)
+    found_by = {frozenset(e.fit.keys): e.fit for e in kept}
+    believed = beliefs(weighed, score, doubtful, chances, CLEAR if worse else 0.0)
+    answers = [
+        Answer((*sorted(keys), UNKNOWN) if odd else found_by[keys].keys, p, found_by.get(keys))
+        for (keys, odd), p in believed.items()
+        if p > 0
+    ]
     answers.sort(key=lambda a: -a.probability)
+    unknown = sum(p for (_, odd), p in believed.items() if odd)
     # a further effect that may be there takes nothing away; something unknown in its place does
     holding = [sum(a.probability for a in answers if k in a.keys) for k in best.keys]
     known = min(holding, default=1.0)
