@@ -28,7 +28,7 @@ __all__ = ["Timed", "timed"]
 
 @dataclass(frozen=True)
 class Piece:
-    """One fit, or one screening of all effects."""
+    """One fit, one screening of all effects, or what was done side by side."""
 
     what: str
     effects: str
@@ -64,15 +64,24 @@ def timed(folder: Path) -> Timed:
 
 @contextmanager
 def _counted() -> Iterator[list[Piece]]:
+    """Outermost calls alone: of those inside others it is not known whose simulations are whose."""
     pieces: list[Piece] = []
+    inside = False
 
     def counting(what: str, call: Callable[..., Any]) -> Callable[..., Any]:
         def counted(by: Fitter | Scouts, *rest: Any, **more: Any) -> Any:
+            nonlocal inside
+            if inside:
+                return call(by, *rest, **more)
             simulation = (by if isinstance(by, Fitter) else by.fitter).simulation
-            cpu, simulated = time.process_time(), simulation.seconds
-            made = call(by, *rest, **more)
+            cpu, simulated, inside = time.process_time(), simulation.seconds, True
+            try:
+                made = call(by, *rest, **more)
+            finally:
+                inside = False
             cpu, simulated = time.process_time() - cpu, simulation.seconds - simulated
-            effects = " + ".join(made.keys) if isinstance(made, Fit) else ""
+            fits = [f for f in (made if isinstance(made, list) else [made]) if isinstance(f, Fit)]
+            effects = ", ".join(" + ".join(f.keys) for f in fits)
             pieces.append(Piece(what, effects, cpu, simulated))
             return made
 
@@ -82,9 +91,10 @@ def _counted() -> Iterator[list[Piece]]:
         patch.object(Fitter, "null", counting("tolerance", Fitter.null)),
         patch.object(Fitter, "explore", counting("fit", Fitter.explore)),
         patch.object(Fitter, "again", counting("fit of all views", Fitter.again)),
-        patch.object(Scouts, "gain", counting("scout", Scouts.gain)),
-        patch.object(Fitter, "from_afar", counting("fit from afar", Fitter.from_afar)),
+        patch.object(Fitter, "together", counting("fits side by side", Fitter.together)),
+        patch.object(Scouts, "gains", counting("scouts", Scouts.gains)),
         patch.object(searching, "screen", counting("screen", searching.screen)),
+        patch.object(searching, "afresh", counting("screen afresh", searching.afresh)),
     ):
         yield pieces
 

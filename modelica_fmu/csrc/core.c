@@ -89,6 +89,10 @@ static CoreStatus say(const Instance *s, CoreStatus status, const char *category
     return status;
 }
 
+/* Of numbers, in two instructions; fmin and fmax are calls where a NaN is to count. */
+static inline double smaller(double a, double b) { return a < b ? a : b; }
+static inline double larger(double a, double b) { return a > b ? a : b; }
+
 static const char *state_name(size_t i) { return model_variables[model_state_references[i]].name; }
 
 /* ---- delays ------------------------------------------------------------------------------------------------------------------- */
@@ -717,8 +721,8 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
         *event = jumps;
     } else {
         double grow = trial.error > 1e-6 ? 0.9 / sqrt(sqrt(trial.error)) : 5;
-        const double next = h * fmin(5, fmax(0.5, grow));
-        if (!last || grow < 1 || next > c->step) c->step = fmax(MIN_STEP * c->width, next); /* else it was its end that made it short */
+        const double next = h * smaller(5, larger(0.5, grow));
+        if (!last || grow < 1 || next > c->step) c->step = larger(MIN_STEP * c->width, next); /* else it was its end that made it short */
         watch_stiffness(s, h, &trial);
     }
     s->taken++;
@@ -766,7 +770,7 @@ CoreStatus core_step(Instance *s, double time, double step) {
 #if JUMPING
     s->c.doubts = 0;
 #endif
-    s->c.width = fmax(fmin(EVENT_WIDTH, WIDTH_SHARE * step), 4 * DBL_EPSILON * fabs(time));
+    s->c.width = larger(smaller(EVENT_WIDTH, WIDTH_SHARE * step), 4 * DBL_EPSILON * fabs(time));
     int events = 0;
     if (!(end - (end - longest) > 0.5 * longest)) /* a sampled clock would tick for ever without getting there */
         return say(s, CORE_ERROR, "logStatusError", "a step to t = %g s: its end is no number that internal steps of %g s can reach", end, longest);

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -46,7 +47,19 @@ FRESH = 2  # times as large is a survey where other equations hold: nothing is k
 WINNOWED = 8  # of a survey's points one is simulated over all records
 LEGS = 2  # descents from afar, each from the end of the one before, undamped
 FAR_OFF = 3.0  # spreads of the rig's tolerance from which on a deviation is much
+T = TypeVar("T")
+Found = TypeVar("Found")
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where a view by itself came to."""
+
+    problem: Problem
+    solution: Solution
+    lowest: float  # of what is known there, too
+    contends: bool  # with what is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,6 +238,15 @@ class Fitter:
         every = (*base.parameters, *(p for f in forms for p in f.parameters))
         self.simulation.prepare([(self._moving(every), base.settings)])
 
+    def together(
+        self, call: Callable[[T], Found], values: Sequence[T], hypotheses: Sequence[Hypothesis]
+    ) -> list[Found]:
+        """What a call makes of each value, in their order, side by side. hypotheses: that the calls
+        simulate; all are prepared first, for what has been decides which part a run takes.
+        """
+        self.prepare(hypotheses)
+        return self.simulation.side_by_side(call, values)
+
     def _moving(self, parameters: Iterable[Parameter]) -> set[str]:
         """Of effects, and what every rig has somewhat off."""
         return {*(p.name for p in parameters), *(n.parameter for n in self.plant.nuisances)}
@@ -299,12 +321,13 @@ class Fitter:
         wanted = {c.name for c in coordinates if c.effect}
         if hypothesis.settings != base.hypothesis.settings:  # other equations, other columns
             columns, wanted = {}, {c.name for c in coordinates}
-        made = []
-        for values in ({}, *starts):
+
+        def first(values: Mapping[str, float]) -> Solution:
             point = self._first(hypothesis, base, values)
             residuals, own = self.simulation.linearised(point, cells, wanted)
-            made.append(Solution(point, residuals, {**columns, **own}))
-        return made
+            return Solution(point, residuals, {**columns, **own})
+
+        return self.simulation.side_by_side(first, ({}, *starts))
 
     def from_afar(
         self, hypothesis: Hypothesis, base: Fit, starts: Sequence[Mapping[str, float]]
@@ -314,14 +337,17 @@ class Fitter:
         basin.
         """
         _, known, cells = self._beside_base(hypothesis, base)
-        problem, ends = self._problem(cells, known), []
-        for values in starts:
+        problem = self._problem(cells, known)
+
+        def down(values: Mapping[str, float]) -> Solution:
             point = self._first(hypothesis, base, values)
             residuals, columns = self.simulation.linearised(point, cells, set(known.names))
             solution = Solution(point, residuals, columns)
             for _ in range(LEGS):
                 solution = descend(problem, solution, None, ROUGH)
-            ends.append(solution)
+            return solution
+
+        ends = self.simulation.side_by_side(down, starts)
         solution = min(ends, key=lambda s: standing(problem, s))
         if standing(problem, solution) < standing(problem, _as_of(base, solution.point)):
             solution = self._jointly(solution, known, cells)
@@ -400,27 +426,22 @@ class Fitter:
         """
         start, total = starts[0], known
         columns = dict(start.columns)
-        ends: list[tuple[Problem, Solution, float | None, bool]] = []
-        for view in dict.fromkeys(c[0] for c in cells):
-            own = [c for c in cells if c[0] == view]
-            if not any(k[0] in own for k in columns):
-                continue
-            problem = self._problem(own, known, fine=False)
-            bars = [standing(problem, _only(rival, view)) for rival in rivals]
-            bar = bars[0] if bars else math.inf
-            solution, least = _only(start, view), math.inf
-            for other in starts:
-                other = self._raced(problem, _only(other, view), min(bar, least))
-                if (cost := standing(problem, other)) < least:
-                    solution, least = other, cost
-            contends = least - min(bars, default=math.inf) < self.rules.hopeless
-            surveyed = share > 1 or (share == 1 and contends)
-            ends.append((problem, solution, min(bar, least) if rivals else None, surveyed))
+        views = [
+            view
+            for view in dict.fromkeys(c[0] for c in cells)
+            if any(k[0][0] == view for k in columns)
+        ]
+        ends = self._ends(starts, known, cells, rivals, views)
         if not rivals:
-            self._level = self._loudness([s.residuals for _, s, _, _ in ends])
-        for problem, solution, lowest, surveyed in ends:
-            if surveyed:
-                solution = self._surveyed(problem, starts, solution, lowest, share)
+            self._level = self._loudness([e.solution.residuals for e in ends])
+
+        def surveyed(end: _End) -> Solution:
+            if not (share > 1 or (share == 1 and end.contends)):
+                return end.solution
+            lowest = end.lowest if rivals else None
+            return self._surveyed(end.problem, starts, end.solution, lowest, share)
+
+        for solution in self.simulation.side_by_side(surveyed, ends):
             total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
             columns |= solution.columns
         before, least_of_all = start.point.theta, total.least()
@@ -430,6 +451,40 @@ class Fitter:
             if all(np.isfinite(r).all() for r in residuals.values()):
                 return Solution(point, residuals, columns)
         return start
+
+    def _ends(
+        self,
+        starts: Sequence[Solution],
+        known: Parabola,
+        cells: Sequence[Cell],
+        rivals: Sequence[Solution],
+        views: Sequence[str],
+    ) -> list[_End]:
+        """Of each view by itself the least that a descent from a start comes to. All views descend
+        from the first at once, then from the others, which race what that came to.
+        """
+        problems = {
+            v: self._problem([c for c in cells if c[0] == v], known, fine=False) for v in views
+        }
+        bars = {v: [standing(p, _only(r, v)) for r in rivals] for v, p in problems.items()}
+
+        def down(task: tuple[str, Solution, float]) -> tuple[float, Solution]:
+            view, start, bar = task
+            end = self._raced(problems[view], _only(start, view), bar)
+            return standing(problems[view], end), end
+
+        base = {v: bars[v][0] if rivals else math.inf for v in views}
+        tasks = [(v, starts[0], base[v]) for v in views]
+        first = dict(zip(views, self.simulation.side_by_side(down, tasks), strict=True))
+        tasks = [(v, s, min(base[v], first[v][0])) for v in views for s in starts[1:]]
+        others = self.simulation.side_by_side(down, tasks)
+        found = []
+        for v in views:
+            own = [first[v], *(end for t, end in zip(tasks, others, strict=True) if t[0] == v)]
+            least, solution = min(own, key=lambda e: e[0])
+            contends = least - min(bars[v], default=math.inf) < self.rules.hopeless
+            found.append(_End(problems[v], solution, min(base[v], least), contends))
+        return found
 
     def _loudness(self, of_views: Sequence[Residuals]) -> float:
         """How much noisier the rig's sensors are than quoted: that of most of them. A coarse
@@ -781,10 +836,25 @@ class Scouts:
 
     def __init__(self, fitter: Fitter, base: Fit, views: Collection[str]) -> None:
         self.fitter, self._base, self._views = fitter, base, frozenset(views)
-        self._alone: dict[tuple[str, frozenset[str]], float] = {}
 
-    def gain(self, hypothesis: Hypothesis, starts: Sequence[Mapping[str, float]]) -> float:
-        """Fall of -2 log posterior, from the base and from values besides."""
+    def gains(
+        self, tried: Sequence[tuple[Hypothesis, Sequence[Mapping[str, float]]]]
+    ) -> list[float]:
+        """Of each hypothesis the fall of -2 log posterior, from the base and from values."""
+        fitter, together = self.fitter, self.fitter.simulation.side_by_side
+        fitter.prepare([h for h, _ in tried])
+        cells = [fitter._beside_base(h, self._base)[2] for h, _ in tried]
+        touched = [frozenset(c[0] for c in own) for own in cells]
+        levels = dict.fromkeys((v, t) for t in touched for v in sorted(t & self._views))
+        found = dict(zip(levels, together(lambda k: self._level(*k), [*levels]), strict=True))
+        return together(lambda each: self._gain(*each, found), tried)
+
+    def _gain(
+        self,
+        hypothesis: Hypothesis,
+        starts: Sequence[Mapping[str, float]],
+        levels: Mapping[tuple[str, frozenset[str]], float],
+    ) -> float:
         fitter, base = self.fitter, self._base
         _, known, cells = fitter._beside_base(hypothesis, base)
         touched = frozenset(c[0] for c in cells)
@@ -792,24 +862,22 @@ class Scouts:
         firsts, gain = fitter._firsts(hypothesis, base, starts, own), 0.0
         for view in dict.fromkeys(c[0] for c in own):
             problem = fitter._problem([c for c in own if c[0] == view], known, fine=False)
-            least = self._level(problem, view, touched)
+            least = levels[view, touched]
             for first in firsts:
                 end = standing(problem, fitter._raced(problem, _only(first, view), least))
                 gain, least = gain + max(least - end, 0.0), min(least, end)
         return gain
 
-    def _level(self, problem: Problem, view: str, touched: frozenset[str]) -> float:
+    def _level(self, view: str, touched: frozenset[str]) -> float:
         """Where the base comes to in a view by itself, other views as parabolas but for those that
         are touched.
         """
-        if (view, touched) not in self._alone:
-            base = self._base
-            known = _known_beside(base.point.coordinates, base, touched)
-            alone = replace(problem, prior=known)
-            start = _only(Solution(base.point, base.residuals, base.columns), view)
-            end = self.fitter._raced(alone, start, math.inf)
-            self._alone[view, touched] = standing(alone, end)
-        return self._alone[view, touched]
+        base, fitter = self._base, self.fitter
+        known = _known_beside(base.point.coordinates, base, touched)
+        cells = [c for c in fitter.simulation.cells if c[0] == view]
+        alone = fitter._problem(cells, known, fine=False)
+        start = _only(Solution(base.point, base.residuals, base.columns), view)
+        return standing(alone, fitter._raced(alone, start, math.inf))
 
 
 def _known_beside(

@@ -127,12 +127,13 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
 
 def _reformed(trail: _Trail, best: Fit) -> Fit:
     """With another form of an effect that came before the last, where it does better beside it."""
-    fitter, fits = trail.fitter, []
+    fitter, tried = trail.fitter, []
     for effect, form in best.hypothesis.effects[:-1]:
         for other in filter(fitter.readable, effect.forms):
             hypothesis = best.hypothesis.without(effect.key).plus(effect, other)
             if other is not form and hypothesis.forms not in trail.known:
-                fits.append(fitter.explore(hypothesis, best, [best.values(None)], thorough=False))
+                tried.append((hypothesis, [best.values(None)]))
+    fits = _explored(fitter, best, tried, None)
     trail.tried += fits
     top = min((best, *fits), key=lambda f: f.evidence)
     return trail.polished(top) if best.evidence - top.evidence > fitter.rules.entry else best
@@ -184,8 +185,7 @@ def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
         ]
         screened = screen(fitter, base, forms, {})
         least = max(base.evidence - best.evidence, trail.bar)
-        for own in _chosen(fitter, screened, least, ("gain", "plain")):
-            fits.append(_added(fitter, base, own, best))
+        fits += _added(fitter, base, _chosen(fitter, screened, least, ("gain", "plain")), best)
     return fits
 
 
@@ -206,7 +206,7 @@ def _replacing(trail: _Trail, best: Fit) -> list[Fit]:
         gone = [e.key for e, _ in effects if e.block == more[0].block and e is not more[0]]
         if not seen and fit.evidence < best.evidence - trail.fitter.rules.entry:
             gone.append(more[0].key)
-        fits += [trail.fitter.explore(fit.hypothesis.without(key), fit) for key in gone]
+        fits += _without(trail.fitter, fit, gone)
         seen.add(fit.hypothesis.forms)
     return fits
 
@@ -224,10 +224,8 @@ def _fits(
     break-away) shows in no prediction, and a fit of that view alone tells which are worth one of
     all. Where that does, too, also what is predicted from the nominal plant on, of which `far` is.
     """
-    rough: list[Fit] = []
     measures = ("gain", "plain")
-    for own in _chosen(fitter, screened, bar, measures):
-        rough.append(_added(fitter, base, own, _ahead(rough)))
+    rough = _added(fitter, base, _chosen(fitter, screened, bar, measures), None)
     left = fitter.loud(min((base, *rough), key=lambda f: f.evidence))
     known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
     rest = [
@@ -236,13 +234,19 @@ def _fits(
         if _form_of(c) not in known and not fitter.readers(c.form).isdisjoint(left)
     ]
     scouts = Scouts(fitter, base, left)
-    for own in _chosen(fitter, rest, bar, measures, every=True):
-        if scouts.gain(*_from(fitter, base, own)) > bar:
-            rough.append(_added(fitter, base, own, _ahead(rough)))
+    others = _chosen(fitter, rest, bar, measures, every=True)
+    gains = scouts.gains([_from(fitter, base, own) for own in others])
+    worth = [own for own, gain in zip(others, gains, strict=True) if gain > bar]
+    rough += _added(fitter, base, worth, _ahead(rough))
     if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
-        for own in _chosen(fitter, afresh(fitter, base, forms, far), bar, ("afresh",)):
-            hypothesis = base.hypothesis.plus(own[0].effect, own[0].form)
-            rough.append(fitter.from_afar(hypothesis, base, [c.starts for c in own]))
+        distant = _chosen(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
+        told = [
+            (base.hypothesis.plus(own[0].effect, own[0].form), [c.starts for c in own])
+            for own in distant
+        ]
+        rough += fitter.together(
+            lambda t: fitter.from_afar(t[0], base, t[1]), told, [h for h, _ in told]
+        )
     return rough + _other_forms(fitter, base, rough)
 
 
@@ -265,11 +269,13 @@ def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[
     foremost = _best_of_each(fits)[: fitter.rules.finalists]
     least = fitter.rules.hopeful * max((base.evidence - f.evidence for f in foremost), default=0.0)
     hopeful = [f for f in foremost if base.evidence - f.evidence > least]
-    surveyed = [_surveyed(fitter, base, f) for f in hopeful or foremost]
+    some = hopeful or foremost
+    hypotheses = [f.hypothesis for f in some]
+    surveyed = fitter.together(lambda f: _surveyed(fitter, base, f), some, hypotheses)
     chosen = [f for f in surveyed if f.evidence < base.evidence and not _idle(fitter, f)]
     if len(chosen) == 1 and chosen[0].gain(base, fitter.rules) > bar:
         return chosen
-    return [fitter.again(f) for f in chosen]
+    return fitter.together(fitter.again, chosen, [f.hypothesis for f in chosen])
 
 
 def _idle(fitter: Fitter, fit: Fit) -> bool:
@@ -303,7 +309,7 @@ def _pruned(trail: _Trail, fit: Fit) -> Fit:
     fitter = trail.fitter
     while fit.keys:
         trail.tried.append(fit)
-        drops = [fitter.explore(fit.hypothesis.without(k), fit) for k in fit.keys]
+        drops = _without(fitter, fit, fit.keys)
         trail.tried += drops
         idle = fit.negligible(fitter.rules)
         least = min((d for d in drops if not set(d.keys) & set(idle[:1])), key=lambda f: f.evidence)
@@ -315,10 +321,40 @@ def _pruned(trail: _Trail, fit: Fit) -> Fit:
     return fit
 
 
-def _added(fitter: Fitter, base: Fit, own: Sequence[Candidate], ahead: Fit | None) -> Fit:
-    """An effect from the base, from its candidates' starts, and from the others."""
-    hypothesis, starts = _from(fitter, base, own)
-    return fitter.explore(hypothesis, base, starts, ahead, thorough=False)
+def _without(fitter: Fitter, fit: Fit, keys: Sequence[str]) -> list[Fit]:
+    """A fit without each of some effects."""
+    fewer = [fit.hypothesis.without(k) for k in keys]
+    return fitter.together(lambda h: fitter.explore(h, fit), fewer, fewer)
+
+
+def _added(
+    fitter: Fitter, base: Fit, chosen: Sequence[Sequence[Candidate]], ahead: Fit | None
+) -> list[Fit]:
+    """Effects from the base, each from its candidates' starts, and from the others; those that keep
+    the base's equations first, for they tell how much the others are to gain.
+    """
+    made: list[Fit] = []
+    settings = base.hypothesis.settings
+    tried = [_from(fitter, base, own) for own in chosen]
+    for keeps in (True, False):
+        front = _ahead([*made, *([ahead] if ahead else [])])
+        own = [t for t in tried if (t[0].settings == settings) is keeps]
+        made += _explored(fitter, base, own, front)
+    return made
+
+
+def _explored(
+    fitter: Fitter,
+    base: Fit,
+    tried: Sequence[tuple[Hypothesis, Sequence[Mapping[str, float]]]],
+    ahead: Fit | None,
+) -> list[Fit]:
+    """Hypotheses near a base, each from some starts, side by side."""
+    return fitter.together(
+        lambda t: fitter.explore(t[0], base, t[1], ahead, thorough=False),
+        tried,
+        [t[0] for t in tried],
+    )
 
 
 def _from(
@@ -335,13 +371,13 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     """The best effects in their other forms; where none gains anything and more than noise is left,
     the best of those, too.
     """
-    made: list[Fit] = []
     known = {f.hypothesis.forms for f in fits}
     best = _best_of_each(fits)
     least = NEARLY * max((base.evidence - f.evidence for f in fits), default=0.0)
     near = [f for f in best if base.evidence - f.evidence > max(least, 0.0)]
     if not near and fitter.loud(base):
         near = best
+    tried = []
     for fit in near[: fitter.rules.reformed]:
         effect, _ = fit.hypothesis.effects[-1]
         for form in effect.forms:
@@ -349,9 +385,8 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
             if hypothesis.forms in known or not fitter.readable(form):
                 continue
             starts = [fit.values(None), *(s for s in starts_of(fitter, base, form) if s)]
-            ahead = _ahead([*fits, *made])
-            made.append(fitter.explore(hypothesis, base, starts[:STARTS], ahead, thorough=False))
-    return made
+            tried.append((hypothesis, starts[:STARTS]))
+    return _explored(fitter, base, tried, _ahead(fits))
 
 
 def _chosen(

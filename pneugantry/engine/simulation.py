@@ -5,25 +5,27 @@ A residual depends on few parameters, so it is kept by view and record (a cell).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
+from typing import TypeVar
 
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.threads import THREADS
+from pneugantry.engine.threads import Pooled, on_threads
 from pneugantry.engine.views import View
 
 __all__ = ["Cell", "Columns", "Point", "Residuals", "Simulation"]
 
-SHARES = 4  # of a view's runs, so that the threads end together
-SHARE = 8  # runs at least: as many are simulated side by side
+SIDE_BY_SIDE = 8  # runs that the lanes of a part hold
 MOST = 64  # runs of one call: their signals are in memory together
 USUAL = 0.1  # a tolerance's spread, in an effect's usual sizes
 Cell = tuple[str, str]  # view, record
 _Job = tuple[Cell, Mapping[str, float]]  # a run
+T = TypeVar("T")
+Found = TypeVar("Found")
 Residuals = dict[Cell, Array]  # (rows, signals), in the signals' units
 Columns = dict[tuple[Cell, str], Array]  # d residual / d theta, by the coordinate's name
 
@@ -53,7 +55,9 @@ class Point:
 
 
 class Simulation:
-    """Runs views on threads of its own."""
+    """Runs views on threads of its own. Threads may share it: what several of them ask of one view
+    meanwhile is simulated in one call, for a lane costs the same whether or not it is used.
+    """
 
     def __init__(self, views: Sequence[View], records: Sequence[Record], rules: Rules) -> None:
         self.views = {v.name: v for v in views}
@@ -61,10 +65,15 @@ class Simulation:
         self.cells = [(v.name, r.name) for v in views for r in records if v.shows(r)]
         self.rules = rules
         self.seconds = 0.0  # of records, simulated so far
-        self._pool = ThreadPoolExecutor(THREADS)
+        self._counting = Lock()
+        self._pooled: Pooled[str, _Job, Array] = Pooled(self._residuals, SIDE_BY_SIDE, MOST)
 
     def close(self) -> None:
-        self._pool.shutdown()
+        self._pooled.close()
+
+    def side_by_side(self, call: Callable[[T], Found], values: Sequence[T]) -> list[Found]:
+        """What a call makes of each value, in their order; their simulations are done together."""
+        return self._pooled.side_by_side(call, values)
 
     def prepare(self, fits: Sequence[tuple[Collection[str], Mapping[str, float]]]) -> None:
         """Tells the views what fits move, and which settings they keep."""
@@ -73,9 +82,8 @@ class Simulation:
         def tell(view: View, moving: Collection[str], settings: Mapping[str, float]) -> None:
             view.prepare({*moving, *of_records}, settings)
 
-        told = [self._pool.submit(tell, v, *fit) for fit in fits for v in self.views.values()]
-        for done in told:
-            done.result()
+        told = [(v, *fit) for fit in fits for v in self.views.values()]
+        on_threads(lambda each: tell(*each), told)
 
     def reads(self, parameter: str, record: str | None = None) -> bool:
         """Whether any view reads a parameter, in a record or at all."""
@@ -85,37 +93,17 @@ class Simulation:
 
     def run(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> dict[Cell, list[Array]]:
         """Residuals (rows, signals) of each cell's runs."""
-
-        def one(share: list[_Job]) -> list[Array]:
-            view = self.views[share[0][0][0]]
-            return view.residuals([(self.records[c[1]], values) for c, values in share])
-
-        shares = self._shares([(cell, values) for cell, own in jobs.items() for values in own])
-        order = sorted(range(len(shares)), key=lambda i: -self._seconds(shares[i]))
-        made = dict(zip(order, self._pool.map(one, [shares[i] for i in order]), strict=True))
+        every = [(cell, values) for cell, own in jobs.items() for values in own]
+        with self._counting:
+            self.seconds += self._seconds(every)
+        made = self._pooled.run([(job[0][0], job) for job in every])
         found: dict[Cell, list[Array]] = {}
-        for i, share in enumerate(shares):
-            for (cell, _), residual in zip(share, made[i], strict=True):
-                found.setdefault(cell, []).append(residual)
+        for (cell, _), residual in zip(every, made, strict=True):
+            found.setdefault(cell, []).append(residual)
         return found
 
-    def _shares(self, jobs: Sequence[_Job]) -> list[list[_Job]]:
-        """Runs of one view each, that are simulated in one call: few calls, and lanes that are
-        full, but work for all threads.
-        """
-        of_views: dict[str, list[_Job]] = {}
-        for job in jobs:
-            of_views.setdefault(job[0][0], []).append(job)
-        everything = self._seconds(jobs)
-        self.seconds += everything
-        shares = []
-        for own in of_views.values():
-            size = min(SHARE * -(-len(own) // (SHARES * SHARE)), MOST)
-            if len(own) <= 2 * SHARE:
-                halved = self._seconds(own) > 0.5 * everything
-                size = -(-len(own) // 2) if halved else len(own)
-            shares += [own[at : at + size] for at in range(0, len(own), size)]
-        return shares
+    def _residuals(self, view: str, jobs: Sequence[_Job]) -> list[Array]:
+        return self.views[view].residuals([(self.records[c[1]], values) for c, values in jobs])
 
     def _seconds(self, jobs: Sequence[_Job]) -> float:
         """Of records, that runs go over."""

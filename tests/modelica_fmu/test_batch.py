@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from test_cut import CART, MEASURED
 
+from modelica_fmu import batch
 from modelica_fmu.batch import (
     Correction,
     Course,
@@ -63,9 +64,7 @@ def test_inputs_at_the_rows_differ_from_those_behind_them(cart: Subsystem) -> No
 
 
 def test_inputs_may_change_within_rows(cart: Subsystem) -> None:
-    """A pulse of half a row is what rows of half the period hold; rows that do not change are
-    stepped at once.
-    """
+    """A pulse of half a row is what rows of half the period hold."""
     fine = np.zeros(200)
     fine[31], fine[120:] = 5.0, 1.0
     expected = cart.run(["K"], np.array([[2.0]]), Drive({"u": fine}), ["f", "v"], PERIOD)[0, ::2]
@@ -161,13 +160,17 @@ end Toy;
 
 
 @pytest.mark.parametrize("outputs", [["s", "v"], ["v", "pushed"]])
-def test_a_run_does_not_depend_on_what_runs_beside_it(tmp_path: Path, outputs: list[str]) -> None:
+def test_a_run_does_not_depend_on_what_runs_beside_it(
+    tmp_path: Path, outputs: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Events, a stop, a clamp, drives of their own and of their own length, corrections and one
-    failure: the same bits as alone.
+    failure: the same bits as alone, and as without lanes.
     """
     (tmp_path / "Toy.mo").write_text(SLED, encoding="utf-8")
     compiled = cut(tmp_path / "Toy.mo", "Toy.Sled", outputs)
     sled = Subsystem(build_part(compiled, tmp_path, f"sled {outputs[0]}"))
+    monkeypatch.setattr(batch, "PART_FLAGS", (*batch.PART_FLAGS, "-DLANED=0"))
+    plain = Subsystem(build_part(compiled, tmp_path, f"plain sled {outputs[0]}"))
     rng = np.random.default_rng(4)
     drives = []
     for k, n in enumerate((1300, 1500, 1)):
@@ -182,9 +185,23 @@ def test_a_run_does_not_depend_on_what_runs_beside_it(tmp_path: Path, outputs: l
     for k, run in enumerate(found):
         alone = sled.run(["m", "F"], values[k : k + 1], drives[which[k]], outputs, PERIOD)[0]
         np.testing.assert_array_equal(run, alone)
+        other = plain.run(["m", "F"], values[k : k + 1], drives[which[k]], outputs, PERIOD)[0]
+        np.testing.assert_array_equal(run, other)
         assert np.isnan(run[-1]).all() if k == 5 else np.isfinite(run).all()
     assert [len(run) for run in found[:3]] == [1300, 1500, 1]
     assert np.ptp(found[0][:, 0]) > 0.01
+
+
+def test_rows_that_are_steady_are_stepped_as_those_beside_them(cart: Subsystem) -> None:
+    """An input that differs within some rows of one drive changes no bit of another's runs."""
+    fine = np.sin(np.arange(400) / 15).reshape(200, 2)
+    steps = np.repeat(np.round(fine[:, :1], 1), 2, axis=1)
+    drives = [Drive({"u": (u[:, 0], u)}) for u in (fine, steps)]
+    values = np.linspace(0.5, 2.0, 9)[:, None]
+    both = cart.runs(["m"], values, drives, ["v", "s"], 2 * PERIOD, [k % 2 for k in range(9)])
+    for k, run in enumerate(both):
+        alone = cart.run(["m"], values[k : k + 1], drives[k % 2], ["v", "s"], 2 * PERIOD)[0]
+        np.testing.assert_array_equal(run, alone)
 
 
 PAD = """package Toy

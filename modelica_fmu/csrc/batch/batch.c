@@ -19,7 +19,10 @@
 #define STEPS_AT_FIRST 2000
 #define STEPS_PER_ROW 100
 
-#define SIDE_BY_SIDE 3 /* runs from which on lanes are worth it */
+/* A model for lanes: nothing but states, relations and memories. */
+#ifndef LANED
+#define LANED (N_DELAYS + N_SAMPLES + N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS + N_ASSERTIONS == 0)
+#endif
 
 typedef struct {
     size_t n_runs, n_parameters, n_parts, n_inputs, n_corrected, n_outputs, n_drives;
@@ -102,10 +105,11 @@ static void correct(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     invalidate(s);
 }
 
-/* From row k to the next; at once, where no input changes on the way. */
+/* From row k to the next; at once, where no input changes on the way. Lanes take the parts of all rows one by one, for what is beside
+ * them may change: so does a row that they leave to core.c. */
 static int pass(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     const double time = (double)k * b->period, part = b->period / (double)b->n_parts;
-    if (plan->kind[k] & STEADY) return core_step(s, time, b->period) <= CORE_WARNING;
+    if (!LANED && plan->kind[k] & STEADY) return core_step(s, time, b->period) <= CORE_WARNING;
     for (size_t j = 0; j < b->n_parts; j++) {
         if (j > 0) put_over(s, b, plan, k, j);
         if (core_step(s, time + (double)j * part, part) > CORE_WARNING) return 0;
@@ -206,7 +210,7 @@ static int all_runs(const Batch *b, const Plan *plans) {
     for (size_t run = 0; run < b->n_runs && failed >= 0; run += (size_t)n) {
         int found;
         n = b->n_runs - run > LANES ? LANES : (int)(b->n_runs - run);
-        if (LANED && plans->laned && n >= SIDE_BY_SIDE) {
+        if (LANED && plans->laned) {
             found = group(b, plans, run, n);
         } else {
             n = 1;

@@ -10,9 +10,6 @@
 #define AHEAD 32    /* rows */
 #define CALM 0.6561 /* error, in units of the tolerance, up to which core.c does not shorten its next step: 0.9^4 */
 
-/* A model for this: nothing but states, relations and memories. */
-#define LANED (N_DELAYS + N_SAMPLES + N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS + N_ASSERTIONS == 0)
-
 #if LANED
 #define APART static __attribute__((noinline)) /* called from several places: copies would take long to compile */
 
@@ -43,7 +40,7 @@ typedef struct {
     double *result[LANES];
     int failed[LANES];
     size_t rows;         /* of the longest run */
-    unsigned char *kind; /* [rows], STEADY where all lanes are, SWITCHED where one is or ends */
+    unsigned char *kind; /* [rows], SWITCHED where one lane is or ends */
     size_t ahead;        /* row from which on these are of all lanes, side by side; see look_ahead */
     Lane *at, *over_parts, *measured;
 } Lanes;
@@ -228,12 +225,11 @@ static inline void lanes_row(Lanes *w, const Batch *b, size_t k) {
     }
 #if N_STATES > 0
     const double part = b->period / (double)b->n_parts;
-    const int whole = w->kind[k] & STEADY;
     if (k + 1 == w->rows) return;
     draw_lanes(w, b, w->measured + (k - w->ahead) * b->n_corrected);
-    for (size_t j = 0; j < (whole ? 1 : b->n_parts); j++) {
+    for (size_t j = 0; j < b->n_parts; j++) {
         put_lanes(w, b, w->over_parts + ((k - w->ahead) * b->n_parts + j) * b->n_inputs);
-        pass_lanes(w, time + (double)j * part, whole ? b->period : part);
+        pass_lanes(w, time + (double)j * part, part);
     }
 #endif
 }
@@ -291,10 +287,10 @@ static int prepare_rows(Lanes *w, const Batch *b) {
     if (!w->kind || !w->at) return 0;
     w->over_parts = w->at + AHEAD * b->n_inputs;
     w->measured = w->over_parts + AHEAD * b->n_inputs * b->n_parts;
-    memset(w->kind, STEADY, w->rows);
+    memset(w->kind, 0, w->rows);
     for (int l = 0; l < w->q.n; l++) {
         const Plan *plan = w->plan[l];
-        for (size_t k = 0; k < plan->sound; k++) w->kind[k] = (w->kind[k] & plan->kind[k] & STEADY) | ((w->kind[k] | plan->kind[k]) & SWITCHED);
+        for (size_t k = 0; k < plan->sound; k++) w->kind[k] |= plan->kind[k] & SWITCHED;
         if (plan->sound < w->rows) w->kind[plan->sound] |= SWITCHED;
     }
     return 1;

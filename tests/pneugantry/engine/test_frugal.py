@@ -53,7 +53,8 @@ def test_a_scout_tells_what_a_view_gains(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts, drag=2.0)
     null = fitter.null()
     scouts = Scouts(fitter, null, ["v"])
-    gains = {k: scouts.gain(hypothesis(k), []) for k in ("drag", "current_scale", "leak", "mass")}
+    keys = ("drag", "current_scale", "leak", "mass")
+    gains = dict(zip(keys, scouts.gains([(hypothesis(k), []) for k in keys]), strict=True))
     fit = fitter.explore(hypothesis("drag"), null)
     fitter.close()
     assert gains["drag"] > null.evidence - fit.evidence > fitter.rules.effect
