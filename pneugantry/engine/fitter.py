@@ -38,7 +38,7 @@ from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simula
 from pneugantry.engine.synthetic import changes_of, noisy
 from pneugantry.engine.views import View
 
-__all__ = ["FAR_OFF", "Fit", "Fitter", "Scouts", "deviations", "fallen"]
+__all__ = ["FAR_OFF", "FRESH", "Fit", "Fitter", "Scouts", "deviations", "fallen"]
 
 SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
 SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
@@ -288,17 +288,18 @@ class Fitter:
         starts: Sequence[Mapping[str, float]] = (),
         ahead: Fit | None = None,
         thorough: bool = True,
+        fresh: int = FRESH,
     ) -> Fit:
         """A hypothesis near `base`: views that its effects do not touch are their parabolas there.
         starts: values of effect parameters to start from, too. ahead: the best of its rivals so
         far, behind which less is tried. thorough: views above the noise are surveyed, too; they
-        always are under other equations than the base's.
+        always are under other equations than the base's, by surveys `fresh` times as large.
         """
         own, known, cells = self._beside_base(hypothesis, base)
         firsts = self._firsts(hypothesis, base, starts, cells)
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
         rivals = [_as_of(f, own) for f in (base, ahead) if f is not None]
-        share = FRESH if another else int(thorough)
+        share = fresh if another else int(thorough)
         solution = self._by_view(firsts, known, cells, rivals, share)
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
         before, after = (self._beside(s, base, known, cells) for s in (best, solution))

@@ -37,6 +37,10 @@ from pneugantry.engine.views import View
 __all__ = ["Found", "Task", "run"]
 
 Say = Callable[[str], None]
+CUT = (
+    "the search was cut short: nothing that was tried explains all that stands out, and trying"
+    " everything beside everything would take minutes"
+)
 Keys = tuple[str, ...]  # effects of a hypothesis, sorted
 BLAMED = 1.1  # times the gap with tolerance alone from which on effects make it worse
 NOTABLE = 2.0  # times the floor from which on a gap is more than noise
@@ -225,7 +229,7 @@ def _answer(
         causes=causes_of(decision.answers, task.catalogue, decision.chosen),
         answer_set=answer_set(decision.answers),
         gap=c.gap,
-        notes=(*task.notes, *c.notes),
+        notes=(*task.notes, *c.notes, *((CUT,) if found.cut else ())),
         limits=task.limits,
         seconds=clock.seconds,
         steps=found.steps,

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pneugantry.engine.catalogue import Effect
-from pneugantry.engine.fitter import Fit, Fitter, Scouts
+from pneugantry.engine.fitter import FRESH, Fit, Fitter, Scouts
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.screening import (
     Candidate,
@@ -30,6 +30,8 @@ __all__ = ["Search", "Step", "search"]
 NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
 STARTS = 2  # from which a form is fitted, beside the base
 SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
+SCOUTED = 8  # effects that are tried in single views at once
+LAST = 2.0  # times `Rules.effort` from which on no further effect is looked for
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class Search:
     steps: tuple[Step, ...]
     tried: tuple[Fit, ...]
     screened: tuple[Candidate, ...] = field(default=())
+    cut: bool = False  # it has spent what it may: not all was tried that it would have
 
 
 @dataclass(eq=False)
@@ -92,7 +95,20 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     best = _exchanged(trail, _gathered(trail, null))
     null = min((f for f in trail.tried if not f.keys), key=lambda f: f.evidence)
     tried = tuple(f for f in trail.tried if not f.negligible(fitter.rules))
-    return Search(null, best, tuple(trail.steps), tried, tuple(trail.screened))
+    cut = _spent(fitter) >= 1 and bool(fitter.loud(best))
+    return Search(null, best, tuple(trail.steps), tried, tuple(trail.screened), cut)
+
+
+def _spent(fitter: Fitter) -> float:
+    """Of what a search may spend, a share."""
+    return fitter.simulation.evaluations / fitter.rules.effort
+
+
+def _loud(fitter: Fitter, fit: Fit) -> list[str]:
+    """Views in which a fit leaves more than noise, as long as more may be spent on them: where
+    nothing explains a view, everything would be tried in it, and again beside each effect.
+    """
+    return [] if _spent(fitter) >= 1 else fitter.loud(fit)
 
 
 def _gathered(trail: _Trail, null: Fit) -> Fit:
@@ -100,7 +116,7 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
     fitter, best, thorough = trail.fitter, null, False
     near, far = Memory(), Memory()
     for _ in range(fitter.rules.rounds):
-        forms = _main_forms(fitter, trail.beside(best.keys), every=bool(fitter.loud(best)))
+        forms = _main_forms(fitter, trail.beside(best.keys), every=bool(_loud(fitter, best)))
         if best.keys:  # there are too many pairs to prepare each
             fitter.prepare_any(best.hypothesis, trail.offered.values())
         trail.screened = screen(fitter, best, forms, near.about(fitter, best))
@@ -116,9 +132,11 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
             break
         before, thorough = best, True  # whose own best optimum may still be elsewhere
         best = trail.polished(top or best)
-        if top is not None and fitter.loud(best):
+        if top is not None and _loud(fitter, best):
             best = _reformed(trail, best)
         least = fitter.rules.entry if top is None else trail.bar
+        if _spent(fitter) >= LAST:
+            break
         if set(best.keys) == set(before.keys) and before.evidence - best.evidence < least:
             best = min(before, best, key=lambda f: f.evidence)
             break  # nothing to be screened that was not; what came was dropped again
@@ -226,7 +244,7 @@ def _fits(
     """
     measures = ("gain", "plain")
     rough = _added(fitter, base, _chosen(fitter, screened, bar, measures), None)
-    left = fitter.loud(min((base, *rough), key=lambda f: f.evidence))
+    left = _loud(fitter, min((base, *rough), key=lambda f: f.evidence))
     known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
     rest = [
         c
@@ -235,10 +253,15 @@ def _fits(
     ]
     scouts = Scouts(fitter, base, left)
     others = _chosen(fitter, rest, bar, measures, every=True)
-    gains = scouts.gains([_from(fitter, base, own) for own in others])
-    worth = [own for own, gain in zip(others, gains, strict=True) if gain > bar]
+    worth = []
+    for at in range(0, len(others), SCOUTED):
+        if _spent(fitter) >= 1:
+            break
+        few = others[at : at + SCOUTED]
+        gains = scouts.gains([_from(fitter, base, own) for own in few])
+        worth += [own for own, gain in zip(few, gains, strict=True) if gain > bar]
     rough += _added(fitter, base, worth, _ahead(rough))
-    if fitter.loud(min((base, *rough), key=lambda f: f.evidence)):
+    if _loud(fitter, min((base, *rough), key=lambda f: f.evidence)):
         distant = _chosen(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
         told = [
             (base.hypothesis.plus(own[0].effect, own[0].form), [c.starts for c in own])
@@ -269,9 +292,10 @@ def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[
     foremost = _best_of_each(fits)[: fitter.rules.finalists]
     least = fitter.rules.hopeful * max((base.evidence - f.evidence for f in foremost), default=0.0)
     hopeful = [f for f in foremost if base.evidence - f.evidence > least]
-    some = hopeful or foremost
-    hypotheses = [f.hypothesis for f in some]
-    surveyed = fitter.together(lambda f: _surveyed(fitter, base, f), some, hypotheses)
+    surveyed = hopeful or foremost
+    if _spent(fitter) < 1:
+        hypotheses = [f.hypothesis for f in surveyed]
+        surveyed = fitter.together(lambda f: _surveyed(fitter, base, f), surveyed, hypotheses)
     chosen = [f for f in surveyed if f.evidence < base.evidence and not _idle(fitter, f)]
     if len(chosen) == 1 and chosen[0].gain(base, fitter.rules) > bar:
         return chosen
@@ -350,11 +374,12 @@ def _explored(
     ahead: Fit | None,
 ) -> list[Fit]:
     """Hypotheses near a base, each from some starts, side by side."""
-    return fitter.together(
-        lambda t: fitter.explore(t[0], base, t[1], ahead, thorough=False),
-        tried,
-        [t[0] for t in tried],
-    )
+    fresh = FRESH if _spent(fitter) < 1 else 1
+
+    def explored(each: tuple[Hypothesis, Sequence[Mapping[str, float]]]) -> Fit:
+        return fitter.explore(each[0], base, each[1], ahead, thorough=False, fresh=fresh)
+
+    return fitter.together(explored, tried, [h for h, _ in tried])
 
 
 def _from(
@@ -375,7 +400,7 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     best = _best_of_each(fits)
     least = NEARLY * max((base.evidence - f.evidence for f in fits), default=0.0)
     near = [f for f in best if base.evidence - f.evidence > max(least, 0.0)]
-    if not near and fitter.loud(base):
+    if not near and _loud(fitter, base):
         near = best
     tried = []
     for fit in near[: fitter.rules.reformed]:

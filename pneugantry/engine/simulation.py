@@ -75,6 +75,11 @@ class Simulation:
         """What a call makes of each value, in their order; their simulations are done together."""
         return self._pooled.side_by_side(call, values)
 
+    @property
+    def evaluations(self) -> float:
+        """How often all views could have been simulated over all records by now."""
+        return self.seconds / max(self._seconds([(c, {}) for c in self.cells]), 1e-9)
+
     def prepare(self, fits: Sequence[tuple[Collection[str], Mapping[str, float]]]) -> None:
         """Tells the views what fits move, and which settings they keep."""
         of_records = {n for r in self.records.values() for n in r.parameters}
