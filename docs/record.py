@@ -16,7 +16,12 @@ DATA = ROOT / "docs" / "results" / "data"
 NOMINAL = "../shared/campaigns/nominal"  # another simulator's recording; not in this repository
 CAMPAIGNS = " ".join(
     f"../shared/campaigns/{n}"
-    for n in ("nominal", "rig_none_1", "rig_coulomb_level_x", "example_valve_delay_z")
+    for n in (
+        "nominal",
+        "rig_coulomb_level_x",
+        "example_valve_delay_z",
+        "example_presliding_z",
+    )
 )
 BOOK = "../ModelicaByExample"  # public sources, not in this repository either
 LIBRARY = "../ModelicaStandardLibrary"  # of version 4.1.0

@@ -189,33 +189,28 @@ def diagnosis_time() -> str:
     earlier = {r["campaign"]: r for r in before}
     heads = (
         "campaign",
-        "wall s",
-        "CPU s",
-        "fits",
-        "simulated s",
-        "CPU s before",
-        "simulated s before",
+        *(f"{what} s{when}" for what in ("wall", "CPU", "simulated") for when in ("", " before")),
     )
     rows = []
     for r in found:
-        old = earlier.get(r["campaign"])
-        rest = (f"{old['cpu']:.1f}", f"{_simulated(old):.0f}") if old else ("-", "-")
-        counts = (f"{r['wall']:.1f}", f"{r['cpu']:.1f}", len(r["pieces"]), f"{_simulated(r):.0f}")
-        rows.append((r["campaign"], *counts, *rest))
-    dear = max(found, key=lambda r: len(r["pieces"]))
+        old = earlier[r["campaign"]]
+        pairs = [(d[what] for d in (r, old)) for what in ("wall", "cpu")]
+        cells = [f"{x:.1f}" for pair in pairs for x in pair]
+        rows.append((r["campaign"], *cells, *(f"{_simulated(d):.0f}" for d in (r, old))))
+    dear = max(found, key=lambda r: float(r["cpu"]))
     pieces = sorted(dear["pieces"], key=lambda p: -p["cpu"])[:10]
     shares = [
         (f"{p['what']} {p['effects']}", f"{p['cpu']:.2f}", f"{p['simulated']:.0f}") for p in pieces
     ]
     return (
         f"{said} Before: {before_said}\n\n{_table(heads, rows)}\n\n"
-        f"The dearest fits of `{dear['campaign']}`:\n\n"
-        f"{_table(('fit', 'CPU s', 'simulated s'), shares)}"
+        f"What was dearest of `{dear['campaign']}`:\n\n"
+        f"{_table(('what', 'CPU s', 'simulated s'), shares)}"
     )
 
 
 def _simulated(diagnosis: dict[str, Any]) -> float:
-    return sum(p["simulated"] for p in diagnosis["pieces"])
+    return float(sum(p["simulated"] for p in diagnosis["pieces"]))
 
 
 def _target(told: object) -> str:

@@ -47,9 +47,9 @@ FRESH = 2  # times as large is a survey where other equations hold: nothing is k
 WINNOWED = 8  # of a survey's points one is simulated over all records
 LEGS = 2  # descents from afar, each from the end of the one before, undamped
 FAR_OFF = 3.0  # spreads of the rig's tolerance from which on a deviation is much
+ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 T = TypeVar("T")
 Found = TypeVar("Found")
-ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 
 
 @dataclass(frozen=True, eq=False)

@@ -238,6 +238,25 @@ def test_what_makes_a_loud_view_quieter_is_fitted_whatever_is_predicted(
     assert min(fits, key=lambda f: f.evidence).keys == ("drag",)
 
 
+def test_what_nothing_predicts_is_tried_until_the_effort_is_spent(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    fitter.rules = replace(fitter.rules, effort=0.9 * fitter.simulation.evaluations)
+    forms = _main_forms(fitter, list(CATALOGUE.values()))
+    nothing = [Candidate(e, f, {}, 0.0, 0.0) for e, f in forms]
+    fits = _fits(fitter, null, nothing, 30.0, forms, Memory())
+    others = {k: e for k, e in CATALOGUE.items() if k in ("leak", "slow_current")}
+    unexplained = search(fitter, null, others)
+    explained = search(fitter, null, CATALOGUE)
+    fitter.close()
+    assert fits == []
+    assert unexplained.cut
+    assert explained.best.keys == ("drag",)  # a score test predicts it
+    assert not explained.cut
+
+
 def test_beside_a_second_effect_the_first_may_take_another_form(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts, drag=2.0, leak=0.2)
     first, second = in_forms("first", {"cubic": 2.0, "drag": 2.0}), CATALOGUE["leak"]
