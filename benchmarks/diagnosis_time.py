@@ -82,7 +82,8 @@ def _counted() -> Iterator[list[Piece]]:
             cpu, simulated = time.process_time() - cpu, simulation.seconds - simulated
             fits = [f for f in (made if isinstance(made, list) else [made]) if isinstance(f, Fit)]
             effects = ", ".join(" + ".join(f.keys) for f in fits)
-            pieces.append(Piece(what, effects, cpu, simulated))
+            if simulated > 0:
+                pieces.append(Piece(what, effects, cpu, simulated))
             return made
 
         return counted
