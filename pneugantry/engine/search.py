@@ -294,7 +294,7 @@ def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[
     hopeful = [f for f in foremost if base.evidence - f.evidence > least]
     surveyed = hopeful or foremost
     if _spent(fitter) < 1:
-        hypotheses = [f.hypothesis for f in surveyed]
+        hypotheses = [h for f in surveyed for h in (f.hypothesis, _in_main_form(fitter, base, f))]
         surveyed = fitter.together(lambda f: _surveyed(fitter, base, f), surveyed, hypotheses)
     chosen = [f for f in surveyed if f.evidence < base.evidence and not _idle(fitter, f)]
     if len(chosen) == 1 and chosen[0].gain(base, fitter.rules) > bar:
@@ -309,6 +309,13 @@ def _idle(fitter: Fitter, fit: Fit) -> bool:
     return fit.keys[-1] in fit.negligible(fitter.rules)
 
 
+def _in_main_form(fitter: Fitter, base: Fit, fit: Fit) -> Hypothesis:
+    """A base with the effect that came last in a fit, in its first form of the same equations."""
+    effect, form = fit.hypothesis.effects[-1]
+    main = next(f for f in effect.forms if f.settings == form.settings and fitter.readable(f))
+    return base.hypothesis.plus(effect, main)
+
+
 def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
     """The best of a fit, a thorough one from where it ended, and one of the effect's main form from
     the nominal plant, where it leaves more than noise and has not been surveyed, for its equations
@@ -319,10 +326,9 @@ def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
     if not fitter.loud(fit):
         return fit
     other = fitter.explore(fit.hypothesis, base, [fit.values(None)], fit)
-    effect, form = fit.hypothesis.effects[-1]
-    main = next(f for f in effect.forms if f.settings == form.settings and fitter.readable(f))
-    starts = [{**nominal_values(base), **s} for s in usual(fitter, base, main)]
-    far = fitter.from_afar(base.hypothesis.plus(effect, main), base, starts[:SIDES])
+    main = _in_main_form(fitter, base, fit)
+    starts = [{**nominal_values(base), **s} for s in usual(fitter, base, main.effects[-1][1])]
+    far = fitter.from_afar(main, base, starts[:SIDES])
     return min(fit, other, far, key=lambda f: f.evidence)
 
 
