@@ -87,8 +87,10 @@ class Structure:
 
     roots: variable -> the variable that it is another name of (itself if of none).
     states: roots that are states. rates: state -> root that its derivative is, if it is just one.
+    numbers: variables of type Real.
     """
 
     roots: Mapping[str, str]
     states: frozenset[str]
     rates: Mapping[str, str]
+    numbers: frozenset[str]

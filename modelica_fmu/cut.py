@@ -99,7 +99,9 @@ def structure(model: Path, class_name: str) -> Structure:
         others = graph.names[index] - {f"der({state})"}
         if len(others) == 1 and (other := next(iter(others))) in graph.roots:
             rates[state] = graph.roots[other]
-    return Structure(graph.roots, frozenset(states), rates)
+    scalars = graph.system.table.scalars
+    numbers = frozenset(name for name, s in scalars.items() if s.variable.type == "Real")
+    return Structure(graph.roots, frozenset(states), rates, numbers)
 
 
 @alone

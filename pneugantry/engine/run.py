@@ -193,14 +193,19 @@ def _bring(keys: Keys, costs: Mapping[Keys, float]) -> bool:
 
 
 def _costs(fits: Mapping[Keys, Fit], rules: Rules) -> dict[Keys, float]:
-    """Less what each effect brings beside the others: from the likeliest hypothesis that has one
-    effect less, else from none at all.
+    """Less what effects bring. The best of as many effects is held against the likeliest that has
+    one of its effects less, else against none at all; the others of as many against that best:
+    over a detour each would be doubted for more than what tells it from its rival.
     """
     costs: dict[Keys, float] = {(): 0.0}
-    for keys in sorted(fits, key=len)[1:]:
-        fewer = [k for k in costs if len(k) == len(keys) - 1 and set(k) < set(keys)]
+    for count in sorted({len(k) for k in fits} - {0}):
+        level = [k for k in fits if len(k) == count]
+        best = min(level, key=lambda k: fits[k].evidence)
+        fewer = [k for k in costs if len(k) == count - 1 and set(k) < set(best)]
         base = min(fewer, key=lambda k: costs[k], default=())
-        costs[keys] = costs[base] - fits[keys].gain(fits[base], rules)
+        costs[best] = costs[base] - fits[best].gain(fits[base], rules)
+        for k in level:
+            costs[k] = costs[best] + (fits[best].gain(fits[k], rules) if k != best else 0.0)
     return costs
 
 

@@ -188,22 +188,21 @@ def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
     """
     fitter, known = trail.fitter, trail.known
     fits = _replacing(trail, best)
-    for effect, _ in best.hypothesis.effects:
-        rest = set(best.keys) - {effect.key}
-        bases = [f for f in trail.tried if set(f.keys) == rest]
-        if not bases:
-            continue
+    for effect, form in best.hypothesis.effects:
+        rest = best.hypothesis.without(effect.key)
+        bases = [f for f in trail.tried if f.hypothesis.forms == rest.forms]
         base = min(bases, key=lambda f: f.evidence)
-        forms = [
+        offers = [
             (e, f)
-            for e in trail.beside(rest)
+            for e in trail.beside(rest.keys)
             for f in e.forms
             if e.block == effect.block and fitter.readable(f)
-            if base.hypothesis.plus(e, f).forms not in known
+            if (f is form) or base.hypothesis.plus(e, f).forms not in known
         ]
-        screened = screen(fitter, base, forms, {})
-        least = max(base.evidence - best.evidence, trail.bar)
-        fits += _added(fitter, base, _chosen(fitter, screened, least, ("gain", "plain")), best)
+        screened = screen(fitter, base, offers, {})
+        chosen = _chosen(fitter, screened, trail.bar, ("gain", "plain"))
+        own = (effect.key, form.name)
+        fits += _added(fitter, base, [c for c in chosen if _form_of(c[0]) != own], best)
     return fits
 
 

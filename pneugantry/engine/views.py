@@ -443,12 +443,18 @@ def _structure(plant: Plant, cache: Path) -> Structure:
     path = cache / f"{key}.json"
     if path.is_file():
         told = json.loads(path.read_text(encoding="utf-8"))
-        return Structure(told["roots"], frozenset(told["states"]), told["rates"])
+        states, numbers = frozenset(told["states"]), frozenset(told["numbers"])
+        return Structure(told["roots"], states, told["rates"], numbers)
     from modelica_fmu.cut import structure
 
     shape = structure(plant.model, plant.class_name)
     path.parent.mkdir(parents=True, exist_ok=True)
-    told = {"roots": dict(shape.roots), "states": sorted(shape.states), "rates": dict(shape.rates)}
+    told = {
+        "roots": dict(shape.roots),
+        "states": sorted(shape.states),
+        "rates": dict(shape.rates),
+        "numbers": sorted(shape.numbers),
+    }
     path.write_text(json.dumps(told), encoding="utf-8")
     return shape
 

@@ -123,13 +123,13 @@ class Opened:
         return replace(record, inputs=inputs)
 
     def variables(self, point: Point) -> list[str]:
-        """Variables of the component that change with time, each under one name."""
+        """Real variables of the component that change with time, each under one name."""
         prefix = f"{point.component}." if point.component else ""
         addends = {p.variable for p in self.points}
         found: dict[str, str] = {}
         for name, root in sorted(self.shape.roots.items()):
             own = name.startswith(prefix) and "." not in name[len(prefix) :]
-            if own and name not in addends and "[" not in name:
+            if own and name in self.shape.numbers - addends and "[" not in name:
                 found.setdefault(root, name)
         return sorted(found.values())
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from pneugantry.engine.plant import Data, Plant, Record, Signal
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, Task, _evidence, _turned, run
+from pneugantry.engine.run import Found, Task, _costs, _evidence, _turned, run
 from pneugantry.engine.search import Search
 from pneugantry.engine.simulation import Point
 from pneugantry.engine.views import build_views
@@ -105,6 +106,27 @@ def test_what_is_too_sure_of_itself_foretells_as_widely_as_the_best_of_all(
     assert alone[0].wider >= 30.0
     assert [f.wider for f in beside] == [1.0, 1.0]  # the wrong one is not let off
     assert beside[1].cost > beside[0].cost + 10
+
+
+class Told:
+    """A fit of some evidence; the more it falls, the more of that is doubted."""
+
+    def __init__(self, evidence: float) -> None:
+        self.evidence = evidence
+
+    def gain(self, base: Told, rules: Rules) -> float:
+        fall = base.evidence - self.evidence
+        return fall - 0.2 * abs(fall)
+
+
+def test_rivals_are_held_against_each_other_not_each_against_what_leaves_most() -> None:
+    told = {(): 0.0, ("a",): -1000.0, ("b",): -300.0, ("a", "c"): -1800.0, ("b", "c"): -1900.0}
+    fits = {k: cast(Fit, Told(e)) for k, e in told.items()}
+    costs = _costs(fits, Rules())
+    assert costs["b", "c"] < costs["a", "c"]  # though over ("a",) it would be -1440 and -1520
+    assert costs["a",] == pytest.approx(-800.0)
+    assert costs["b",] == pytest.approx(-800.0 + 560.0)
+    assert costs["a", "c"] - costs["b", "c"] == pytest.approx(80.0)
 
 
 def test_only_what_lost_against_an_effect_more_is_turned() -> None:
