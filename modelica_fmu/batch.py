@@ -291,8 +291,13 @@ def build_part(compiled: CompiledModel, folder: Path, key: str) -> Part:
             made = Path(temporary) / "part"
             made.mkdir()
             _write(compiled, made)
-            shutil.rmtree(home, ignore_errors=True)
-            made.rename(home)
+            if not (home / "part.json").is_file():
+                shutil.rmtree(home, ignore_errors=True)  # what a broken run has left
+            try:
+                made.rename(home)
+            except OSError:  # another process was first, and may be compiling what it wrote
+                if not (home / "part.json").is_file():
+                    raise
     part = read_part(folder, key)
     assert part is not None
     return part

@@ -105,6 +105,22 @@ def structure(model: Path, class_name: str) -> Structure:
 
 
 @alone
+def deciders(model: Path, class_name: str) -> dict[str, frozenset[str]]:
+    """Variable -> those that decide it at once, no state between. Raises InputError."""
+    graph = _Graph(_translated(model, class_name))
+    found: dict[str, frozenset[str]] = {}
+    for name in graph.symbols:
+        reached, waiting = {name}, [name]
+        while waiting:
+            for other in graph.names[graph.equation_of[waiting.pop()]] - reached:
+                reached.add(other)
+                if other in graph.symbols:
+                    waiting.append(other)
+        found[name] = frozenset(reached - {name})
+    return found
+
+
+@alone
 def cut(
     model: Path,
     class_name: str,

@@ -132,14 +132,20 @@ class Fitter:
     """One plant, its views and its records."""
 
     def __init__(
-        self, plant: Plant, views: Sequence[View], records: Sequence[Record], rules: Rules
+        self,
+        plant: Plant,
+        views: Sequence[View],
+        records: Sequence[Record],
+        rules: Rules,
+        level: float = 1.0,
     ) -> None:
+        """level: how much noisier the rig's sensors are than quoted, until a fit has told."""
         self.plant, self.rules = plant, rules
         self.simulation = Simulation(views, records, rules)
         self.nominal = _nominal(plant, views)
         self._floors: dict[Cell, tuple[Whitener, ...]] = {}
         self._erring = {cell: self._quoted_errors(cell) for cell in self.simulation.cells}
-        self._level = 1.0  # how much noisier the rig's sensors are than quoted
+        self._level = level
 
     def close(self) -> None:
         self.simulation.close()

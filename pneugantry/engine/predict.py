@@ -48,10 +48,15 @@ class Foretold:
 
 
 class Foretelling:
-    """One record beside fits to others."""
+    """One record beside fits to others. plain: under noise of the sensors' own colour, not of what
+    the first of them leaves.
+    """
 
-    def __init__(self, fitter: Fitter, views: Sequence[View], record: Record) -> None:
+    def __init__(
+        self, fitter: Fitter, views: Sequence[View], record: Record, *, plain: bool = False
+    ) -> None:
         self.fitter = Fitter(fitter.plant, views, (record,), fitter.rules)
+        self.plain = plain
 
     def close(self) -> None:
         self.fitter.close()
@@ -76,7 +81,8 @@ class Foretelling:
     def foretold(self, fits: Sequence[Fit]) -> tuple[list[Foretold], Noise]:
         """Each fit's, equally wide, under the noise that the first leaves."""
         starts = [self._starts(fit) for fit in fits]
-        of_views = self.fitter.coloured(starts[0][1].residuals)
+        noise_of = self.fitter.plain if self.plain else self.fitter.coloured
+        of_views = noise_of(starts[0][1].residuals)
         found = [
             self._foretold(fit, 1.0, own, of_views) for fit, own in zip(fits, starts, strict=True)
         ]

@@ -28,7 +28,7 @@ from pneugantry.engine.views import SubsystemView, View
 from pneugantry.learn.composite import composites
 from pneugantry.learn.curve import Knots, Wave
 from pneugantry.learn.experiments import Experiment, Rival, telling
-from pneugantry.learn.forms import Distilled, FreeCurve, distilled, free_curve, wave_of
+from pneugantry.learn.forms import FORMS, Distilled, FreeCurve, distilled, free_curve, wave_of
 from pneugantry.learn.places import place_of
 from pneugantry.learn.points import Opened, Point, opened, recut
 from pneugantry.learn.regressors import TIME, Regressor
@@ -54,7 +54,8 @@ FAR = 100.0  # -2 log evidence behind the likeliest one from which on a term is 
 CLOSE = 8.0  # -2 log evidence by which a form may lie behind the closest one to be fitted
 LINE = 0.02  # relative error of a period that a spectrum tells
 ANYWHERE = 0.29  # standard deviation of a place that nothing tells, as a share of the period
-FORMS = 3  # forms of a pair that are fitted
+CLOSEST = 3  # forms of a pair that are fitted
+MUCH_LIKE = 0.05  # share of a form's variance that one much like it leaves
 NONE = np.zeros(0)
 
 
@@ -67,6 +68,7 @@ class Tried:
     cost: float  # -2 log evidence
     free: FreeCurve | None = None  # what the term is, where it has no form
     candidate: Candidate | None = None  # and where that comes from
+    base: Fit | None = None  # what it was added to
 
     @property
     def covariance(self) -> Array:
@@ -76,6 +78,11 @@ class Tried:
         index = [names.index(n) for n in self.term.parameters]
         units = np.array([coordinates[i].unit for i in index])
         return np.asarray(self.fit.covariance[np.ix_(index, index)] * np.outer(units, units))
+
+    @property
+    def drifts(self) -> bool:
+        """Whether it is a function of time that does not repeat: what follows any state does."""
+        return self.term.regressor.name == TIME and not self.term.places
 
     @property
     def nuisances(self) -> list[Nuisance]:
@@ -168,8 +175,8 @@ class _Learning:
         return [v.name for v in self.apart.readers(term.point)]
 
     def run(self) -> Learned:
-        """Screens beside nothing and beside the effects found; then effects of the catalogue are
-        tried as part of the curve.
+        """Screens beside nothing and beside the effects found; where no form of that is enough,
+        effects of the catalogue are tried as part of the curve.
         """
         found = self.found
         bases = {fit.keys: fit for fit in (found.search.null, found.decision.best)}
@@ -182,16 +189,18 @@ class _Learning:
             tried += self._fitted(screen, FINALISTS)
         if not tried:
             return Learned(found, None, (), (), _main(screens), False, NOTHING, 0.0)
-        made, likely = self._composites(tried)
-        tried += made
-        for fit in likely:
-            if fit.keys not in bases:
-                screens.append(self._screening(fit).singles())
-                tried += self._fitted(screens[-1], 1)
+        if not self._enough(min(tried, key=lambda t: t.cost)):
+            made, likely = self._composites(tried)
+            tried += made
+            for fit in likely:
+                if fit.keys not in bases:
+                    screens.append(self._screening(fit).singles())
+                    tried += self._fitted(screens[-1], 1)
+        tried += self._plainer(min(tried, key=lambda t: t.cost), _main(screens))
         tried.sort(key=lambda t: t.cost)
         answers = self._answers(tried)
         after = self._diagnosed(answers[0])
-        if wanted(after):  # a single variable does not tell it all
+        if wanted(after) or answers[0].drifts:  # a single variable does not tell it all
             self.say("missing term: products")
             twofold = [s.products() for s in screenings]
             screens += twofold
@@ -235,6 +244,16 @@ class _Learning:
             close = [c for c in members if c.gain >= members[0].gain - self.rules.entry]
             found.append(min(close, key=_unlikely))
         return sorted(found, key=lambda c: -c.gain)
+
+    def _enough(self, tried: Tried) -> bool:
+        """Whether a term has a form and leaves no more than noise in any view."""
+        if tried.free is not None:
+            return False
+        fitter = self._fitter(tried.term)
+        try:
+            return not fitter.loud(tried.fit)
+        finally:
+            fitter.close()
 
     def _composites(self, tried: Sequence[Tried]) -> tuple[list[Tried], list[Fit]]:
         """The likeliest free curve as an effect of the catalogue with a form beside it; and the
@@ -393,7 +412,7 @@ class _Learning:
         assert free is not None
         assert candidate is not None
         forms = distilled(free.knots, *free.curve(fitted.term.values, fitted.covariance))
-        near = [d for d in forms if d.cost < forms[0].cost + CLOSE][:FORMS]
+        near = [d for d in forms if d.cost < forms[0].cost + CLOSE][:CLOSEST]
         if all(d.law.shapes for d in near):
             near.append(next(d for d in forms if not d.law.shapes))  # it may do as well
         return [self._joint(base, self._term(candidate, d)) for d in near]
@@ -406,7 +425,7 @@ class _Learning:
             fit = fitter.explore(hypothesis, base, [{**(starts or {}), **term.starts}])
         finally:
             fitter.close()
-        return self._tried(term, fit)
+        return replace(self._tried(term, fit), base=base)
 
     def _tried(self, term: Term, fit: Fit) -> Tried:
         values = fit.values(None)
@@ -414,6 +433,27 @@ class _Learning:
         places = {r: fit.values(r).get(term.own, at) for r, at in term.places.items()}
         made = term.at([values[n] for n in term.parameters], places)
         return Tried(made, fit, fit.evidence + price)
+
+    def _plainer(self, best: Tried, screen: Screen) -> list[Tried]:
+        """The forms without any shape that are much like a term's over what the records cover: a
+        fit that started far off has bent the shape to what it could not tell yet.
+        """
+        law, base = best.term.law, best.base
+        plain = [f for f in FORMS if not f.shapes]
+        if base is None or best.free is not None or best.term.places or law in plain:
+            return []
+        z = np.concatenate(list(screen.series[best.term.regressor.plain].values()))
+        wanted_there = law.law(z, best.term.values)
+        found = []
+        for form in plain:
+            columns = np.column_stack([form.law(z, (1.0,)), np.ones(len(z))])
+            sizes, *_ = np.linalg.lstsq(columns, wanted_there, rcond=None)
+            left = float(np.var(wanted_there - columns @ sizes))
+            if left < MUCH_LIKE * float(np.var(wanted_there)):
+                size = float(sizes[0])
+                term = replace(best.term, law=form, values=(size,), spreads=(abs(size),))
+                found.append(self._joint(base, term))
+        return found
 
     def _again(self, tried: Tried) -> Tried:
         """With all views fitted together."""
@@ -450,7 +490,7 @@ class _Learning:
     def _fitter(self, term: Term) -> Fitter:
         plant, views = self._with(term)
         records = [term.within(r) for r in self.found.task.data.fitted]
-        return Fitter(plant, views, records, self.quick)
+        return Fitter(plant, views, records, self.quick, self.found.excess.level)
 
     def _with(self, term: Term) -> tuple[Plant, list[View]]:
         """The plant with a term, and its views."""
@@ -488,7 +528,8 @@ class _Learning:
         old, new = before.gap, after.gap
         if old is None or new is None or before.augmented is None or after.augmented is None:
             return False, "no log could be replayed: located, not explained"
-        fall = f"the gap of {new.record} falls from {old.augmented:.3g} to {new.augmented:.3g}"
+        verb = "falls" if new.augmented < old.augmented else "goes"
+        fall = f"the gap of {new.record} {verb} from {old.augmented:.3g} to {new.augmented:.3g}"
         falls = self._loss(before.augmented) - self._loss(after.augmented)
         better = noise.doubted(falls, self.rules.doubt) > self.rules.entry
         hangs = _hangs(old) or _hangs(new)
@@ -501,16 +542,19 @@ class _Learning:
             )
         floor = min(new.floor, new.augmented) ** 2
         left, gap = new.augmented**2 - floor, old.augmented**2 - floor
-        if hangs:  # then the views tell
+        by_replay = not hangs and left <= LEFT * gap
+        if hangs:
             fall += ", a replay that hangs on an event"
-            left, gap = _standing(after), _standing(before)
-        if left > LEFT * gap:
+        elif not by_replay:
+            fall += ", an error that a replay carries on"
+        if not by_replay and _standing(after) > LEFT * _standing(before):  # then the views tell
             return False, f"{fall}, and more is left than explained: located, not explained"
         return True, fall
 
     def _foretells(self, best: Tried, plain: Fit) -> bool:
-        """Whether the views foretell the record that no fit saw better with a term, as the search
-        counts it: a whole replay hangs on single events (a carriage that breaks away).
+        """Whether the views foretell the record that no fit saw better with a term, under noise of
+        the sensors' colour, for that of the residuals holds a term that repeats: a whole replay
+        hangs on single events (a carriage that breaks away).
         """
         record = self.found.task.data.held_out
         if record is None:
@@ -518,7 +562,7 @@ class _Learning:
         fitter = self._fitter(best.term)
         try:
             views = list(fitter.simulation.views.values())
-            foretelling = Foretelling(fitter, views, best.term.within(record))
+            foretelling = Foretelling(fitter, views, best.term.within(record), plain=True)
             try:
                 (gain,) = foretelling.gains([best.fit], plain)
             finally:

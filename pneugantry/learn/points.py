@@ -71,21 +71,24 @@ class Point:
 class OpenedView(SubsystemView):
     """A view whose equations have an addend each."""
 
+    addends: frozenset[str] = frozenset()  # inputs that are 0 where nothing is fed to them
+
     def answers(self, record: Record, values: Values, fed: Sequence[Series]) -> Array:
         """Residuals (len(fed), rows, signals) of a record under each set of series: addend ->
-        (rows,). What is measured is smoothed once for all of them.
+        (rows,), the same ones in each. What is measured is smoothed once for all of them.
         """
         own = {k: v for k, v in values.items() if self.depends_on(k)}
         whole = self._pieces.whole
         drive = self._drive(record, whole, self._felt(whole, own))
+        correction = drive.correction
         base = {**self.plant.settings, **self.plant.parameters, **record.parameters, **own}
         model = {k: v for k, v in base.items() if k in self._parameters}
         names, table = sorted(model), np.array([[model[n] for n in sorted(model)]])
         variables = {s.name: s.variable for s in self.plant.signals}
         outputs = [variables[n] for n in self.signals]
-        inputs = drive.inputs
+        known = {n: c for n, c in drive.inputs.items() if n not in self.addends}
         drives = [
-            Drive({**inputs, **{n: v for n, v in series.items() if n in inputs}}, drive.correction)
+            Drive({**known, **{n: v for n, v in series.items() if n in drive.inputs}}, correction)
             for series in fed
         ]
         runs = np.repeat(table, len(fed), axis=0)
@@ -101,7 +104,14 @@ class Opened:
     points: tuple[Point, ...]
     views: tuple[OpenedView, ...]
     shape: Structure
+    deciders: Mapping[str, frozenset[str]]  # of each variable, no state between
     cache: Path
+
+    def decides(self, point: Point, variable: str) -> bool:
+        """Whether what an equation lacks decides a variable at once: as a function of that it would
+        explain itself.
+        """
+        return point.variable in self.deciders.get(variable, ())
 
     def readers(self, point: Point) -> list[OpenedView]:
         """Views that an addend reaches."""
@@ -180,7 +190,7 @@ def opened(plant: Plant, views: Sequence[View], cache: Path) -> Opened:
     """The plant with an addend in each equation of its components that computes a number from
     others: not in those that only name a variable again. Views of another kind are left out.
     """
-    from modelica_fmu.cut import structure  # the compiler is loaded where it has to work
+    from modelica_fmu.cut import deciders, structure  # the compiler is loaded where it has to work
 
     shape = structure(plant.model, plant.class_name)
     points = tuple(_points(plant, shape))
@@ -190,7 +200,8 @@ def opened(plant: Plant, views: Sequence[View], cache: Path) -> Opened:
     cut_views = tuple(
         _opened_view(v, made, names, cache) for v in views if isinstance(v, SubsystemView)
     )
-    return Opened(made, points, cut_views, shape, cache)
+    decided = deciders(model, plant.class_name)
+    return Opened(made, points, cut_views, shape, decided, cache)
 
 
 def _open(point: Point) -> Addition:
@@ -214,7 +225,8 @@ def _opened_view(
     view: SubsystemView, plant: Plant, names: Sequence[str], cache: Path
 ) -> OpenedView:
     made = recut(view, plant, cache, names)
-    return OpenedView(**{f.name: getattr(made, f.name) for f in fields(made)})
+    own = {f.name: getattr(made, f.name) for f in fields(made)}
+    return OpenedView(**own, addends=frozenset(names))
 
 
 def _points(plant: Plant, shape: Structure) -> list[Point]:

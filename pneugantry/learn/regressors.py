@@ -139,12 +139,14 @@ def _distinct(
 def _speeds(
     opened: Opened, known: Mapping[Regressor, dict[str, Array]]
 ) -> dict[Regressor, dict[str, Array]]:
-    """Rates of states that go both ways."""
-    roots, rates = opened.shape.roots, set(opened.shape.rates.values())
+    """Rates of states that are states themselves and go both ways: what turns round with a rate
+    that it decides itself (an acceleration) has several solutions, or none.
+    """
+    roots, inert = opened.shape.roots, opened.shape.states & set(opened.shape.rates.values())
     found: dict[Regressor, dict[str, Array]] = {}
     for speed, values in known.items():
         low, high = _ends(values)
-        if roots.get(speed.label) in rates and low < 0 < high:
+        if roots.get(speed.label) in inert and low < 0 < high:
             found[speed] = values
     return found
 

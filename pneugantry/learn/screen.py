@@ -204,11 +204,17 @@ class Screening:
                 once = regressor.name == TIME and not regressor.times
                 if once and head.component != group.points[0].component:
                     continue
-                if regressor.within(head):
+                if regressor.within(head) and not self._circular(head, regressor):
                     own = response.times(group.factor(head))
                     course = Course(values, regressor.factors(self._series))
                     found += self._of_pair(group.of(head), own, regressor, course)
         return found
+
+    def _circular(self, point: Point, regressor: Regressor) -> bool:
+        """Whether what the equation lacks decides the variable, or what that is times."""
+        prefix = f"{point.component}." if point.component else ""
+        own = (regressor.name, regressor.times, regressor.speed)
+        return any(self.opened.decides(point, prefix + name) for name in own if name)
 
     # -- equations
 

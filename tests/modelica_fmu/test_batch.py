@@ -21,6 +21,7 @@ from modelica_fmu.batch import (
     part_key,
     read_part,
 )
+from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.cut import cut
 from modelica_fmu.errors import InputError
 from modelica_fmu.toolchain import PLATFORMS, Compiler, host_platform, own_processor
@@ -280,6 +281,25 @@ def test_a_part_is_read_back_as_it_was_built(part: Part) -> None:
     assert read_part(part.library.parent.parent, "cart") == part
     assert read_part(part.library.parent.parent, "absent") is None
     assert part.of("state") == ["f", "v", "s"]
+
+
+def test_a_part_that_another_process_wrote_first_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may be at its compilation, in the same folder."""
+    (tmp_path / "Toy.mo").write_text(CART, encoding="utf-8")
+    compiled = cut(tmp_path / "Toy.mo", "Toy.Cart", ["v"])
+    write = batch._write
+
+    def after_another(of: CompiledModel, folder: Path) -> None:
+        monkeypatch.setattr(batch, "_write", write)
+        build_part(of, tmp_path, "cart")
+        (tmp_path / "cart" / "compiling").write_text("", encoding="utf-8")
+        write(of, folder)
+
+    monkeypatch.setattr(batch, "_write", after_another)
+    assert build_part(compiled, tmp_path, "cart") == read_part(tmp_path, "cart")
+    assert (tmp_path / "cart" / "compiling").is_file()
 
 
 def test_the_key_follows_the_model_and_the_cut(tmp_path: Path) -> None:

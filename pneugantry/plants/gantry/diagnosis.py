@@ -167,8 +167,10 @@ def _held(found: Found) -> Record:
 
 
 def _full_rate(record: Record, campaign: Campaign) -> Record:
-    """A fitted record as it was recorded."""
-    return replace(record_of(record.name, campaign.logs[record.name]), epoch=record.epoch)
+    """A fitted record as it was recorded, with all that is known of it alone."""
+    made = record_of(record.name, campaign.logs[record.name])
+    known = {**record.parameters, **made.parameters}
+    return replace(made, parameters=known, epoch=record.epoch)
 
 
 def _with(found: Found, diagnosis: Diagnosis) -> Found:
