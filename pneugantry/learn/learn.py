@@ -24,6 +24,7 @@ from pneugantry.engine.plant import Array, Nuisance, Plant, Record
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
+from pneugantry.engine.threads import on_threads
 from pneugantry.engine.views import SubsystemView, View
 from pneugantry.learn.composite import composites
 from pneugantry.learn.curve import Knots, Wave
@@ -221,6 +222,11 @@ class _Learning:
             of_views = fitter.plain(fit.residuals)
         finally:
             fitter.close()
+        bases = (fit, self.found.search.null, self.found.decision.best)
+        moving = {c.parameter for base in bases for c in base.point.coordinates}
+        own = {n for r in task.data.fitted for n in r.parameters}
+        stand_out = [v for v in self.apart.views if blamed is None or v.name in blamed]
+        on_threads(lambda v: v.prepare(moving | own, fit.hypothesis.settings), stand_out)
         return Screening(self.apart, fit, of_views, task.data.fitted, self.rules, blamed)
 
     def _worth_fitting(self, screen: Screen) -> list[Candidate]:
@@ -496,6 +502,8 @@ class _Learning:
         """The plant with a term, and its views."""
         task = self.found.task
         plant = with_term(task.plant, term, task.cache, blank=True)
+        # what says which form it is stays open, so that one part does for all forms
+        plant = replace(plant, parameters={**plant.parameters, **term.settings})
         if term.places:
             own = Nuisance(term.own, ANYWHERE * term.values[1], per_record=True)
             plant = replace(plant, nuisances=(*plant.nuisances, own))
@@ -623,13 +631,10 @@ def _spreads(d: Distilled, candidate: Candidate) -> tuple[float, ...]:
 
 
 def _recut(task: Task, plant: Plant, reached: Collection[str]) -> list[View]:
-    """Views of the plant with a term: those that it does not reach keep their parts."""
-    found: list[View] = []
-    for view in task.views:
-        if not isinstance(view, SubsystemView):
-            found.append(view)
-        elif view.name in reached:
-            found.append(recut(view, plant, task.cache))
-        else:
-            found.append(replace(view, plant=plant, cut_at=None))
-    return found
+    """Views of the plant with a term: those that it does not reach stay as they are."""
+    return [
+        recut(view, plant, task.cache)
+        if isinstance(view, SubsystemView) and view.name in reached
+        else view
+        for view in task.views
+    ]

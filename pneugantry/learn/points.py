@@ -78,21 +78,24 @@ class OpenedView(SubsystemView):
         (rows,), the same ones in each. What is measured is smoothed once for all of them.
         """
         own = {k: v for k, v in values.items() if self.depends_on(k)}
-        whole = self._pieces.whole
-        drive = self._drive(record, whole, self._felt(whole, own))
-        correction = drive.correction
         base = {**self.plant.settings, **self.plant.parameters, **record.parameters, **own}
         model = {k: v for k, v in base.items() if k in self._parameters}
-        names, table = sorted(model), np.array([[model[n] for n in sorted(model)]])
+        piece = self._pieces.smallest(model)
+        drive = self._drive(record, piece, self._felt(piece, own))
+        names = sorted(piece.parameters.intersection(model))
+        table = np.array([[model[n] for n in names]])
         variables = {s.name: s.variable for s in self.plant.signals}
         outputs = [variables[n] for n in self.signals]
         known = {n: c for n, c in drive.inputs.items() if n not in self.addends}
         drives = [
-            Drive({**known, **{n: v for n, v in series.items() if n in drive.inputs}}, correction)
+            Drive(
+                {**known, **{n: v for n, v in series.items() if n in drive.inputs}},
+                drive.correction,
+            )
             for series in fed
         ]
-        runs = np.repeat(table, len(fed), axis=0)
-        made = whole.subsystem.runs(names, runs, drives, outputs, record.period, range(len(fed)))
+        runs, which = np.repeat(table, len(fed), axis=0), range(len(fed))
+        made = piece.subsystem.runs(names, runs, drives, outputs, record.period, which)
         return np.stack([self.error(record, simulated, own) for simulated in made])
 
 
@@ -211,14 +214,13 @@ def _open(point: Point) -> Addition:
 def recut(
     view: SubsystemView, plant: Plant, cache: Path, further: Sequence[str] = ()
 ) -> SubsystemView:
-    """A view cut from another plant's model at the same variables, and at further ones; once, for
-    such a model does not live long enough for smaller pieces of it.
-    """
+    """A view cut from another plant's model at the same variables, and at further ones."""
     known = [n for n, source in view.sources.items() if source not in plant.inputs]
     outputs = [next(s.variable for s in plant.signals if s.name == n) for n in view.signals]
     part = part_of(plant, outputs, sorted([*known, *further]), cache)
     sources = {n: view.sources.get(n, n) for n in part.of("input")}
-    return replace(view, plant=plant, part=part, sources=sources, cut_at=None)
+    again = tuple(sorted([*known, *further]))
+    return replace(view, plant=plant, part=part, sources=sources, cut_at=again)
 
 
 def _opened_view(

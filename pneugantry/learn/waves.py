@@ -15,7 +15,7 @@ __all__ = ["periods_of"]
 MOST = 2  # periods that are tried
 FINE = 8  # frequencies per resolution of the longest record
 LEAST = 3.0  # periods in the longest record
-RESOLVED = 4.0  # blocks of rows in a period, at least
+RESOLVED = 2.5  # blocks of rows in a period, at least: their means hold 0.76 of such a wave
 APART = 3.0  # resolutions between two periods
 
 
