@@ -15,7 +15,7 @@ from pneugantry.engine.result import Diagnosis, to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.catalogue import catalogue_of
 from pneugantry.plants.gantry.describe import record_of
-from pneugantry.plants.gantry.diagnosis import _coarse, diagnose, task_of
+from pneugantry.plants.gantry.diagnosis import _coarse, _full_rate, diagnose, task_of
 from pneugantry.plants.gantry.excitation import not_excited
 from pneugantry.plants.gantry.nominal import parameters_of
 from pneugantry.plants.gantry.timing import ControllerView
@@ -75,6 +75,15 @@ def test_what_a_controller_reads_late_is_not_a_late_command(gantry: FmuFile) -> 
     unmoved, acting, sensing = np.abs(view.residuals([(record, v) for v in late])).max(axis=(1, 2))
     assert sensing < 1e-3 * unmoved
     assert acting > 10 * sensing
+
+
+def test_a_log_as_it_was_recorded_keeps_what_is_known_of_it_alone(late: Campaign) -> None:
+    """Where a learnt wave stands in it; what its file says of it stays as it is."""
+    raw = record_of("one", late.logs["one"])
+    learnt = replace(raw, parameters={**raw.parameters, "friction.missing_1.p3": 0.06})
+    found = _full_rate(learnt, late)
+    assert found.parameters == {**raw.parameters, "friction.missing_1.p3": 0.06}
+    assert found.rows == len(late.logs["one"].log.table)
 
 
 def without(campaign: Campaign, *channels: str) -> Campaign:
