@@ -68,8 +68,8 @@ def telling(a: Rival, b: Rival, records: Sequence[Record], cache: Path) -> Exper
 
 
 def variants(record: Record) -> dict[str, Record]:
-    """Runs made of a logged one, by what is done to its inputs. Those that never change their sign
-    (a switch, a supply) keep their size.
+    """Runs made of a logged one, by what is done to its inputs, which hold over its rows then. Those
+    that never change their sign (a switch, a supply) keep their size.
     """
     signed = {n for n, u in record.inputs.items() if np.min(u) < 0 < np.max(u)}
     delay = round(REST / record.period)
@@ -77,7 +77,7 @@ def variants(record: Record) -> dict[str, Record]:
 
     def scaled(factor: float) -> Record:
         inputs = {n: factor * u if n in signed else u for n, u in record.inputs.items()}
-        return replace(record, inputs=inputs)
+        return replace(record, inputs=inputs, within={})
 
     def read(rows: Array) -> Callable[[Array], Array]:
         return lambda values: np.interp(rows, at, np.asarray(values, dtype=float))
@@ -92,7 +92,7 @@ def variants(record: Record) -> dict[str, Record]:
 def _moved(record: Record, read: Callable[[Array], Array]) -> Record:
     inputs = {n: read(u) for n, u in record.inputs.items()}
     signals = {n: read(y) for n, y in record.signals.items()}
-    return replace(record, inputs=inputs, signals=signals, judged=None)
+    return replace(record, inputs=inputs, signals=signals, judged=None, within={})
 
 
 def _moves(fit: Fit) -> Array:

@@ -104,3 +104,15 @@ def test_runs_are_made_of_logged_ones() -> None:
     assert later.rows == ROWS + 200
     assert later.inputs["u"][200:] == pytest.approx(np.sin(t))
     assert made["at twice its speed"].rows == ROWS // 2
+
+
+def test_what_was_recorded_within_rows_drives_no_other_run() -> None:
+    t = np.arange(10.0)
+    within = {"u": np.column_stack([t - 4.5, t - 4.0])}
+    record = Record("log", STEP, {"u": t - 4.5}, {"v": t}, {}, within=within)
+    made = variants(record)
+    (logged, *others) = made.values()
+    assert logged is record
+    for varied in others:
+        assert len(varied.driving("u")) == varied.rows
+        assert not np.array_equal(varied.driving("u"), t - 4.5)
