@@ -68,7 +68,7 @@ def telling(a: Rival, b: Rival, records: Sequence[Record], cache: Path) -> Exper
 
 
 def variants(record: Record) -> dict[str, Record]:
-    """Runs made of a logged one, by what is done to its inputs, which hold over its rows then. Those
+    """Runs made of a logged one, by what is done to its inputs; they hold over rows then. Those
     that never change their sign (a switch, a supply) keep their size.
     """
     signed = {n for n, u in record.inputs.items() if np.min(u) < 0 < np.max(u)}
