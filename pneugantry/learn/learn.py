@@ -83,7 +83,7 @@ class Tried:
     @property
     def drifts(self) -> bool:
         """Whether it is a function of time that does not repeat: what follows any state does."""
-        return self.term.regressor.name == TIME and not self.term.places
+        return self.term.regressor.name == TIME and self.term.law.name != "sine"
 
     @property
     def nuisances(self) -> list[Nuisance]:
