@@ -553,10 +553,10 @@ class _Learning:
         by_replay = not hangs and left <= LEFT * gap
         if hangs:
             fall += ", a replay that hangs on an event"
-        elif not by_replay:
-            fall += ", an error that a replay carries on"
         if not by_replay and _standing(after) > LEFT * _standing(before):  # then the views tell
             return False, f"{fall}, and more is left than explained: located, not explained"
+        if not (by_replay or hangs):
+            fall += ", an error that a replay carries on"
         return True, fall
 
     def _foretells(self, best: Tried, plain: Fit) -> bool:

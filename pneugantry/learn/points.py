@@ -47,9 +47,14 @@ class Point:
         return f"missing_{self.equation.number}"
 
     @property
+    def prefix(self) -> str:
+        """Of the component's variables in the whole plant."""
+        return f"{self.component}." if self.component else ""
+
+    @property
     def variable(self) -> str:
         """The addend in the whole plant."""
-        return f"{self.component}.{self.name}" if self.component else self.name
+        return self.prefix + self.name
 
     @property
     def balance(self) -> bool:
@@ -137,7 +142,7 @@ class Opened:
 
     def variables(self, point: Point) -> list[str]:
         """Real variables of the component that change with time, each under one name."""
-        prefix = f"{point.component}." if point.component else ""
+        prefix = point.prefix
         addends = {p.variable for p in self.points}
         found: dict[str, str] = {}
         for name, root in sorted(self.shape.roots.items()):
@@ -217,10 +222,10 @@ def recut(
     """A view cut from another plant's model at the same variables, and at further ones."""
     known = [n for n, source in view.sources.items() if source not in plant.inputs]
     outputs = [next(s.variable for s in plant.signals if s.name == n) for n in view.signals]
-    part = part_of(plant, outputs, sorted([*known, *further]), cache)
+    cut_at = tuple(sorted([*known, *further]))
+    part = part_of(plant, outputs, cut_at, cache)
     sources = {n: view.sources.get(n, n) for n in part.of("input")}
-    again = tuple(sorted([*known, *further]))
-    return replace(view, plant=plant, part=part, sources=sources, cut_at=again)
+    return replace(view, plant=plant, part=part, sources=sources, cut_at=cut_at)
 
 
 def _opened_view(

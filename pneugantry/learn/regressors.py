@@ -80,9 +80,8 @@ def regressors_of(
     made = opened.series(names, records, values) if names else {}
     found: dict[Regressor, dict[str, Array]] = {}
     for point, own in wanted.items():
-        prefix = f"{point.component}." if point.component else ""
         for name in own:
-            regressor = Regressor(point.component, name.removeprefix(prefix))
+            regressor = Regressor(point.component, name.removeprefix(point.prefix))
             found[regressor] = {r: made[r][:, names.index(name)] for r in made}
     found = _distinct(opened, found)
     speeds = _speeds(opened, found)

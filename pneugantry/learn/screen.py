@@ -212,9 +212,8 @@ class Screening:
 
     def _circular(self, point: Point, regressor: Regressor) -> bool:
         """Whether what the equation lacks decides the variable, or what that is times."""
-        prefix = f"{point.component}." if point.component else ""
         own = (regressor.name, regressor.times, regressor.speed)
-        return any(self.opened.decides(point, prefix + name) for name in own if name)
+        return any(self.opened.decides(point, point.prefix + name) for name in own if name)
 
     # -- equations
 
