@@ -197,7 +197,7 @@ class _Learning:
                 if fit.keys not in bases:
                     screens.append(self._screening(fit).singles())
                     tried += self._fitted(screens[-1], 1)
-        tried += self._plainer(min(tried, key=lambda t: t.cost), _main(screens))
+        tried += self._plainer(min(tried, key=lambda t: t.cost), screens)
         tried.sort(key=lambda t: t.cost)
         answers = self._answers(tried)
         after = self._diagnosed(answers[0])
@@ -440,7 +440,7 @@ class _Learning:
         made = term.at([values[n] for n in term.parameters], places)
         return Tried(made, fit, fit.evidence + price)
 
-    def _plainer(self, best: Tried, screen: Screen) -> list[Tried]:
+    def _plainer(self, best: Tried, screens: Sequence[Screen]) -> list[Tried]:
         """The forms without any shape that are much like a term's over what the records cover: a
         fit that started far off has bent the shape to what it could not tell yet.
         """
@@ -448,7 +448,9 @@ class _Learning:
         plain = [f for f in FORMS if not f.shapes]
         if base is None or best.free is not None or best.term.places or law in plain:
             return []
-        z = np.concatenate(list(screen.series[best.term.regressor.plain].values()))
+        variable = best.term.regressor.plain  # each screen keeps one of what is one beside its fit
+        series = next(s.series[variable] for s in screens if variable in s.series)
+        z = np.concatenate(list(series.values()))
         wanted_there = law.law(z, best.term.values)
         found = []
         for form in plain:
