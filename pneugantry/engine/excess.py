@@ -26,7 +26,9 @@ Channel = tuple[str, str]  # view, signal
 Floors = dict[tuple[Channel, str], Whitener]  # by channel and record
 DRAWS = 3
 CLIPPED = 6.0  # noise levels beyond which a draw of noise is an event
-LARGEST = 3.0  # noise levels beyond which a residual counts no further: an event may be mistimed
+EVENT = 3.0  # times the spread of its stretch beyond which a residual counts no further: a mistimed
+# event is over before half of a stretch is
+LARGEST = 10.0  # noise levels beyond which a stretch counts no further
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,8 @@ class Excess:
 
     level: float  # of the rig: how much noisier its sensors are than quoted
     bulk: Mapping[Channel, float]  # of most rows
-    whole: Mapping[Channel, float]  # RMS, rows that stand out clipped
-    by_record: Mapping[tuple[Channel, str], float]  # RMS, clipped
+    whole: Mapping[Channel, float]  # RMS over stretches of the size of most of their rows
+    by_record: Mapping[tuple[Channel, str], float]  # the same
 
     def ratio(self, channel: Channel) -> float:
         """How far a channel stands out: 1 where it holds nothing but noise."""
@@ -88,11 +90,18 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors) -> Excess:
     own = {ch: [w for (other, _), w in white.items() if other == ch] for ch, _ in white}
     bulk = {ch: spread(rows) for ch, rows in own.items()}
     level = _level(bulk, _erring(fitter))
+    sizes = {
+        (channel, record): _sizes(rows, fitter.pieces((channel[0], record), len(rows)))
+        for (channel, record), rows in white.items()
+    }
     return Excess(
         level,
         bulk,
-        {ch: _size(np.concatenate(rows), level) for ch, rows in own.items()},
-        {key: _size(rows, level) for key, rows in white.items()},
+        {
+            ch: _size(np.concatenate([s for (other, _), s in sizes.items() if other == ch]), level)
+            for ch in own
+        },
+        {key: _size(own_sizes, level) for key, own_sizes in sizes.items()},
     )
 
 
@@ -120,6 +129,16 @@ def _level(bulk: Mapping[Channel, float], erring: set[Channel]) -> float:
     return max(level, 1.0) if erring else level
 
 
-def _size(rows: Array, level: float) -> float:
-    bound = LARGEST * level
-    return float(np.sqrt(np.mean(np.clip(rows, -bound, bound) ** 2)))
+def _sizes(rows: Array, stretches: int) -> Array:
+    """Of each stretch the RMS of its rows, events left out: what moves only now and then stands out
+    there, however long it rests in between.
+    """
+    parts = np.array_split(rows, stretches)
+    bounds = [EVENT * spread([part]) for part in parts]
+    return np.array(
+        [np.sqrt(np.mean(np.clip(p, -b, b) ** 2)) for p, b in zip(parts, bounds, strict=True)]
+    )
+
+
+def _size(sizes: Array, level: float) -> float:
+    return float(np.sqrt(np.mean(np.minimum(sizes, LARGEST * level) ** 2)))

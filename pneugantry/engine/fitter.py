@@ -623,10 +623,14 @@ class Fitter:
 
     def _by_stretch(self, cell: Cell, terms: Array) -> Array:
         """Sums of a cell's terms (rows,) by stretch of its record."""
+        parts = np.array_split(terms, self.pieces(cell, len(terms)))
+        return np.array([p.sum() for p in parts])
+
+    def pieces(self, cell: Cell, rows: int) -> int:
+        """Stretches into which so many rows of a cell are parted, `Rules.block` long."""
         view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
         length = max(4, round(self.rules.block / (record.period * view.decimation)))
-        parts = np.array_split(terms, max(1, len(terms) // length))
-        return np.array([p.sum() for p in parts])
+        return max(1, rows // length)
 
     def floor(self, cell: Cell) -> tuple[Whitener, ...]:
         """Colour and size of the sensors' quoted noise, brought through a view once."""

@@ -130,7 +130,7 @@ def floor_below(fitter: Fitter, fit: Fit, levels: Mapping[str, float] | None = N
         terms = {cell: _terms(r, whiteners[name], rules.tails) for cell, r in own.items()}
         if terms:
             per_row[name] = np.concatenate(list(terms.values())).mean(axis=0)
-            means = [_means(x, _stretches(fitter, c, len(x))) for c, x in terms.items()]
+            means = [_means(x, fitter.pieces(c, len(x))) for c, x in terms.items()]
             quiet[name] = np.quantile(np.concatenate(means), QUIETER, axis=0)
         else:  # what normal noise of the quoted size costs, near enough
             per_row[name] = np.array([1.0 + 2 * math.log(w.sigma) for w in whiteners[name]])
@@ -160,13 +160,6 @@ def _errors(fitter: Fitter, cell: Cell, rows: int) -> Array:
             for w in fitter.erring(cell)
         ]
     )
-
-
-def _stretches(fitter: Fitter, cell: Cell, rows: int) -> int:
-    """Stretches of a cell, as its fit counts them."""
-    view, record = fitter.simulation.views[cell[0]], fitter.simulation.records[cell[1]]
-    length = max(4, round(fitter.rules.block / (record.period * view.decimation)))
-    return max(1, rows // length)
 
 
 def _means(terms: Array, stretches: int) -> Array:
@@ -233,7 +226,7 @@ def _left_in(fitter: Fitter, residuals: Mapping[Cell, Array], floor: Floor) -> l
     means, lengths = {}, {}
     for cell, r in residuals.items():
         terms = _terms(r, floor.whiteners[name], fitter.rules.tails)
-        means[cell] = _means(terms, _stretches(fitter, cell, len(terms)))
+        means[cell] = _means(terms, fitter.pieces(cell, len(terms)))
         lengths[cell] = len(terms) / len(means[cell])
     quiet = np.quantile(np.concatenate(list(means.values())), QUIETER, axis=0)
     shift = np.clip(quiet - floor.quiet[name], 0.0, 2 * math.log(1 + LEVEL))

@@ -409,6 +409,26 @@ def test_a_view_that_lacks_a_term_stands_out(plant: Plant, parts: Path) -> None:
     fitter.close()
 
 
+def test_what_stands_out_now_and_then_stands_out(plant: Plant, parts: Path) -> None:
+    """A third of a log that is far off does, a rest in between or not; a single event does not."""
+    fitter = fitter_of(plant, parts)
+    null = fitter.null()
+    floors = floors_of(fitter, null)
+    plain = excess_of(fitter, null, floors).ratio(("v", "v"))
+    cell = ("v", "log 1")
+
+    def ratio(rows: slice) -> float:
+        bent = {c: r.copy() for c, r in null.residuals.items()}
+        count = len(bent[cell][rows])
+        bent[cell][rows, 0] += 100 * SIGMA["v"] * np.sin(np.arange(count))
+        return excess_of(fitter, replace(null, residuals=bent), floors).ratio(("v", "v"))
+
+    rows = len(null.residuals[cell])
+    assert ratio(slice(rows // 3, 2 * rows // 3)) > 3.0
+    assert ratio(slice(rows // 2, rows // 2 + 8)) == pytest.approx(plain, abs=0.1)
+    fitter.close()
+
+
 def test_what_other_views_tell_follows_what_they_share(plant: Plant, parts: Path) -> None:
     """The sensor's scale moves when drag is fitted in the view of the speed; the gain, which only
     the view of the current reads, makes up for it there, though that view is not simulated.
