@@ -88,11 +88,14 @@ class _Trail:
 
 def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search:
     """Effects are added while one brings evidence, and dropped where a later one replaces them;
-    in the end each is held against what else may be in its place.
+    in the end each is held against what else may be in its place, and where more than noise is
+    left, tried in its other forms.
     """
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
     trail = _Trail(fitter, offered, [null])
     best = _exchanged(trail, _gathered(trail, null))
+    if fitter.loud(best):
+        best = _reformed(trail, best, best.hypothesis.effects)
     null = min((f for f in trail.tried if not f.keys), key=lambda f: f.evidence)
     tried = tuple(f for f in trail.tried if not f.negligible(fitter.rules))
     cut = _spent(fitter) >= 1 and bool(fitter.loud(best))
@@ -133,7 +136,7 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
         before, thorough = best, True  # whose own best optimum may still be elsewhere
         best = trail.polished(top or best)
         if top is not None and _loud(fitter, best):
-            best = _reformed(trail, best)
+            best = _reformed(trail, best, best.hypothesis.effects[:-1])
         least = fitter.rules.entry if top is None else trail.bar
         if _spent(fitter) >= LAST:
             break
@@ -143,13 +146,16 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
     return best
 
 
-def _reformed(trail: _Trail, best: Fit) -> Fit:
-    """With another form of an effect that came before the last, where it does better beside it."""
+def _reformed(trail: _Trail, best: Fit, effects: Sequence[Offer]) -> Fit:
+    """With another form of one of some effects, where it does better beside the others: an effect
+    that came before the last may have stood in for it; and whatever has been spent, what no form of
+    the answer explains is no other form of it.
+    """
     fitter, tried = trail.fitter, []
-    for effect, form in best.hypothesis.effects[:-1]:
+    for effect, form in effects:
         for other in filter(fitter.readable, effect.forms):
             hypothesis = best.hypothesis.without(effect.key).plus(effect, other)
-            if other is not form and hypothesis.forms not in trail.known:
+            if other is not form:  # tried before or not: from a worse optimum that says little
                 tried.append((hypothesis, [best.values(None)]))
     fits = _explored(fitter, best, tried, None)
     trail.tried += fits

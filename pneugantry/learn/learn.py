@@ -392,16 +392,28 @@ class _Learning:
 
     def _fitted(self, screen: Screen, count: int) -> list[Tried]:
         """The best candidates of a screen as waves and free curves; those that explain about as
-        much as the best one also in the forms that are closest to their curve.
+        much as the best one also in the forms that are closest to their curve. A wave may be worth
+        more than it looks, where what it does is no longer linear: it is fitted beside a curve.
         """
-        base = screen.fit
-        first = [self._free(base, c) for c in self._worth_fitting(screen)[:count]]
+        base, worth = screen.fit, self._worth_fitting(screen)[:count]
+        waves = [w for c in worth for w in self._waves_beside(screen, c) if w not in worth]
+        first = [self._free(base, c) for c in (*worth, *waves)]
         fall = max((base.evidence - t.fit.evidence for t in first), default=0.0)
         found = list(first)
         for t in first:
             if t.free is not None and base.evidence - t.fit.evidence > NEARLY * fall:
                 found += self._forms(base, t)
         return found
+
+    def _waves_beside(self, screen: Screen, curve: Candidate) -> list[Candidate]:
+        """The best wave of a curve's variable in its equation."""
+        own = (curve.point, curve.regressor)
+        waves = [
+            c
+            for c in screen.candidates
+            if isinstance(c.basis, Wave) and (c.point, c.regressor) == own
+        ]
+        return [c for c in waves[:1] if c.gain > self.rules.entry]
 
     def _free(self, base: Fit, candidate: Candidate) -> Tried:
         """A candidate as a wave, or as a free curve."""

@@ -1,4 +1,5 @@
-"""Where a missing term may enter: every equation of every component that a plant declares.
+"""Where a missing term may enter: every equation of every component that a plant declares, and what
+each sensor reads.
 
 Each such equation gets one more addend, which is 0 in the plant and an input of the views: any
 series of values can be fed to it, and the residuals answer.
@@ -18,6 +19,7 @@ from modelica_fmu.batch import Drive
 from modelica_fmu.compiled import Structure
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.plant import Array, Plant, Record, Signal
+from pneugantry.engine.sensors import PREFIX
 from pneugantry.engine.views import RATE, SubsystemView, View, part_of
 from pneugantry.learn.sources import (
     Addition,
@@ -40,6 +42,7 @@ class Point:
 
     component: str  # path of the component; "" for the plant's own class
     equation: EquationText
+    sensor: bool = False  # whether it says what a sensor reads
 
     @property
     def name(self) -> str:
@@ -57,13 +60,26 @@ class Point:
         return self.prefix + self.name
 
     @property
+    def scope(self) -> str:
+        """Path of the component whose variables a term may be a function of: what a sensor reads is
+        one of these.
+        """
+        path = self.equation.right.strip().rpartition(".")[0]
+        return self.prefix + path if self.sensor else self.component
+
+    def spelt(self, variable: str) -> str:
+        """A variable of the scope, as the equation's class calls it."""
+        path = self.scope.removeprefix(self.prefix) if self.sensor else ""
+        return f"{path}.{variable}" if path else variable
+
+    @property
     def balance(self) -> bool:
         """Whether it is solved for no variable of its own: a balance, or a state's rate."""
         return not NAME.match(self.equation.left)
 
     def reads(self, variable: str) -> bool:
-        """Whether a variable of the class stands on its right-hand side."""
-        word = rf"(?<![\w.]){re.escape(variable)}(?![\w.])"
+        """Whether a variable of the scope stands on its right-hand side."""
+        word = rf"(?<![\w.]){re.escape(self.spelt(variable))}(?![\w.])"
         return re.search(word, self.equation.right) is not None
 
     @property
@@ -127,6 +143,8 @@ class Opened:
 
     def block(self, point: Point) -> str:
         """Block of the answer that a point lies in."""
+        if point.sensor:
+            return PREFIX.removesuffix(".")
         path = point.component
         paths = [p for p in self.plant.blocks if path == p or path.startswith(p + ".")]
         if paths:
@@ -141,8 +159,8 @@ class Opened:
         return replace(record, inputs=inputs)
 
     def variables(self, point: Point) -> list[str]:
-        """Real variables of the component that change with time, each under one name."""
-        prefix = point.prefix
+        """Real variables of its scope that change with time, each under one name."""
+        prefix = f"{point.scope}." if point.scope else ""
         addends = {p.variable for p in self.points}
         found: dict[str, str] = {}
         for name, root in sorted(self.shape.roots.items()):
@@ -196,7 +214,8 @@ def _known(plant: Plant, shape: Structure) -> dict[str, str]:
 
 def opened(plant: Plant, views: Sequence[View], cache: Path) -> Opened:
     """The plant with an addend in each equation of its components that computes a number from
-    others: not in those that only name a variable again. Views of another kind are left out.
+    others, and in what its sensors read: not in others that only name a variable again. Views of
+    another kind are left out.
     """
     from modelica_fmu.cut import deciders, structure  # the compiler is loaded where it has to work
 
@@ -238,11 +257,16 @@ def _opened_view(
 
 def _points(plant: Plant, shape: Structure) -> list[Point]:
     equations = equations_of(plant.model)
+    read = {s.variable for s in plant.signals}
     found = []
     for component, classes in components_of(plant.model, plant.class_name).items():
         for e in equations:
-            if e.of_class in classes and _computes(e, component, shape):
+            if e.of_class not in classes:
+                continue
+            if _computes(e, component, shape):
                 found.append(Point(component, e))
+            elif not component and e.left in read and NAME.match(e.right.strip()):
+                found.append(Point(component, e, sensor=True))
     return found
 
 

@@ -52,7 +52,7 @@ class Regressor:
 
     def within(self, point: Point) -> bool:
         """Whether an equation can use it."""
-        own = self.component == point.component
+        own = self.component == point.scope
         return point.reads(self.times) and own if self.times else self.name == TIME or own
 
     @property
@@ -81,7 +81,8 @@ def regressors_of(
     found: dict[Regressor, dict[str, Array]] = {}
     for point, own in wanted.items():
         for name in own:
-            regressor = Regressor(point.component, name.removeprefix(point.prefix))
+            prefix = f"{point.scope}." if point.scope else ""
+            regressor = Regressor(point.scope, name.removeprefix(prefix))
             found[regressor] = {r: made[r][:, names.index(name)] for r in made}
     found = _distinct(opened, found)
     speeds = _speeds(opened, found)

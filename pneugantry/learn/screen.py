@@ -108,15 +108,15 @@ class _Group:
 
     @property
     def heads(self) -> list[Point]:
-        """The first equation of each component."""
-        found: dict[str, Point] = {}
+        """The first equation of each component, and of each sensor of it."""
+        found: dict[tuple[str, bool], Point] = {}
         for point in self.points:
-            found.setdefault(point.component, point)
+            found.setdefault((point.scope, point.sensor), point)
         return list(found.values())
 
-    def head(self, component: str, variable: str) -> Point:
+    def head(self, like: Point, variable: str) -> Point:
         """The first equation of a component in which a variable stands, or else of all of its."""
-        own = [p for p in self.points if p.component == component]
+        own = [p for p in self.points if (p.scope, p.sensor) == (like.scope, like.sensor)]
         return next((p for p in own if p.reads(variable)), own[0])
 
     def factor(self, point: Point) -> float:
@@ -198,11 +198,11 @@ class Screening:
         it, or what it is times, stands already, where there is one.
         """
         found: list[Candidate] = []
-        for component in (p.component for p in group.heads):
+        for first in group.heads:
             for regressor, values in tried.items():
-                head = group.head(component, regressor.times or regressor.name)
+                head = group.head(first, regressor.times or regressor.name)
                 once = regressor.name == TIME and not regressor.times
-                if once and head.component != group.points[0].component:
+                if once and first != group.heads[0]:
                     continue
                 if regressor.within(head) and not self._circular(head, regressor):
                     own = response.times(group.factor(head))
@@ -213,7 +213,8 @@ class Screening:
     def _circular(self, point: Point, regressor: Regressor) -> bool:
         """Whether what the equation lacks decides the variable, or what that is times."""
         own = (regressor.name, regressor.times, regressor.speed)
-        return any(self.opened.decides(point, point.prefix + name) for name in own if name)
+        prefix = f"{point.scope}." if point.scope else ""
+        return any(self.opened.decides(point, prefix + name) for name in own if name)
 
     # -- equations
 

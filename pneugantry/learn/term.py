@@ -61,13 +61,14 @@ class Term:
     @property
     def _shown(self) -> str:
         """The regressor in a formula."""
-        named = "t" if self.variable == TIME else self.variable
+        named = "t" if self.variable == TIME else self.point.spelt(self.variable)
         return f"travel({named})" if self.regressor.travelled else named
 
     def formula(self, digits: int = 4) -> str:
         """As a reader writes it, with the values in place."""
         own = self.regressor
-        turned = f"*sign({own.speed})" if own.speed else f"*{own.times}" if own.times else ""
+        turned = f"*sign({self.point.spelt(own.speed)})" if own.speed else ""
+        turned = f"*{self.point.spelt(own.times)}" if own.times else turned
         if self.law.tables:
             return f"curve of {self._shown}{' times' + turned.replace('*', ' ') if turned else ''}"
         text = self.law.text
@@ -115,12 +116,14 @@ class Term:
     def _fed(self) -> str:
         """What the block is fed."""
         own = "speed" if self.regressor.travelled else "z"
-        return f"    {self.point.name}.{own} = {self.variable};"
+        fed = TIME if self.variable == TIME else self.point.spelt(self.variable)
+        return f"    {self.point.name}.{own} = {fed};"
 
     def _added(self) -> str:
         """What stands in the equation."""
         speed, width, times = self.regressor.speed, self.regressor.width, self.regressor.times
-        factor = f"*tanh({speed}/{width!r})" if speed else f"*{times}" if times else ""
+        factor = f"*tanh({self.point.spelt(speed)}/{width!r})" if speed else ""
+        factor = f"*{self.point.spelt(times)}" if times else factor
         return f"{self.point.name}.y{factor}"
 
     def _switched(self) -> Addition:

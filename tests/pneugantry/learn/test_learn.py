@@ -224,3 +224,28 @@ def test_it_is_not_looked_for_where_that_is_not_wanted(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, lambda s, v: -1.5 * v * abs(v), "--no-learn")
     assert found["verdict"] == "unknown"
     assert "learned" not in found
+
+
+def test_a_sensor_s_error_is_learnt_as_one(tmp_path: Path) -> None:
+    """A scale that repeats an error every 0.7 m; the speed is measured beside it."""
+    path = rig(tmp_path, lambda s, v: 0.0)
+    model = MODEL.replace("equation", '  output Real x(unit = "m");\nequation\n  x = s;')
+    (tmp_path / "Cart.mo").write_text(model, encoding="utf-8")
+    signal = '[outputs.x]\ncolumn = "x"\nsigma = 0.001\n[tolerance]'
+    path.write_text(PLANT.replace("[tolerance]", signal), encoding="utf-8")
+    for k, log in enumerate(("swings", "steps", "other")):
+        table = pd.read_csv(tmp_path / f"{log}.csv")
+        s = PERIOD * np.cumsum(table["v"] - table["v"].iloc[0])
+        noise = 0.001 * np.random.default_rng(9 + k).standard_normal(len(s))
+        table["x"] = s + 0.012 * np.sin(2 * np.pi * s / 0.7 + 0.5) + noise
+        table.to_csv(tmp_path / f"{log}.csv", index=False)
+    assert main(["diagnose", str(path), "--json", str(tmp_path / "out.json")]) == 0
+    found = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    learned = found["learned"]
+    assert learned["accepted"], learned["why"]
+    term = learned["term"]
+    assert (term["equation"], term["block"]) == ("x = s", "sensors")
+    assert (term["regressor"], term["form"]) == ("s", "sine")
+    size, period, _ = (p["value"] for p in term["parameters"].values())
+    assert abs(size) == pytest.approx(0.012, rel=0.1)
+    assert period == pytest.approx(0.7, rel=0.02)
