@@ -262,8 +262,10 @@ def test_beside_a_second_effect_the_first_may_take_another_form(plant: Plant, pa
     first, second = in_forms("first", {"cubic": 2.0, "drag": 2.0}), CATALOGUE["leak"]
     hypothesis = Hypothesis().plus(first, first.forms[0]).plus(second, second.forms[0])
     best = fitter.explore(hypothesis, fitter.null())
-    trail = _Trail(fitter, {e.key: e for e in (first, second)}, [best])
-    found = _reformed(trail, best)
+    other = hypothesis.without(first.key).plus(first, first.forms[1])
+    stuck = replace(best, hypothesis=other)  # tried before, from a worse optimum
+    trail = _Trail(fitter, {e.key: e for e in (first, second)}, [best, stuck])
+    found = _reformed(trail, best, hypothesis.effects[:-1])
     fitter.close()
     assert {(e.key, f.name) for e, f in found.hypothesis.effects} == {
         ("first", "drag"),
