@@ -29,6 +29,10 @@ CLIPPED = 6.0  # noise levels beyond which a draw of noise is an event
 EVENT = 3.0  # times the spread of its stretch beyond which a residual counts no further: a mistimed
 # event is over before half of a stretch is
 LARGEST = 10.0  # noise levels beyond which a stretch counts no further
+UNEVEN = (
+    3.0  # the same where an error of the model is quoted: its RMS is that of all stretches, and
+)
+# most of it may lie in a few
 
 
 @dataclass(frozen=True)
@@ -89,19 +93,18 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors) -> Excess:
     }
     own = {ch: [w for (other, _), w in white.items() if other == ch] for ch, _ in white}
     bulk = {ch: spread(rows) for ch, rows in own.items()}
-    level = _level(bulk, _erring(fitter))
-    sizes = {
-        (channel, record): _sizes(rows, fitter.pieces((channel[0], record), len(rows)))
-        for (channel, record), rows in white.items()
-    }
+    erring = _erring(fitter)
+    level = _level(bulk, erring)
+    sizes: dict[tuple[Channel, str], Array] = {}
+    for (channel, record), rows in white.items():
+        told = _sizes(rows, fitter.pieces((channel[0], record), len(rows)))
+        most = level * (UNEVEN if channel in erring else LARGEST)
+        sizes[channel, record] = np.minimum(told, most)
     return Excess(
         level,
         bulk,
-        {
-            ch: _size(np.concatenate([s for (other, _), s in sizes.items() if other == ch]), level)
-            for ch in own
-        },
-        {key: _size(own_sizes, level) for key, own_sizes in sizes.items()},
+        {ch: _rms(np.concatenate([s for (c, _), s in sizes.items() if c == ch])) for ch in own},
+        {key: _rms(of_record) for key, of_record in sizes.items()},
     )
 
 
@@ -140,5 +143,5 @@ def _sizes(rows: Array, stretches: int) -> Array:
     )
 
 
-def _size(sizes: Array, level: float) -> float:
-    return float(np.sqrt(np.mean(np.minimum(sizes, LARGEST * level) ** 2)))
+def _rms(sizes: Array) -> float:
+    return float(np.sqrt(np.mean(sizes**2)))
