@@ -29,10 +29,9 @@ CLIPPED = 6.0  # noise levels beyond which a draw of noise is an event
 EVENT = 3.0  # times the spread of its stretch beyond which a residual counts no further: a mistimed
 # event is over before half of a stretch is
 LARGEST = 10.0  # noise levels beyond which a stretch counts no further
-UNEVEN = (
-    3.0  # the same where an error of the model is quoted: its RMS is that of all stretches, and
-)
-# most of it may lie in a few
+# The same where an error is quoted, of the model or of a coarse converter: its RMS is one over all
+# stretches, and most of it may lie in a few.
+UNEVEN = 3.0
 
 
 @dataclass(frozen=True)

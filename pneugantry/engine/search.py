@@ -147,15 +147,14 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
 
 
 def _reformed(trail: _Trail, best: Fit, effects: Sequence[Offer]) -> Fit:
-    """With another form of one of some effects, where it does better beside the others: an effect
-    that came before the last may have stood in for it; and whatever has been spent, what no form of
-    the answer explains is no other form of it.
+    """With another form of one of some effects, where it does better beside the others, from where
+    these have been fitted.
     """
     fitter, tried = trail.fitter, []
     for effect, form in effects:
         for other in filter(fitter.readable, effect.forms):
             hypothesis = best.hypothesis.without(effect.key).plus(effect, other)
-            if other is not form:  # tried before or not: from a worse optimum that says little
+            if other is not form:  # tried before, too: from a worse optimum, that says little
                 tried.append((hypothesis, [best.values(None)]))
     fits = _explored(fitter, best, tried, None)
     trail.tried += fits

@@ -19,17 +19,7 @@ COUNT = 11
 FINE = 41  # knots of a curve with narrow features
 EDGE = 0.005  # share of the rows beyond each end of the covered range
 JUMP = 2e-3  # share of the range over which a jump takes place
-SIZES = (
-    0.1,
-    0.3,
-    1.0,
-    3.0,
-    10.0,
-    30.0,
-    100.0,
-    300.0,
-    1000.0,
-)  # prior sizes of a curve, in units that show
+SIZES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # prior sizes of a curve, in units that show
 BENDS = (0.03, 0.3, 3.0)  # prior sizes of its bending, in units of its size
 LENGTHS = (0.03, 0.1)  # over which a curve with narrow features changes, shares of the range
 

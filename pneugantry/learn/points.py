@@ -67,6 +67,11 @@ class Point:
         path = self.equation.right.strip().rpartition(".")[0]
         return self.prefix + path if self.sensor else self.component
 
+    @property
+    def scope_prefix(self) -> str:
+        """Of the scope's variables in the whole plant."""
+        return f"{self.scope}." if self.scope else ""
+
     def spelt(self, variable: str) -> str:
         """A variable of the scope, as the equation's class calls it."""
         path = self.scope.removeprefix(self.prefix) if self.sensor else ""
@@ -160,7 +165,7 @@ class Opened:
 
     def variables(self, point: Point) -> list[str]:
         """Real variables of its scope that change with time, each under one name."""
-        prefix = f"{point.scope}." if point.scope else ""
+        prefix = point.scope_prefix
         addends = {p.variable for p in self.points}
         found: dict[str, str] = {}
         for name, root in sorted(self.shape.roots.items()):

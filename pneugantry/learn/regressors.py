@@ -81,8 +81,7 @@ def regressors_of(
     found: dict[Regressor, dict[str, Array]] = {}
     for point, own in wanted.items():
         for name in own:
-            prefix = f"{point.scope}." if point.scope else ""
-            regressor = Regressor(point.scope, name.removeprefix(prefix))
+            regressor = Regressor(point.scope, name.removeprefix(point.scope_prefix))
             found[regressor] = {r: made[r][:, names.index(name)] for r in made}
     found = _distinct(opened, found)
     speeds = _speeds(opened, found)

@@ -198,11 +198,12 @@ class Screening:
         it, or what it is times, stands already, where there is one.
         """
         found: list[Candidate] = []
-        for first in group.heads:
+        heads = group.heads
+        for first in heads:
             for regressor, values in tried.items():
                 head = group.head(first, regressor.times or regressor.name)
                 once = regressor.name == TIME and not regressor.times
-                if once and first != group.heads[0]:
+                if once and first != heads[0]:
                     continue
                 if regressor.within(head) and not self._circular(head, regressor):
                     own = response.times(group.factor(head))
@@ -213,8 +214,7 @@ class Screening:
     def _circular(self, point: Point, regressor: Regressor) -> bool:
         """Whether what the equation lacks decides the variable, or what that is times."""
         own = (regressor.name, regressor.times, regressor.speed)
-        prefix = f"{point.scope}." if point.scope else ""
-        return any(self.opened.decides(point, prefix + name) for name in own if name)
+        return any(self.opened.decides(point, point.scope_prefix + n) for n in own if n)
 
     # -- equations
 
