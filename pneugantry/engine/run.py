@@ -32,15 +32,14 @@ from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import Diagnosis, answer_set, causes_of
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.search import Search, search
+from pneugantry.engine.threads import one_blas_thread
 from pneugantry.engine.views import View
 
 __all__ = ["Found", "Task", "run"]
 
 Say = Callable[[str], None]
-CUT = (
-    "the search was cut short: nothing that was tried explains all that stands out, and trying"
-    " everything beside everything would take minutes"
-)
+CUT = "the search was cut short: trying everything beside everything would take minutes"
+LEFT_OPEN = "; nothing that was tried explains all that stands out"
 Keys = tuple[str, ...]  # effects of a hypothesis, sorted
 BLAMED = 1.1  # times the gap with tolerance alone from which on effects make it worse
 NOTABLE = 2.0  # times the floor from which on a gap is more than noise
@@ -89,6 +88,7 @@ class Found:
         return values if self.task.epoch is None else self.task.epoch.read(values, {})
 
 
+@one_blas_thread()
 def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
     """Diagnoses the records of a task. say: told the name of each stage as it begins."""
     clock = _Clock()
@@ -234,7 +234,7 @@ def _answer(
         causes=causes_of(decision.answers, task.catalogue, decision.chosen),
         answer_set=answer_set(decision.answers),
         gap=c.gap,
-        notes=(*task.notes, *c.notes, *((CUT,) if found.cut else ())),
+        notes=(*task.notes, *c.notes, *_cut_short(found, decision)),
         limits=task.limits,
         seconds=clock.seconds,
         steps=found.steps,
@@ -255,6 +255,13 @@ def _answer(
         c.augmented,
         c.gap,
     )
+
+
+def _cut_short(found: Search, decision: Decision) -> tuple[str, ...]:
+    """What is said of a search that has spent what it may."""
+    if not found.cut:
+        return ()
+    return (CUT + LEFT_OPEN if decision.verdict == "unknown" else CUT,)
 
 
 def _read_by(fitter: Fitter, evidence: Sequence[Evidence], view: str | None) -> tuple[str, ...]:

@@ -10,7 +10,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-__all__ = ["THREADS", "Pooled", "on_threads"]
+from threadpoolctl import threadpool_limits
+
+__all__ = ["THREADS", "Pooled", "on_threads", "one_blas_thread"]
 
 THREADS = 2
 MOST = 16  # calls that are side by side, at most
@@ -19,6 +21,15 @@ Found = TypeVar("Found")
 Kind = TypeVar("Kind")
 Job = TypeVar("Job")
 Made = TypeVar("Made")
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Linear algebra stays on the thread that asks for it: matrices are small here, and threads of
+    a BLAS that wait for their share of one take the processor from simulations.
+    """
+    with threadpool_limits(1, "blas"):
+        yield
 
 
 def on_threads(call: Callable[[T], Found], values: Iterable[T]) -> list[Found]:

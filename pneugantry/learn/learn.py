@@ -24,7 +24,7 @@ from pneugantry.engine.plant import Array, Nuisance, Plant, Record
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, Task, run
-from pneugantry.engine.threads import on_threads
+from pneugantry.engine.threads import on_threads, one_blas_thread
 from pneugantry.engine.views import SubsystemView, View
 from pneugantry.learn.composite import composites
 from pneugantry.learn.curve import Knots, Wave
@@ -136,6 +136,7 @@ def wanted(found: Found) -> bool:
     return found.decision.unknown >= LIKELY and not isinstance(found.task.plant, ForeignPlant)
 
 
+@one_blas_thread()
 def learn(
     found: Found,
     rules: Rules,

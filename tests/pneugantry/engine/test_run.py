@@ -12,7 +12,7 @@ from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, recor
 
 from pneugantry.engine.autoregression import quoted
 from pneugantry.engine.confirm import Gap
-from pneugantry.engine.decide import Chances, Evidence, decide, outstanding
+from pneugantry.engine.decide import Chances, Decision, Evidence, decide, outstanding
 from pneugantry.engine.descent import Problem, Solution, Weighing, prior, probed
 from pneugantry.engine.excess import Excess
 from pneugantry.engine.fitter import Fit
@@ -21,7 +21,7 @@ from pneugantry.engine.plant import Data, Plant, Record, Signal
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, Task, _costs, _evidence, _turned, run
+from pneugantry.engine.run import Found, Task, _costs, _cut_short, _evidence, _turned, run
 from pneugantry.engine.search import Search
 from pneugantry.engine.simulation import Point
 from pneugantry.engine.views import build_views
@@ -328,3 +328,15 @@ def test_an_effect_that_does_nothing_brings_nothing_on_a_record_that_no_fit_saw(
     held.close()
     fitter.close()
     assert abs(gain) < 5
+
+
+def test_a_search_that_was_cut_short_says_what_is_left_only_where_the_answer_does() -> None:
+    def said(verdict: str, cut: bool) -> str:
+        fit = cast(Fit, None)
+        decision = Decision(verdict, (), (), 0.0, 0.5, fit)
+        return " ".join(_cut_short(Search(fit, fit, (), (), cut=cut), decision))
+
+    assert said("unknown", False) == ""
+    assert "explains all" in said("unknown", True)
+    assert "cut short" in said("identified", True)
+    assert "explains all" not in said("identified", True)
