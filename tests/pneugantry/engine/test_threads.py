@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.linalg
+from test_search import CATALOGUE, PERIOD, SIGMA, parts, plant, record
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from pneugantry.engine.plant import Data, Plant
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import Task, run
 from pneugantry.engine.threads import one_blas_thread
+from pneugantry.engine.views import build_views
+
+__all__ = ["parts", "plant"]  # fixtures
 
 
 def blas_threads() -> list[int]:
@@ -25,3 +34,20 @@ def test_linear_algebra_has_one_thread_within_and_what_it_had_behind() -> None:
         with one_blas_thread():
             assert blas_threads() == [1] * len(before)
         assert blas_threads() == before == [2] * len(before)
+
+
+def test_a_diagnosis_keeps_to_one(plant: Plant, parts: Path) -> None:
+    rules = Rules()
+    data = Data((record("one", 1),), record("held", 2))
+    views = build_views(plant, list(SIGMA), parts, PERIOD, rules)
+    seen: list[list[int]] = []
+    with threadpool_limits(2, "blas"):
+        if not blas_threads():
+            pytest.skip("no BLAS here tells its threads")
+        run(
+            Task(plant, views, data, CATALOGUE, parts),
+            rules,
+            say=lambda stage: seen.append(blas_threads()),
+        )
+    assert len(seen) > 2
+    assert all(n == 1 for threads in seen for n in threads)
