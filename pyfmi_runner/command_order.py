@@ -25,8 +25,10 @@ def commands_swapped(command: Mapping[str, Array], force: Mapping[str, Array], d
     each force follows the other axis' valve and not its own.
     """
     own = sum(_unexplained(a, command[a], force[a], dt) for a in "xz")
+    if own <= LEFT:
+        return False
     crossed = sum(_unexplained(a, command[b], force[a], dt) for a, b in (("x", "z"), ("z", "x")))
-    return own > LEFT and crossed < RATIO * own
+    return crossed < RATIO * own
 
 
 def _unexplained(axis: str, command: Array, force: Array, dt: float) -> float:

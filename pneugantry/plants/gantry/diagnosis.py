@@ -34,7 +34,7 @@ from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.campaign import Campaign
 from pyfmi_runner.enough_rows import long_enough
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import COLUMNS, log_warnings
+from pyfmi_runner.log import COLUMNS
 
 __all__ = ["both", "diagnose", "finished", "task_of"]
 
@@ -145,9 +145,8 @@ def _judged(data: Data, views: Sequence[View], campaign: Campaign) -> tuple[Data
 def _checked(campaign: Campaign) -> Campaign:
     """Without logs that are too short or have a fault; all that was seen stands in its notes."""
     campaign = long_enough(campaign)
-    seen = [f"{n}: {text}" for n, r in campaign.logs.items() for text in log_warnings(r.log)]
-    sound, gone = sound_logs(campaign)
-    return replace(sound, notes=[*campaign.notes, *seen, *gone])
+    sound, notes = sound_logs(campaign)
+    return replace(sound, notes=[*campaign.notes, *notes])
 
 
 def both(before: Campaign, after: Campaign) -> Campaign:

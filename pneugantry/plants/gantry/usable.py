@@ -16,27 +16,29 @@ FAULTS = ("swapped", "reversed", "clipped", "throughout")
 
 
 def sound_logs(campaign: Campaign) -> tuple[Campaign, list[str]]:
-    """The campaign without logs whose channels are stuck, clipped, swapped or reversed, and what
-    was left out and why.
+    """The campaign without logs whose channels are stuck, clipped, swapped or reversed; what is
+    suspicious about each log, then what was left out and why.
 
     Such a log would be explained by some effect, and wrongly. Raises InputError where no log is
     left.
     """
     kept: dict[str, LoggedRun] = {}
-    notes = []
+    seen, gone = [], []
     for name, run in campaign.logs.items():
-        faults = [text for text in log_warnings(run.log) if _is_fault(run, text)]
+        warnings = log_warnings(run.log)
+        seen += [f"{name}: {text}" for text in warnings]
+        faults = [text for text in warnings if _is_fault(run, text)]
         if faults:
-            notes.append(f"{name} left out of the diagnosis: {faults[0]}")
+            gone.append(f"{name} left out of the diagnosis: {faults[0]}")
         else:
             kept[name] = run
     if not kept:
         raise InputError(
-            f"no log can be diagnosed ({notes[0]})",
+            f"no log can be diagnosed ({gone[0]})",
             file=campaign.path,
             hint="check its channels or columns",
         )
-    return replace(campaign, logs=kept), notes
+    return replace(campaign, logs=kept), [*seen, *gone]
 
 
 def _is_fault(run: LoggedRun, text: str) -> bool:
