@@ -8,7 +8,7 @@ that the model lacks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from pneugantry.engine.simulation import Cell
 from pneugantry.engine.synthetic import changes_of, noisy
 from pneugantry.engine.threads import on_threads
 
-__all__ = ["Channel", "Excess", "Floors", "excess_of", "floors_of"]
+__all__ = ["Channel", "Excess", "Floors", "excess_of", "floors_of", "unexplained"]
 
 Channel = tuple[str, str]  # view, signal
 Floors = dict[tuple[Channel, str], Whitener]  # by channel and record
@@ -48,11 +48,24 @@ class Excess:
         return self.whole[channel] / self.level
 
 
-def floors_of(fitter: Fitter, fit: Fit) -> Floors:
-    """Colour and size of the quoted noise in each view and record."""
+def unexplained(fitter: Fitter, fit: Fit) -> list[str]:
+    """Views in which a fit leaves what would be called unknown, were it all: what stands out as the
+    excess of an answer does, or stays down only because the fit has bent a parameter far.
+    """
+    loud, bent = fitter.loud(fit), fitter.bent(fit)
+    others = [v for v in loud if v not in bent]
+    if not others:
+        return loud
+    left = excess_of(fitter, fit, floors_of(fitter, fit, others), fitter.level)
+    out = {c[0] for c in left.whole if left.ratio(c) > fitter.rules.unexplained}
+    return [v for v in loud if v in bent or v in out]
+
+
+def floors_of(fitter: Fitter, fit: Fit, views: Collection[str] | None = None) -> Floors:
+    """Colour and size of the quoted noise in each view and record; views: in these alone."""
     records = fitter.simulation.records
     drawn = {n: [_drawn(fitter.plant, r, k) for k in range(DRAWS)] for n, r in records.items()}
-    cells = fitter.simulation.cells
+    cells = [c for c in fitter.simulation.cells if views is None or c[0] in views]
     made = on_threads(lambda c: _floors_in(fitter, fit, c, drawn[c[1]]), cells)
     return {key: floor for own in made for key, floor in own.items()}
 
@@ -82,8 +95,10 @@ def _floors_in(fitter: Fitter, fit: Fit, cell: Cell, others: Sequence[Record]) -
     return found
 
 
-def excess_of(fitter: Fitter, fit: Fit, floors: Floors) -> Excess:
-    """Sizes of what a fit leaves; cells without a floor are left out."""
+def excess_of(fitter: Fitter, fit: Fit, floors: Floors, level: float | None = None) -> Excess:
+    """Sizes of what a fit leaves; cells without a floor are left out. level: the rig's, where it is
+    known.
+    """
     white = {
         ((view, signal), record): floors[(view, signal), record](residual[:, c])
         for (view, record), residual in fit.residuals.items()
@@ -93,7 +108,7 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors) -> Excess:
     own = {ch: [w for (other, _), w in white.items() if other == ch] for ch, _ in white}
     bulk = {ch: spread(rows) for ch, rows in own.items()}
     erring = _erring(fitter)
-    level = _level(bulk, erring)
+    level = level or _level(bulk, erring)
     sizes: dict[tuple[Channel, str], Array] = {}
     for (channel, record), rows in white.items():
         told = _sizes(rows, fitter.pieces((channel[0], record), len(rows)))

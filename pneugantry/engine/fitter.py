@@ -145,7 +145,7 @@ class Fitter:
         self.nominal = _nominal(plant, views)
         self._floors: dict[Cell, tuple[Whitener, ...]] = {}
         self._erring = {cell: self._quoted_errors(cell) for cell in self.simulation.cells}
-        self._level = level
+        self.level = level
 
     def close(self) -> None:
         self.simulation.close()
@@ -201,16 +201,20 @@ class Fitter:
         """Views that tolerance or its effects move, in which a fit leaves more than noise, or not
         only because it has bent a parameter that they read far beyond tolerance.
         """
-        known, views = prior(fit.point.coordinates), self.simulation.views
-        bent = [n for n, far in deviations(fit.point).items() if abs(far) > FAR_OFF]
+        known, bent = prior(fit.point.coordinates), self.bent(fit)
         solution = Solution(fit.point, fit.residuals, {})
         parts = {v: _only(solution, v) for v in dict.fromkeys(c[0] for c in self.simulation.cells)}
         return [
             v
             for v, p in parts.items()
-            if any(views[v].depends_on(n) for n in bent)
-            or not self._quiet(self._problem(p.residuals, known), p)
+            if v in bent or not self._quiet(self._problem(p.residuals, known), p)
         ]
+
+    def bent(self, fit: Fit) -> set[str]:
+        """Views that read a parameter that a fit has bent far beyond tolerance."""
+        far = [n for n, off in deviations(fit.point).items() if abs(off) > FAR_OFF]
+        views = self.simulation.views
+        return {c[0] for c in self.simulation.cells if any(map(views[c[0]].depends_on, far))}
 
     def afresh(self, base: Fit) -> Fit:
         """A base whose nuisances are back at their nominal values, linearised there; those of one
@@ -440,7 +444,7 @@ class Fitter:
         ]
         ends = self._ends(starts, known, cells, rivals, views)
         if not rivals:
-            self._level = self._loudness([e.solution.residuals for e in ends])
+            self.level = self._loudness([e.solution.residuals for e in ends])
 
         def surveyed(end: _End) -> Solution:
             if not (share > 1 or (share == 1 and end.contends)):
@@ -612,12 +616,12 @@ class Fitter:
             return True
         white = self._white(found.residuals, {c: self.floor(c) for c in problem.cells})
         signals = [[w for (_, k), w in white.items() if k == c] for c in {k for _, k in white}]
-        most, rules = self.rules.quiet * self._level, self.rules
+        most, rules = self.rules.quiet * self.level, self.rules
         return not any(
             noise.surely_above(most, rows, rules.doubt)
             for rows in (*signals, *([w] for w in white.values()))
         ) and all(
-            noise.loss(w[np.abs(w) > LARGE] / self._level, rules.tails).sum() < rules.hopeless
+            noise.loss(w[np.abs(w) > LARGE] / self.level, rules.tails).sum() < rules.hopeless
             for w in white.values()
         )
 

@@ -33,6 +33,7 @@ class Rules:
     survey: int = 192  # points of a view, from the best of which descents start, too (0119, 0120)
     followed: int = 4  # parts of these points, each with its best (0122)
     quiet: float = 1.05  # times its sensors' noise, up to which a view needs no survey (0120)
+    unexplained: float = 1.22  # and from which on more is tried: as likely unknown as not (0145)
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
     difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
     fine: float = 5e-5  # share of it near an end, an effect's too (measured: decisions 0104, 0120)

@@ -1,7 +1,7 @@
 """Which effects the records need: forward selection by evidence, with a backward step.
 
 What gains most by the score tests of `screening` is fitted near the base, and the best of that with
-all views together. Where that leaves more than noise, effects are tested and fitted from the
+all views together. Where what that leaves stands out, effects are tested and fitted from the
 nominal plant as well.
 """
 
@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pneugantry.engine.catalogue import Effect
+from pneugantry.engine.excess import unexplained
 from pneugantry.engine.fitter import FRESH, Fit, Fitter, Scouts
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.screening import (
@@ -88,17 +89,17 @@ class _Trail:
 
 def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search:
     """Effects are added while one brings evidence, and dropped where a later one replaces them;
-    in the end each is held against what else may be in its place, and where more than noise is
-    left, tried in its other forms.
+    in the end each is held against what else may be in its place, and where what is left stands
+    out, tried in its other forms.
     """
     offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
     trail = _Trail(fitter, offered, [null])
     best = _exchanged(trail, _gathered(trail, null))
-    if fitter.loud(best):
+    if unexplained(fitter, best):
         best = _reformed(trail, best, best.hypothesis.effects)
     null = min((f for f in trail.tried if not f.keys), key=lambda f: f.evidence)
     tried = tuple(f for f in trail.tried if not f.negligible(fitter.rules))
-    cut = _spent(fitter) >= 1 and bool(fitter.loud(best))
+    cut = _spent(fitter) >= 1 and bool(unexplained(fitter, best))
     return Search(null, best, tuple(trail.steps), tried, tuple(trail.screened), cut)
 
 
@@ -107,19 +108,21 @@ def _spent(fitter: Fitter) -> float:
     return fitter.simulation.evaluations / fitter.rules.effort
 
 
-def _loud(fitter: Fitter, fit: Fit) -> list[str]:
-    """Views in which a fit leaves more than noise, as long as more may be spent on them: where
+def _unexplained(fitter: Fitter, fit: Fit) -> list[str]:
+    """Views in which a fit leaves what stands out, as long as more may be spent on them: where
     nothing explains a view, everything would be tried in it, and again beside each effect.
     """
-    return [] if _spent(fitter) >= 1 else fitter.loud(fit)
+    return [] if _spent(fitter) >= 1 else unexplained(fitter, fit)
 
 
 def _gathered(trail: _Trail, null: Fit) -> Fit:
     """Forward, each effect in its main form and the best in their others."""
     fitter, best, thorough = trail.fitter, null, False
+    if not unexplained(fitter, null):  # nothing is likely to be found, so nothing to be done twice
+        best, thorough = trail.polished(null), True
     near, far = Memory(), Memory()
     for _ in range(fitter.rules.rounds):
-        forms = _main_forms(fitter, trail.beside(best.keys), every=bool(_loud(fitter, best)))
+        forms = _main_forms(fitter, trail.beside(best.keys), every=bool(_unexplained(fitter, best)))
         if best.keys:  # there are too many pairs to prepare each
             fitter.prepare_any(best.hypothesis, trail.offered.values())
         trail.screened = screen(fitter, best, forms, near.about(fitter, best))
@@ -135,7 +138,7 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
             break
         before, thorough = best, True  # whose own best optimum may still be elsewhere
         best = trail.polished(top or best)
-        if top is not None and _loud(fitter, best):
+        if top is not None and _unexplained(fitter, best):
             best = _reformed(trail, best, best.hypothesis.effects[:-1])
         least = fitter.rules.entry if top is None else trail.bar
         if _spent(fitter) >= LAST:
@@ -241,14 +244,15 @@ def _fits(
     forms: Sequence[Offer],
     far: Memory,
 ) -> list[Fit]:
-    """What is predicted to gain most, with the best in their other forms. Where all that leaves
-    more than noise in some views, whatever else these read: an event that a simulation misses (a
+    """What is predicted to gain most, with the best in their other forms. Where what all that
+    leaves stands out in some views, whatever else these read: an event that a simulation misses (a
     break-away) shows in no prediction, and a fit of that view alone tells which are worth one of
     all. Where that does, too, also what is predicted from the nominal plant on, of which `far` is.
     """
     measures = ("gain", "plain")
     rough = _added(fitter, base, _chosen(fitter, screened, bar, measures), None)
-    left = _loud(fitter, min((base, *rough), key=lambda f: f.evidence))
+    rough += _other_forms(fitter, base, rough)
+    left = _unexplained(fitter, min((base, *rough), key=lambda f: f.evidence))
     known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
     rest = [
         c
@@ -265,7 +269,7 @@ def _fits(
         gains = scouts.gains([_from(fitter, base, own) for own in few])
         worth += [own for own, gain in zip(few, gains, strict=True) if gain > bar]
     rough += _added(fitter, base, worth, _ahead(rough))
-    if _loud(fitter, min((base, *rough), key=lambda f: f.evidence)):
+    if _unexplained(fitter, min((base, *rough), key=lambda f: f.evidence)):
         distant = _chosen(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
         told = [
             (base.hypothesis.plus(own[0].effect, own[0].form), [c.starts for c in own])
@@ -291,7 +295,7 @@ def _best_of_each(fits: Sequence[Fit]) -> list[Fit]:
 
 def _finals(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[Fit]:
     """The best effects, each in its best form, fitted to the end where there are several. Where
-    they leave more than noise, or none gains anything, they are surveyed first.
+    what they leave stands out, or none gains anything, they are surveyed first.
     """
     foremost = _best_of_each(fits)[: fitter.rules.finalists]
     least = fitter.rules.hopeful * max((base.evidence - f.evidence for f in foremost), default=0.0)
@@ -322,12 +326,12 @@ def _in_main_form(fitter: Fitter, base: Fit, fit: Fit) -> Hypothesis:
 
 def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
     """The best of a fit, a thorough one from where it ended, and one of the effect's main form from
-    the nominal plant, where it leaves more than noise and has not been surveyed, for its equations
-    are the base's. Tolerance that is bent to make up for an effect holds it where it is.
+    the nominal plant, where what it leaves stands out and it has not been surveyed, for its
+    equations are the base's. Tolerance that is bent to make up for an effect holds it where it is.
     """
-    if fit.hypothesis.settings != base.hypothesis.settings or not fitter.loud(base):
+    if fit.hypothesis.settings != base.hypothesis.settings or not unexplained(fitter, base):
         return fit
-    if not fitter.loud(fit):
+    if not unexplained(fitter, fit):
         return fit
     other = fitter.explore(fit.hypothesis, base, [fit.values(None)], fit)
     main = _in_main_form(fitter, base, fit)
@@ -383,8 +387,11 @@ def _explored(
     tried: Sequence[tuple[Hypothesis, Sequence[Mapping[str, float]]]],
     ahead: Fit | None,
 ) -> list[Fit]:
-    """Hypotheses near a base, each from some starts, side by side."""
-    fresh = FRESH if _spent(fitter) < 1 else 1
+    """Hypotheses near a base, each from some starts, side by side. Where the best so far leaves
+    nothing to explain, other equations are surveyed no further than contends with it.
+    """
+    best = min((f for f in (base, ahead) if f is not None), key=lambda f: f.evidence)
+    fresh = FRESH if _unexplained(fitter, best) else 1
 
     def explored(each: tuple[Hypothesis, Sequence[Mapping[str, float]]]) -> Fit:
         return fitter.explore(each[0], base, each[1], ahead, thorough=False, fresh=fresh)
@@ -403,14 +410,14 @@ def _from(
 
 
 def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
-    """The best effects in their other forms; where none gains anything and more than noise is left,
-    the best of those, too.
+    """The best effects in their other forms; where none gains anything and what is left stands
+    out, the best of those, too.
     """
     known = {f.hypothesis.forms for f in fits}
     best = _best_of_each(fits)
     least = NEARLY * max((base.evidence - f.evidence for f in fits), default=0.0)
     near = [f for f in best if base.evidence - f.evidence > max(least, 0.0)]
-    if not near and _loud(fitter, base):
+    if not near and _unexplained(fitter, base):
         near = best
     tried = []
     for fit in near[: fitter.rules.reformed]:
