@@ -28,6 +28,7 @@ from pneugantry.engine.screening import (
 
 __all__ = ["Search", "Step", "search"]
 
+MUCH = 0.5  # share of an effect's gain from which on another of its block is tried beside it
 NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
 STARTS = 2  # from which a form is fitted, beside the base
 SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
@@ -166,8 +167,8 @@ def _reformed(trail: _Trail, best: Fit, effects: Sequence[Offer]) -> Fit:
 
 
 def _exchanged(trail: _Trail, best: Fit) -> Fit:
-    """With another effect in the place of one, where that does better."""
-    rivals = _rivals(trail, best)
+    """With another effect in the place of one, or beside it, where that does better."""
+    rivals = [*_rivals(trail, best), *_joined(trail, best)]
     trail.tried += rivals
     top = min((best, *rivals), key=lambda f: f.evidence)
     if top is best:
@@ -212,6 +213,29 @@ def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
         own = (effect.key, form.name)
         fits += _added(fitter, base, [c for c in chosen if _form_of(c[0]) != own], best)
     return fits
+
+
+def _joined(trail: _Trail, best: Fit) -> list[Fit]:
+    """Beside each effect, in each form that was tried, what alone explains nearly as much in its
+    block, from where it did so: one form with more parameters may stand in for both, and no slope
+    at its optimum tells that they do better.
+    """
+    fitter, tried = trail.fitter, []
+    for effect, _ in best.hypothesis.effects:
+        rest = best.hypothesis.without(effect.key)
+        beside = [f for f in trail.tried if f.keys[:-1] == rest.keys and f.keys]
+        base = min((f for f in trail.tried if f.hypothesis.forms == rest.forms), key=_evidence)
+        same = [f for f in beside if f.keys[-1] == effect.key]
+        own = min(same, key=_evidence, default=best)
+        forms = {f.hypothesis.effects[-1][1].name: f.hypothesis for f in same}
+        least = base.evidence - MUCH * (base.evidence - own.evidence)
+        for rival in _best_of_each([f for f in beside if f.evidence < least]):
+            other, its = rival.hypothesis.effects[-1]
+            if other.block == effect.block and other.key not in best.keys:
+                pairs = [h.plus(other, its) for h in forms.values()]
+                tried += [(pair, [rival.values(None)]) for pair in pairs]
+    tried = [t for t in tried if t[0].forms not in trail.known]
+    return _explored(fitter, best, tried, None)
 
 
 def _replacing(trail: _Trail, best: Fit) -> list[Fit]:
@@ -279,6 +303,10 @@ def _fits(
             lambda t: fitter.from_afar(t[0], base, t[1]), told, [h for h, _ in told]
         )
     return rough + _other_forms(fitter, base, rough)
+
+
+def _evidence(fit: Fit) -> float:
+    return fit.evidence
 
 
 def _ahead(fits: Sequence[Fit]) -> Fit | None:

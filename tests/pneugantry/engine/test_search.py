@@ -21,6 +21,7 @@ from pneugantry.engine.screening import Candidate, Memory, screen
 from pneugantry.engine.search import (
     _finals,
     _fits,
+    _joined,
     _main_forms,
     _other_forms,
     _reformed,
@@ -318,6 +319,20 @@ def test_what_stands_beside_an_effect_may_replace_it(plant: Plant, parts: Path) 
     fitter.close()
     assert [f.keys for f in found] == [("drag",), ("mass",)]
     assert found[0].evidence < best.evidence
+
+
+def test_what_explains_nearly_as_much_alone_is_tried_beside(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=1.0, F_c=1.3)
+    null, drag, friction = fitter.null(), CATALOGUE["drag"], CATALOGUE["friction"]
+    alone = [
+        fitter.explore(null.hypothesis.plus(e, e.forms[0]), null)
+        for e in (drag, friction, CATALOGUE["leak"])
+    ]
+    best = min(alone, key=lambda f: f.evidence)
+    joined = _joined(_Trail(fitter, CATALOGUE, [null, *alone]), best)
+    fitter.close()
+    assert [set(f.keys) for f in joined] == [{"drag", "friction"}]
+    assert best.evidence - joined[0].evidence > fitter.rules.effect
 
 
 def test_each_set_of_equations_is_offered_once_where_every_one_is_asked_for(
