@@ -234,8 +234,8 @@ def _joined(trail: _Trail, best: Fit) -> list[Fit]:
             if other.block == effect.block and other.key not in best.keys:
                 pairs = [h.plus(other, its) for h in forms.values()]
                 tried += [(pair, [rival.values(None)]) for pair in pairs]
-    tried = [t for t in tried if t[0].forms not in trail.known]
-    return _explored(fitter, best, tried, None)
+    fits = _explored(fitter, best, [t for t in tried if t[0].forms not in trail.known], None)
+    return [f for f in fits if best.evidence - f.evidence > trail.bar]
 
 
 def _replacing(trail: _Trail, best: Fit) -> list[Fit]:
