@@ -81,6 +81,11 @@ class _Trail:
     def beside(self, keys: Collection[str]) -> list[Effect]:
         return [e for k, e in self.offered.items() if k not in keys]
 
+    def best_of(self, hypothesis: Hypothesis) -> Fit:
+        """Of what was fitted of a hypothesis."""
+        fits = (f for f in self.tried if f.hypothesis.forms == hypothesis.forms)
+        return min(fits, key=lambda f: f.evidence)
+
     def polished(self, fit: Fit) -> Fit:
         """At its best optimum, without what it no longer needs."""
         best = _pruned(self, self.fitter.again(fit, thorough=True))
@@ -118,9 +123,9 @@ def _unexplained(fitter: Fitter, fit: Fit) -> list[str]:
 
 def _gathered(trail: _Trail, null: Fit) -> Fit:
     """Forward, each effect in its main form and the best in their others."""
-    fitter, best, thorough = trail.fitter, null, False
-    if not unexplained(fitter, null):  # nothing is likely to be found, so nothing to be done twice
-        best, thorough = trail.polished(null), True
+    fitter = trail.fitter
+    thorough = not unexplained(fitter, null)  # such a rig is screened once, about its best optimum
+    best = trail.polished(null) if thorough else null
     near, far = Memory(), Memory()
     for _ in range(fitter.rules.rounds):
         forms = _main_forms(fitter, trail.beside(best.keys), every=bool(_unexplained(fitter, best)))
@@ -199,8 +204,7 @@ def _rivals(trail: _Trail, best: Fit) -> list[Fit]:
     fits = _replacing(trail, best)
     for effect, form in best.hypothesis.effects:
         rest = best.hypothesis.without(effect.key)
-        bases = [f for f in trail.tried if f.hypothesis.forms == rest.forms]
-        base = min(bases, key=lambda f: f.evidence)
+        base = trail.best_of(rest)
         offers = [
             (e, f)
             for e in trail.beside(rest.keys)
@@ -224,16 +228,13 @@ def _joined(trail: _Trail, best: Fit) -> list[Fit]:
     for effect, _ in best.hypothesis.effects:
         rest = best.hypothesis.without(effect.key)
         beside = [f for f in trail.tried if f.keys[:-1] == rest.keys and f.keys]
-        base = min((f for f in trail.tried if f.hypothesis.forms == rest.forms), key=_evidence)
-        same = [f for f in beside if f.keys[-1] == effect.key]
-        own = min(same, key=_evidence, default=best)
-        forms = {f.hypothesis.effects[-1][1].name: f.hypothesis for f in same}
-        least = base.evidence - MUCH * (base.evidence - own.evidence)
+        own = {f.hypothesis.forms: f.hypothesis for f in beside if f.keys[-1] == effect.key}
+        before = trail.best_of(rest).evidence
+        least = before - MUCH * (before - best.evidence)
         for rival in _best_of_each([f for f in beside if f.evidence < least]):
             other, its = rival.hypothesis.effects[-1]
             if other.block == effect.block and other.key not in best.keys:
-                pairs = [h.plus(other, its) for h in forms.values()]
-                tried += [(pair, [rival.values(None)]) for pair in pairs]
+                tried += [(h.plus(other, its), [rival.values(None)]) for h in own.values()]
     fits = _explored(fitter, best, [t for t in tried if t[0].forms not in trail.known], None)
     return [f for f in fits if best.evidence - f.evidence > trail.bar]
 
@@ -303,10 +304,6 @@ def _fits(
             lambda t: fitter.from_afar(t[0], base, t[1]), told, [h for h, _ in told]
         )
     return rough + _other_forms(fitter, base, rough)
-
-
-def _evidence(fit: Fit) -> float:
-    return fit.evidence
 
 
 def _ahead(fits: Sequence[Fit]) -> Fit | None:
@@ -416,8 +413,10 @@ def _explored(
     ahead: Fit | None,
 ) -> list[Fit]:
     """Hypotheses near a base, each from some starts, side by side. Where the best so far leaves
-    nothing to explain, other equations are surveyed no further than contends with it.
+    nothing to explain, other equations are surveyed only where they contend with it.
     """
+    if not tried:
+        return []
     best = min((f for f in (base, ahead) if f is not None), key=lambda f: f.evidence)
     fresh = FRESH if _unexplained(fitter, best) else 1
 
