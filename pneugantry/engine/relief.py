@@ -46,7 +46,6 @@ class Reliefs:
         if not self.cells:
             return
         self.own = [c for c in base.point.coordinates if any(sim.in_cell(c, x) for x in self.cells)]
-        self.known = {c.parameter for c in self.own}
         at = dict(zip(base.point.coordinates, base.point.theta, strict=True))
         self.theta = np.array([at[c] for c in self.own])
         spread = np.array([c.spread for c in self.own])
@@ -61,27 +60,30 @@ class Reliefs:
         self.idle, _ = self._step(self.columns, self.theta, self.weight)
 
     def of(self, form: Form) -> Relief | None:
-        """The one that a form of an effect brings; None where it brings none."""
+        """The one that a form of an effect brings; None where it brings none. A parameter that the
+        base fits as a nuisance becomes the effect's, free of its tolerance.
+        """
         sim, rules = self.fitter.simulation, self.fitter.rules
         names = [p.name for p in form.parameters]
-        if not self.cells or form.settings or any(n in self.known for n in names):
-            return None
         cells = [c for c in self.cells if any(sim.views[c[0]].depends_on(n) for n in names)]
-        if not cells:
+        if form.settings or not cells:
             return None
         effects = [
             effect_coordinate(p, self.fitter.neutral(p.name), rules.effect_prior)
             for p in form.parameters
         ]
-        neutral = np.array([c.theta(c.value(0.0)) for c in effects])
-        theta = np.concatenate([self.beside.theta, neutral])
-        point = Point((*self.own, *effects), theta, self.base.point.settings)
+        rest = np.array([c.parameter not in names for c in self.own])
+        kept = [c for c, stays in zip(self.own, rest, strict=True) if stays]
+        beside, own = (_theta_of(effects, f.values(None)) for f in (self.beside, self.base))
+        theta = np.concatenate([self.beside.theta[rest], beside])
+        point = Point((*kept, *effects), theta, self.base.point.settings)
         residuals = {c: self.residuals[c] for c in cells}
         found = sim.columns(point, residuals, cells, {c.name for c in effects})
-        columns = np.column_stack([self.columns, self._stacked(found, effects)])
-        weight = np.concatenate([self.weight, np.full(len(effects), rules.effect_prior**-2.0)])
-        gain, moved = self._step(columns, np.concatenate([self.theta, neutral]), weight)
-        pairs = zip((*self.own, *effects), moved, strict=True)
+        columns = np.column_stack([self.columns[:, rest], self._stacked(found, effects)])
+        weight = np.concatenate([self.weight[rest], np.full(len(effects), rules.effect_prior**-2)])
+        gain, moved = self._step(columns, np.concatenate([self.theta[rest], own]), weight)
+        gain += float(self.weight[~rest] @ self.theta[~rest] ** 2 - weight[-len(own) :] @ own**2)
+        pairs = zip((*kept, *effects), moved, strict=True)
         starts = {c.parameter: c.value(t) for c, t in pairs if c.effect or c.name in self.far_off}
         return Relief(starts, gain - self.idle)
 
@@ -102,3 +104,8 @@ class Reliefs:
         step = np.linalg.solve(square + np.diag(weight), -weight * theta)
         moved = theta + step
         return float(weight @ (theta**2 - moved**2) - step @ square @ step), moved
+
+
+def _theta_of(effects: Sequence[Coordinate], known: Mapping[str, float]) -> Array:
+    """Theta of effects' parameters at known values, else at the neutral ones."""
+    return np.array([c.theta(known.get(c.parameter, c.value(0.0))) for c in effects])
