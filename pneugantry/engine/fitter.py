@@ -47,6 +47,7 @@ FRESH = 2  # times as large is a survey where other equations hold: nothing is k
 WINNOWED = 8  # of a survey's points one is simulated over all records
 LEGS = 2  # descents from afar, each from the end of the one before, undamped
 FAR_OFF = 3.0  # spreads of the rig's tolerance from which on a deviation is much
+OTHER = 0.05  # change of the logarithm of a rig's tolerance from which on it is another
 ROUGH = 8.0  # fall of -2 log posterior that ends a descent of which another follows
 T = TypeVar("T")
 Found = TypeVar("Found")
@@ -210,10 +211,14 @@ class Fitter:
             if v in bent or not self._quiet(self._problem(p.residuals, known), p)
         ]
 
+    @staticmethod
+    def far_off(fit: Fit) -> set[str]:
+        """Coordinates that a fit has bent far beyond tolerance."""
+        return {n for n, off in deviations(fit.point).items() if abs(off) > FAR_OFF}
+
     def bent(self, fit: Fit) -> set[str]:
         """Views that read a parameter that a fit has bent far beyond tolerance."""
-        far = [n for n, off in deviations(fit.point).items() if abs(off) > FAR_OFF]
-        views = self.simulation.views
+        far, views = self.far_off(fit), self.simulation.views
         return {c[0] for c in self.simulation.cells if any(map(views[c[0]].depends_on, far))}
 
     def afresh(self, base: Fit) -> Fit:
@@ -275,7 +280,7 @@ class Fitter:
         scale = self._tolerance(solution.point)
         coordinates = self.coordinates(Hypothesis(), scale)
         known = prior(coordinates)
-        point = Point(coordinates, solution.point.theta, {})
+        point = replace(solution.point, coordinates=coordinates)
         solution = Solution(point, solution.residuals, solution.columns)
         solution = self._renewed(solution, known, cells, 1)
         return self._finished(Hypothesis(), solution, known, scale)
@@ -398,6 +403,36 @@ class Fitter:
         solution = (self._polished if thorough else self._jointly)(solution, whole, cells)
         solution = self._renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
+
+    def told(self, fit: Fit) -> float:
+        """Spread of the rig's tolerance by a fit; what it had where that is hardly another."""
+        scale = self._tolerance(fit.point)
+        return scale if abs(math.log(scale / fit.scale)) > OTHER else fit.scale
+
+    def rescaled(self, fit: Fit, scale: float) -> Fit:
+        """A fit under another tolerance, from where it ended."""
+        if scale == fit.scale:
+            return fit
+        cells = tuple(self.simulation.cells)
+        coordinates = self.coordinates(fit.hypothesis, scale)
+        whole = prior(coordinates)
+        point = replace(fit.point, coordinates=coordinates)
+        solution = Solution(point, fit.residuals, fit.columns)
+        solution = self._renewed(solution, whole, cells, self.rules.renewals)
+        return self._finished(fit.hypothesis, solution, whole, scale)
+
+    def under(self, fit: Fit, scale: float) -> Fit:
+        """The same where it ended: what another tolerance makes of its evidence."""
+        if scale == fit.scale:
+            return fit
+        coordinates = self.coordinates(fit.hypothesis, scale)
+        point = replace(fit.point, coordinates=coordinates)
+        bends = [sum(x**2 for x in deviations(p).values()) for p in (fit.point, point)]
+        (before, _), (after, covariance) = (
+            _occam(c, fit.parabolas) for c in (fit.point.coordinates, coordinates)
+        )
+        cost = fit.cost + self.rules.tolerated * (bends[1] - bends[0]) + after - before
+        return replace(fit, point=point, scale=scale, covariance=covariance, cost=cost)
 
     def _polished(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """Jointly, and again from the best point about where that ends, until none is better.
@@ -802,7 +837,6 @@ class Fitter:
             for view in dict.fromkeys(c[0] for c in colour)
         }
         stretches = {c: self.stretches(c, r, colour[c]) for c, r in solution.residuals.items()}
-        own = prior(point.coordinates)
         cost = known.cost(point.theta)
         cost += (self.rules.tolerated - 1) * sum(x**2 for x in deviations(point).values())
         if base is not None:
@@ -816,9 +850,7 @@ class Fitter:
             )
             colour, parabolas = {**base.noise, **colour}, {**left, **parabolas}
             stretches = {**base.stretches, **stretches}
-        normal = sum((p.among(own.names).square for p in parabolas.values()), own.square)
-        spread = np.array([c.spread for c in point.coordinates])
-        occam = float(np.linalg.slogdet(normal * np.outer(spread, spread))[1])
+        occam, covariance = _occam(point.coordinates, parabolas)
         order = sum(len(w.coefficients) for ws in colour.values() for w in ws)
         rows = sum(r.size for r in solution.residuals.values())
         return Fit(
@@ -828,7 +860,7 @@ class Fitter:
             solution.columns,
             colour,
             parabolas,
-            np.asarray(np.linalg.inv(normal), dtype=np.float64),
+            covariance,
             scale,
             stretches,
             cost + occam + order * math.log(max(rows, 2)),
@@ -893,6 +925,17 @@ class Scouts:
         alone = fitter._problem(cells, known, fine=False)
         start = _only(Solution(base.point, base.residuals, base.columns), view)
         return standing(alone, fitter._raced(alone, start, math.inf))
+
+
+def _occam(
+    coordinates: Sequence[Coordinate], parabolas: Mapping[str, Parabola]
+) -> tuple[float, Array]:
+    """Occam factor of what was fitted, as -2 log, and the covariance of theta."""
+    own = prior(coordinates)
+    normal = sum((p.among(own.names).square for p in parabolas.values()), own.square)
+    spread = np.array([c.spread for c in coordinates])
+    factor = float(np.linalg.slogdet(normal * np.outer(spread, spread))[1])
+    return factor, np.asarray(np.linalg.inv(normal), dtype=np.float64)
 
 
 def _known_beside(

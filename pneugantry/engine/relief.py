@@ -15,7 +15,7 @@ import numpy as np
 
 from pneugantry.engine.catalogue import Form
 from pneugantry.engine.descent import inside
-from pneugantry.engine.fitter import FAR_OFF, Fit, Fitter, deviations
+from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
 from pneugantry.engine.plant import Array
 from pneugantry.engine.simulation import Columns, Point
@@ -38,7 +38,7 @@ class Reliefs:
 
     def __init__(self, fitter: Fitter, base: Fit) -> None:
         self.fitter, self.base = fitter, base
-        self.far_off = {n for n, d in deviations(base.point).items() if abs(d) > FAR_OFF}
+        self.far_off = fitter.far_off(base)
         sim = fitter.simulation
         self.cells = [
             c for c in sim.cells if any(sim.views[c[0]].depends_on(n) for n in self.far_off)

@@ -87,8 +87,13 @@ class _Trail:
         return min(fits, key=lambda f: f.evidence)
 
     def polished(self, fit: Fit) -> Fit:
-        """At its best optimum, without what it no longer needs."""
+        """At its best optimum, without what it no longer needs; under the tolerance that the rig
+        shows then, and all else with it: what an effect explains had been tolerance's.
+        """
         best = _pruned(self, self.fitter.again(fit, thorough=True))
+        scale = self.fitter.told(best)
+        self.tried = [self.fitter.under(f, scale) for f in (*self.tried, best)]
+        best = self.fitter.rescaled(best, scale)
         self.tried.append(best)
         return best
 
@@ -144,6 +149,7 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
             break
         before, thorough = best, True  # whose own best optimum may still be elsewhere
         best = trail.polished(top or best)
+        before = fitter.under(before, best.scale)
         if top is not None and _unexplained(fitter, best):
             best = _reformed(trail, best, best.hypothesis.effects[:-1])
         least = fitter.rules.entry if top is None else trail.bar
@@ -276,6 +282,7 @@ def _fits(
     """
     measures = ("gain", "plain")
     rough = _added(fitter, base, _chosen(fitter, screened, bar, measures), None)
+    rough += _unbent(fitter, base, rough)
     rough += _other_forms(fitter, base, rough)
     left = _unexplained(fitter, min((base, *rough), key=lambda f: f.evidence))
     known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
@@ -304,6 +311,22 @@ def _fits(
             lambda t: fitter.from_afar(t[0], base, t[1]), told, [h for h, _ in told]
         )
     return rough + _other_forms(fitter, base, rough)
+
+
+def _unbent(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """The best effects again, from where what tolerance bears far beyond itself is nominal: it may
+    have made up for the effect, and holds a fit from there in a worse optimum.
+    """
+    tried = []
+    for fit in _best_of_each(fits)[: fitter.rules.finalists]:
+        far = [c.parameter for c in fit.point.coordinates if c.name in fitter.far_off(fit)]
+        if far:
+            tried.append((fit, {**fit.values(None), **{p: fitter.neutral(p) for p in far}}))
+    return fitter.together(
+        lambda t: fitter.from_afar(t[0].hypothesis, base, [t[1]]),
+        tried,
+        [fit.hypothesis for fit, _ in tried],
+    )
 
 
 def _ahead(fits: Sequence[Fit]) -> Fit | None:
