@@ -36,8 +36,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Ratio lag_low(min = 0.01, max = 100) = 1 "tau at the lower end of the stroke / tau; neutral 1 (Tables 4.1-4.5)";
     parameter Ratio lag_high(min = 0.01, max = 100) = 1 "tau at the upper end of the stroke / tau; neutral 1";
     parameter Ratio lag_asymmetry(min = -0.95, max = 0.95) = 0 "tau grows by this share while |f_a| rises, shrinks while it falls; neutral 0";
-    parameter Ratio lag_bend_low(min = -0.9, max = 10) = 0 "Share by which tau exceeds the straight line halfway between mid-stroke and lower end; neutral 0";
-    parameter Ratio lag_bend_high(min = -0.9, max = 10) = 0 "The same halfway to the upper end; neutral 0";
+    parameter Real lag_shape[6](each min = -3, each max = 3) = {0, 0, 0, 0, 0, 0} "Logarithm of tau along the stroke, beside that: coefficients of xi to xi^6; neutral 0";
     parameter Force lag_blend(min = 0, max = 1000) = 0 "Force difference over which rising turns to falling; 0: at once";
     parameter Time tau_2(min = 0, max = 100) = 0 "Time constant of a second stage before the chamber; neutral 0";
     parameter Time spool_time(min = 0, max = 10) = 0 "1 / natural frequency of a spool that swings, before the chamber; neutral 0";
@@ -74,6 +73,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Voltage u_eff "Command behind delay and play";
     Ratio xi "Position: -1 at the lower end, 0 in the middle, +1 at the upper end";
     Time tau_eff;
+    Ratio along "Factor of tau along the stroke";
     Ratio rising "1 while |f_a| rises, -1 while it falls";
     Force f_drive;
     Real rate(unit = "N/s");
@@ -93,10 +93,10 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     der(f_stage) = noEvent(if tau_2 > 0 then (f_target - f_stage)/(if tau_2 > 0 then tau_2 else 1) else f_stage_rate);
     der(f_stage_rate) = noEvent(if spool_time > 0 then ((f_target - f_stage)/(if spool_time > 0 then spool_time else 1) - 2*spool_zeta*f_stage_rate)/(if spool_time > 0 then spool_time else 1) else 0);
     f_drive = noEvent(if tau_2 > 0 or spool_time > 0 then f_stage else f_target);
+    along = noEvent(if sum(abs(lag_shape[i]) for i in 1:6) > 0 then exp(xi*(lag_shape[1] + xi*(lag_shape[2] + xi*(lag_shape[3] + xi*(lag_shape[4] + xi*(lag_shape[5] + xi*lag_shape[6])))))) else 1);
     rising = noEvent(if lag_blend > 0 then tanh((f_drive - f_a)*(if f_a >= 0 then 1 else -1)/(if lag_blend > 0 then lag_blend else 1))
       elseif (f_drive - f_a)*f_a >= 0 then 1 else -1);
-    tau_eff = tau*noEvent(1 + (if xi > 0 then (lag_high - 1)*xi + lag_bend_high*max(1 - abs(2*xi - 1), 0)
-      else (1 - lag_low)*xi + lag_bend_low*max(1 - abs(2*xi + 1), 0)))*(1 + lag_asymmetry*rising);
+    tau_eff = tau*noEvent(1 + (if xi > 0 then (lag_high - 1)*xi else (1 - lag_low)*xi))*along*(1 + lag_asymmetry*rising);
     rate = (f_drive - f_a - noEvent(if leak > 0 then leak*(max(f_a - leak_from, 0) - max(-f_a - leak_from, 0)) else 0))/tau_eff;
     der(f_a) = noEvent(if slew > 0 then max(min(rate, 1/(if slew > 0 then slew else 1)), -1/(if slew > 0 then slew else 1)) else rate);
     wanted = noEvent(if droop > 0 then droop*(if droop_exponent == 1 then abs(f_a)/f_max else (abs(f_a)/f_max + 1e-12)^droop_exponent) else 0);

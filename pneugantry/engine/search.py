@@ -283,8 +283,9 @@ def _fits(
     measures = ("gain", "plain")
     rough = _added(fitter, base, _chosen(fitter, screened, bar, measures), None)
     rough += _unbent(fitter, base, rough)
-    rough += _other_forms(fitter, base, rough)
-    left = _unexplained(fitter, min((base, *rough), key=lambda f: f.evidence))
+    others = _other_forms(fitter, base, rough)
+    rough += others + _unbent(fitter, base, others)
+    left = _open(fitter, base, rough, bar)
     known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
     rest = [
         c
@@ -301,7 +302,7 @@ def _fits(
         gains = scouts.gains([_from(fitter, base, own) for own in few])
         worth += [own for own, gain in zip(few, gains, strict=True) if gain > bar]
     rough += _added(fitter, base, worth, _ahead(rough))
-    if _unexplained(fitter, min((base, *rough), key=lambda f: f.evidence)):
+    if _open(fitter, base, rough, bar):
         distant = _chosen(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
         told = [
             (base.hypothesis.plus(own[0].effect, own[0].form), [c.starts for c in own])
@@ -311,6 +312,17 @@ def _fits(
             lambda t: fitter.from_afar(t[0], base, t[1]), told, [h for h, _ in told]
         )
     return rough + _other_forms(fitter, base, rough)
+
+
+def _open(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[str]:
+    """Views in which the best of some fits leaves what stands out. Where that is a step, only those
+    that it touches: the others are looked at beside it, for it changes nothing in them.
+    """
+    best = min((base, *fits), key=lambda f: f.evidence)
+    left = _unexplained(fitter, best)
+    if best is base or best.gain(base, fitter.rules) < bar:
+        return left
+    return [v for v in left if v in fitter.readers(best.hypothesis.effects[-1][1])]
 
 
 def _unbent(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
