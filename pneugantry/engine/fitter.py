@@ -278,9 +278,8 @@ class Fitter:
         solution = self._by_view([Solution(start, residuals, columns)], known, cells)
         solution = self._jointly(solution, known, cells)
         scale = self._tolerance(solution.point)
-        coordinates = self.coordinates(Hypothesis(), scale)
-        known = prior(coordinates)
-        point = replace(solution.point, coordinates=coordinates)
+        point = _scaled(solution.point, scale)
+        known = prior(point.coordinates)
         solution = Solution(point, solution.residuals, solution.columns)
         solution = self._renewed(solution, known, cells, 1)
         return self._finished(Hypothesis(), solution, known, scale)
@@ -414,9 +413,8 @@ class Fitter:
         if scale == fit.scale:
             return fit
         cells = tuple(self.simulation.cells)
-        coordinates = self.coordinates(fit.hypothesis, scale)
-        whole = prior(coordinates)
-        point = replace(fit.point, coordinates=coordinates)
+        point = _scaled(fit.point, scale)
+        whole = prior(point.coordinates)
         solution = Solution(point, fit.residuals, fit.columns)
         solution = self._renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, scale)
@@ -425,14 +423,11 @@ class Fitter:
         """The same where it ended: what another tolerance makes of its evidence."""
         if scale == fit.scale:
             return fit
-        coordinates = self.coordinates(fit.hypothesis, scale)
-        point = replace(fit.point, coordinates=coordinates)
-        bends = [sum(x**2 for x in deviations(p).values()) for p in (fit.point, point)]
-        (before, _), (after, covariance) = (
-            _occam(c, fit.parabolas) for c in (fit.point.coordinates, coordinates)
-        )
+        points = fit.point, _scaled(fit.point, scale)
+        bends = [sum(x**2 for x in deviations(p).values()) for p in points]
+        (before, _), (after, covariance) = (_occam(p.coordinates, fit.parabolas) for p in points)
         cost = fit.cost + self.rules.tolerated * (bends[1] - bends[0]) + after - before
-        return replace(fit, point=point, scale=scale, covariance=covariance, cost=cost)
+        return replace(fit, point=points[1], scale=scale, covariance=covariance, cost=cost)
 
     def _polished(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """Jointly, and again from the best point about where that ends, until none is better.
@@ -969,6 +964,12 @@ def deviations(point: Point) -> dict[str, float]:
     """Deviations that tolerance is to explain, in spreads of the rig's tolerance."""
     pairs = zip(point.coordinates, point.theta, strict=True)
     return {c.name: float(theta) / c.spread for c, theta in pairs if c.scales}
+
+
+def _scaled(point: Point, scale: float) -> Point:
+    """The same under another tolerance of the rig."""
+    own = (replace(c, spread=scale) if c.scales else c for c in point.coordinates)
+    return replace(point, coordinates=tuple(own))
 
 
 def _told(point: Point, coordinates: Sequence[Coordinate]) -> Array:

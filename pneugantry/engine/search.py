@@ -283,8 +283,8 @@ def _fits(
     measures = ("gain", "plain")
     rough = _added(fitter, base, _chosen(fitter, screened, bar, measures), None)
     rough += _unbent(fitter, base, rough)
-    others = _other_forms(fitter, base, rough)
-    rough += others + _unbent(fitter, base, others)
+    reformed = _other_forms(fitter, base, rough)
+    rough += reformed + _unbent(fitter, base, reformed)
     left = _open(fitter, base, rough, bar)
     known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
     rest = [

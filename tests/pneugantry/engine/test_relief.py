@@ -25,13 +25,29 @@ def test_what_tolerance_bears_is_offered_to_the_effect_that_would_bear_it_alone(
     assert {"K", "m", "C", "F_c"} <= reliefs.far_off
     forms = {key: effect.forms[0] for key, effect in CATALOGUE.items()}
     found, other = reliefs.of(forms["current_scale"]), reliefs.of(forms["drag"])
+    mass = reliefs.of(forms["mass"])
     fitter.close()
     assert found is not None
     assert other is not None
+    assert mass is not None
     assert found.gain > 100 > other.gain
+    assert found.gain > 2 * mass.gain  # one of four
     assert found.starts["sensors.i.scale"] == pytest.approx(SHARE, rel=0.05)
     assert found.starts["m"] == pytest.approx(1.5, rel=0.05)
-    assert reliefs.of(forms["mass"]) is None  # which tolerance has already
+
+
+def test_what_tolerance_bears_itself_is_offered_as_the_effect_that_it_may_be(
+    plant: Plant, parts: Path
+) -> None:
+    """A mass that is 25 % off, and no sensor's scale."""
+    fitter = fitter_of(plant, parts, m=SHARE * TRUTH["m"])
+    reliefs = Reliefs(fitter, fitter.null())
+    mass, scale = (reliefs.of(CATALOGUE[k].forms[0]) for k in ("mass", "current_scale"))
+    fitter.close()
+    assert mass is not None
+    assert scale is not None
+    assert mass.gain > 100 > scale.gain
+    assert mass.starts["m"] == pytest.approx(SHARE * TRUTH["m"], rel=0.02)
 
 
 def test_a_rig_within_its_tolerance_needs_none(plant: Plant, parts: Path) -> None:

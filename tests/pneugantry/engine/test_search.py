@@ -23,10 +23,12 @@ from pneugantry.engine.search import (
     _fits,
     _joined,
     _main_forms,
+    _open,
     _other_forms,
     _reformed,
     _replacing,
     _Trail,
+    _unbent,
     search,
 )
 from pneugantry.engine.views import SubsystemView, build_views
@@ -256,6 +258,47 @@ def test_what_nothing_predicts_is_tried_until_the_effort_is_spent(
     assert unexplained.cut
     assert explained.best.keys == ("drag",)  # a score test predicts it
     assert not explained.cut
+
+
+def test_views_that_a_step_does_not_touch_wait_for_the_next(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0, leak=0.05)
+    null, leak, bias = fitter.null(), CATALOGUE["leak"], CATALOGUE["current_bias"]
+    right, wrong = (fitter.explore(Hypothesis().plus(e, e.forms[0]), null) for e in (leak, bias))
+    opened = [_open(fitter, null, fits, 30.0) for fits in ([], [wrong], [right])]
+    fitter.close()
+    assert sorted(opened[0]) == ["i", "v"]
+    assert opened[1] == opened[0]
+    assert opened[2] == []
+
+
+def test_an_effect_is_tried_where_tolerance_is_not_bent(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, own = fitter.null(), CATALOGUE["drag"]
+    fit = fitter.explore(null.hypothesis.plus(own, own.forms[0]), null)
+    theta, names = fit.point.theta.copy(), [c.name for c in fit.point.coordinates]
+    theta[names.index("C")] = 10 * null.scale
+    bent = replace(fit, point=fit.point.moved(theta))
+    found = _unbent(fitter, null, [fit, bent])
+    again = _unbent(fitter, null, [bent])
+    fitter.close()
+    assert found == []  # the best of each effect
+    assert [f.keys for f in again] == [("drag",)]
+    assert again[0].evidence < fit.evidence + fitter.rules.entry
+    assert again[0].values(None)["C"] == pytest.approx(TRUTH["C"], rel=0.05)
+
+
+def test_tolerance_is_told_anew_where_an_effect_explains_it(plant: Plant, parts: Path) -> None:
+    """Under one tolerance all that was tried is held against each other."""
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    found = search(fitter, null, CATALOGUE)
+    tight = fitter.rescaled(found.best, 0.5 * null.scale)
+    told, back = fitter.under(found.best, tight.scale), fitter.under(tight, found.best.scale)
+    fitter.close()
+    assert found.best.scale < 0.9 * null.scale
+    assert {f.scale for f in (found.null, *found.tried)} == {found.best.scale}
+    assert told.evidence == pytest.approx(tight.evidence, abs=5.0)
+    assert fitter.under(back, tight.scale).cost == pytest.approx(tight.cost, abs=1e-6)
 
 
 def test_beside_a_second_effect_the_first_may_take_another_form(plant: Plant, parts: Path) -> None:
