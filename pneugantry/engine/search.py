@@ -280,28 +280,11 @@ def _fits(
     break-away) shows in no prediction, and a fit of that view alone tells which are worth one of
     all. Where that does, too, also what is predicted from the nominal plant on, of which `far` is.
     """
-    measures = ("gain", "plain")
-    rough = _added(fitter, base, _chosen(fitter, screened, bar, measures), None)
+    rough = _added(fitter, base, _chosen(fitter, screened, bar, ("gain", "plain")), None)
     rough += _unbent(fitter, base, rough)
     reformed = _other_forms(fitter, base, rough)
     rough += reformed + _unbent(fitter, base, reformed)
-    left = _open(fitter, base, rough, bar)
-    known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
-    rest = [
-        c
-        for c in screened
-        if _form_of(c) not in known and not fitter.readers(c.form).isdisjoint(left)
-    ]
-    scouts = Scouts(fitter, base, left)
-    others = _chosen(fitter, rest, bar, measures, every=True)
-    worth = []
-    for at in range(0, len(others), SCOUTED):
-        if _spent(fitter) >= 1:
-            break
-        few = others[at : at + SCOUTED]
-        gains = scouts.gains([_from(fitter, base, own) for own in few])
-        worth += [own for own, gain in zip(few, gains, strict=True) if gain > bar]
-    rough += _added(fitter, base, worth, _ahead(rough))
+    rough += _scouted(fitter, base, screened, rough, bar)
     if _open(fitter, base, rough, bar):
         distant = _chosen(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
         told = [
@@ -312,6 +295,30 @@ def _fits(
             lambda t: fitter.from_afar(t[0], base, t[1]), told, [h for h, _ in told]
         )
     return rough + _other_forms(fitter, base, rough)
+
+
+def _scouted(
+    fitter: Fitter, base: Fit, screened: Sequence[Candidate], rough: Sequence[Fit], bar: float
+) -> list[Fit]:
+    """Of what reads a view that stays open, whatever is predicted of it, what gains in that view by
+    itself.
+    """
+    left = _open(fitter, base, rough, bar)
+    known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
+    rest = [
+        c
+        for c in screened
+        if _form_of(c) not in known and not fitter.readers(c.form).isdisjoint(left)
+    ]
+    scouts, worth = Scouts(fitter, base, left), []
+    others = _chosen(fitter, rest, bar, ("gain", "plain"), every=True)
+    for at in range(0, len(others), SCOUTED):
+        if _spent(fitter) >= 1:
+            break
+        few = others[at : at + SCOUTED]
+        gains = scouts.gains([_from(fitter, base, own) for own in few])
+        worth += [own for own, gain in zip(few, gains, strict=True) if gain > bar]
+    return _added(fitter, base, worth, _ahead(rough))
 
 
 def _open(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[str]:
