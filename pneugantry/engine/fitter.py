@@ -38,7 +38,7 @@ from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simula
 from pneugantry.engine.synthetic import changes_of, noisy
 from pneugantry.engine.views import View
 
-__all__ = ["FAR_OFF", "FRESH", "Fit", "Fitter", "Scouts", "deviations", "fallen"]
+__all__ = ["FRESH", "Fit", "Fitter", "Scouts", "deviations", "fallen"]
 
 SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
 SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
@@ -403,7 +403,7 @@ class Fitter:
         solution = self._renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
-    def told(self, fit: Fit) -> float:
+    def tolerance_of(self, fit: Fit) -> float:
         """Spread of the rig's tolerance by a fit; what it had where that is hardly another."""
         scale = self._tolerance(fit.point)
         return scale if abs(math.log(scale / fit.scale)) > OTHER else fit.scale

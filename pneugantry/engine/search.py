@@ -91,7 +91,7 @@ class _Trail:
         shows then, and all else with it: what an effect explains had been tolerance's.
         """
         best = _pruned(self, self.fitter.again(fit, thorough=True))
-        scale = self.fitter.told(best)
+        scale = self.fitter.tolerance_of(best)
         self.tried = [self.fitter.under(f, scale) for f in (*self.tried, best)]
         best = self.fitter.rescaled(best, scale)
         self.tried.append(best)
