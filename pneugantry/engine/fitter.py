@@ -45,6 +45,8 @@ SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
 BESIDE = 0.4  # share of these sizes beside an effect, which takes the rest
 FRESH = 2  # times as large is a survey where other equations hold: nothing is known of their optima
 WINNOWED = 8  # of a survey's points one is simulated over all records
+SIDES = 2  # of many starts those from which an effect is sized
+SIZED = 4  # steps of an effect's size alone, at most
 LEGS = 2  # descents from afar, each from the end of the one before, undamped
 FAR_OFF = 3.0  # spreads of the rig's tolerance from which on a deviation is much
 OTHER = 0.05  # change of the logarithm of a rig's tolerance from which on it is another
@@ -355,7 +357,7 @@ class Fitter:
         problem = self._problem(cells, known)
 
         def down(values: Mapping[str, float]) -> Solution:
-            point = self._first(hypothesis, base, values)
+            point = self._sized(self._first(hypothesis, base, values), cells)
             residuals, columns = self.simulation.linearised(point, cells, set(known.names))
             solution = Solution(point, residuals, columns)
             for _ in range(LEGS):
@@ -367,6 +369,51 @@ class Fitter:
         if standing(problem, solution) < standing(problem, _as_of(base, solution.point)):
             solution = self._jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
+
+    def ahead(
+        self,
+        hypothesis: Hypothesis,
+        base: Fit,
+        starts: Sequence[Mapping[str, float]],
+        cells: Sequence[Cell],
+    ) -> float:
+        """How far below a base a hypothesis comes in some cells, each by itself, from values far
+        from it: -2 log posterior under white noise of the residuals' own size, the best of the
+        starts.
+        """
+        _, known, touched = self._beside_base(hypothesis, base)
+        points, gain = [self._first(hypothesis, base, s) for s in starts], 0.0
+        for cell in (c for c in cells if c in touched):
+            problem = self._problem([cell], known, fine=False)
+            if len(points) > SIDES:
+                points = [s.point for s in self._ranked(problem, points, [cell])[:SIDES]]
+            level, least = standing(problem, _as_of(base, points[0])), math.inf
+            for point in points:
+                start = self._coarsely(problem, self._sized(point, [cell]))
+                least = min(least, standing(problem, self._raced(problem, start, least)))
+            gain += level - least
+        return gain
+
+    def worst(self, fit: Fit, views: Collection[str]) -> list[Cell]:
+        """Of each of some views the cell whose record a fit meets worst."""
+        own = [[c for c in self.simulation.cells if c[0] == v] for v in views]
+        return [_worst(cells, fit.residuals) for cells in own]
+
+    def _sized(self, start: Point, cells: Sequence[Cell]) -> Point:
+        """Effects, and what is of one record, fitted beside tolerance as it is: free to move, that
+        would make up for an effect of which the size is not known yet.
+        """
+        free = [i for i, c in enumerate(start.coordinates) if c.effect or c.record is not None]
+        own = tuple(start.coordinates[i] for i in free)
+        point, known = Point(own, start.theta[free], start.values(None)), prior(own)
+        problem = self._problem(cells, known, fine=False)
+        found = self.simulation.linearised(point, cells, set(known.names), fine=False)
+        end = descend(
+            problem, Solution(point, *found), None, ROUGH, lambda steps, at: steps >= SIZED
+        )
+        theta = start.theta.copy()
+        theta[free] = end.point.theta
+        return start.moved(theta)
 
     def _beside_base(
         self, hypothesis: Hypothesis, base: Fit
@@ -568,7 +615,7 @@ class Fitter:
         best, least = found, standing(problem, found)
         if not self.rules.followed or self._quiet(problem, found):
             return best
-        worst = self._worst(problem, starts[0])
+        worst = _worst(problem.cells, starts[0].residuals)
         alone = self._problem([worst], problem.prior, fine=False)
         near = math.inf
         if bar is not None and len(problem.cells) > 1:
@@ -614,11 +661,6 @@ class Fitter:
         points = [inside(starts[0].point.moved(t)) for t in theta]
         parts = np.array_split(np.arange(count), share * self.rules.followed)
         return [[points[i] for i in part] for part in parts]
-
-    @staticmethod
-    def _worst(problem: Problem, at: Solution) -> Cell:
-        """The cell whose record is met worst."""
-        return max(problem.cells, key=lambda c: float(np.nansum(at.residuals[c] ** 2)))
 
     def _foremost(self, problem: Problem, points: Sequence[Point], worst: Cell) -> Solution:
         """The best of some points, without columns. One cell tells which of them are simulated in
@@ -817,6 +859,42 @@ class Fitter:
         pull = square @ solution.point.theta[index] - gradient[index]
         return Parabola(tuple(moved[i] for i in index), square, pull)
 
+    def _level_at(
+        self, at: Solution, parabolas: Mapping[str, Parabola], colour: Noise
+    ) -> Mapping[str, Parabola]:
+        """Parabolas of which the sum, with the prior, is least at a solution from which no step led
+        down: a slope that is left there leads nowhere (an event is in the way), and must promise
+        nothing to hypotheses that leave its view as it is. That of a coordinate is the view's that
+        keeps least of what it promises along a step of all.
+        """
+        point, own = at.point, prior(at.point.coordinates)
+        among = {view: p.among(own.names) for view, p in parabolas.items()}
+        total = own
+        for parabola in among.values():
+            total = total.plus(parabola)
+        step = total.least() - point.theta
+        if float(step @ total.square @ step) < self.rules.entry:
+            return parabolas
+        weighing, end = Weighing(colour, self.rules), inside(point.moved(point.theta + step))
+        cells = [c for c in at.residuals if c[0] in parabolas]
+        after = weighing.costs(self.simulation.residuals(end, cells))
+        before = weighing.costs({c: at.residuals[c] for c in cells})
+        told = {v: p.cost(end.theta) - p.cost(point.theta) for v, p in among.items()}
+        missed = {v: after[v] - before[v] - told[v] for v in among}
+        slope = dict(zip(own.names, total.square @ point.theta - total.pull, strict=True))
+        left, found = set(own.names), dict(parabolas)
+        for curved in (True, False):  # first where a view's columns read a coordinate
+            for view in sorted(among, key=lambda v: -missed[v]):
+                depends = self.simulation.views[view].depends_on
+                read = {c.name for c in point.coordinates if depends(c.parameter)}
+                taken = left & (set(parabolas[view].names) if curved else read)
+                left -= taken
+                names = tuple(n for n in own.names if n in taken or n in found[view].names)
+                kept = found[view].among(names)
+                own_slope = np.array([slope[n] if n in taken else 0.0 for n in names])
+                found[view] = Parabola(names, kept.square, kept.pull + own_slope)
+        return found
+
     def _finished(
         self,
         hypothesis: Hypothesis,
@@ -827,7 +905,7 @@ class Fitter:
     ) -> Fit:
         """`base`: where the cells come from that were left as they are."""
         point, colour = solution.point, self.coloured(solution.residuals)
-        parabolas = {
+        parabolas: Mapping[str, Parabola] = {
             view: self._parabola(_only(solution, view), colour)
             for view in dict.fromkeys(c[0] for c in colour)
         }
@@ -845,6 +923,8 @@ class Fitter:
             )
             colour, parabolas = {**base.noise, **colour}, {**left, **parabolas}
             stretches = {**base.stretches, **stretches}
+        if solution.settled:
+            parabolas = self._level_at(solution, parabolas, colour)
         occam, covariance = _occam(point.coordinates, parabolas)
         order = sum(len(w.coefficients) for ws in colour.values() for w in ws)
         rows = sum(r.size for r in solution.residuals.values())
@@ -920,6 +1000,11 @@ class Scouts:
         alone = fitter._problem(cells, known, fine=False)
         start = _only(Solution(base.point, base.residuals, base.columns), view)
         return standing(alone, fitter._raced(alone, start, math.inf))
+
+
+def _worst(cells: Sequence[Cell], residuals: Residuals) -> Cell:
+    """The cell whose record is met worst."""
+    return max(cells, key=lambda c: float(np.nansum(residuals[c] ** 2)))
 
 
 def _occam(

@@ -25,6 +25,7 @@ from pneugantry.engine.screening import (
     starts_of,
     usual,
 )
+from pneugantry.engine.simulation import Cell
 
 __all__ = ["Search", "Step", "search"]
 
@@ -179,7 +180,7 @@ def _reformed(trail: _Trail, best: Fit, effects: Sequence[Offer]) -> Fit:
 
 def _exchanged(trail: _Trail, best: Fit) -> Fit:
     """With another effect in the place of one, or beside it, where that does better."""
-    rivals = [*_rivals(trail, best), *_joined(trail, best)]
+    rivals = [*_rivals(trail, best), *_joined(trail, best), *_from_nominal(trail, best)]
     trail.tried += rivals
     top = min((best, *rivals), key=lambda f: f.evidence)
     if top is best:
@@ -243,6 +244,37 @@ def _joined(trail: _Trail, best: Fit) -> list[Fit]:
                 tried += [(h.plus(other, its), [rival.values(None)]) for h in own.values()]
     fits = _explored(fitter, best, [t for t in tried if t[0].forms not in trail.known], None)
     return [f for f in fits if best.evidence - f.evidence > trail.bar]
+
+
+def _from_nominal(trail: _Trail, best: Fit) -> list[Fit]:
+    """Where an answer leaves what stands out, instead of each effect there what else may be in its
+    block, from the nominal plant on: without the effect, tolerance bends as far as it may to make
+    up for it, and about such a base no slope tells of a rival.
+    """
+    fitter = trail.fitter
+    left, fits = fitter.worst(best, unexplained(fitter, best)), list[Fit]()
+    for effect, form in best.hypothesis.effects:
+        cells = [c for c in left if c[0] in fitter.readers(form)]
+        if cells:
+            fits += _instead(trail, best, effect, cells)
+    return fits
+
+
+def _instead(trail: _Trail, best: Fit, effect: Effect, cells: Sequence[Cell]) -> list[Fit]:
+    """Without an effect, with another of its block: some cells tell which are worth a fit."""
+    fitter, nominal = trail.fitter, nominal_values(best)
+    rest, tried = trail.best_of(best.hypothesis.without(effect.key)), []
+    rivals = [e for e in trail.beside(best.keys) if e.block == effect.block]
+    for rival, form in _main_forms(fitter, rivals):
+        starts = [{**nominal, **s} for s in usual(fitter, best, form)]
+        if starts:
+            tried.append((rest.hypothesis.plus(rival, form), starts))
+    gains = fitter.together(
+        lambda t: fitter.ahead(t[0], rest, t[1], cells), tried, [h for h, _ in tried]
+    )
+    ranked = sorted(zip(gains, range(len(tried)), strict=True), reverse=True)
+    few = [tried[i] for _, i in ranked[: fitter.rules.finalists]]
+    return fitter.together(lambda t: fitter.from_afar(t[0], rest, t[1]), few, [h for h, _ in few])
 
 
 def _replacing(trail: _Trail, best: Fit) -> list[Fit]:
