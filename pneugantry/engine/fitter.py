@@ -863,9 +863,9 @@ class Fitter:
         self, at: Solution, parabolas: Mapping[str, Parabola], colour: Noise
     ) -> Mapping[str, Parabola]:
         """Parabolas of which the sum, with the prior, is least at a solution from which no step led
-        down: a slope that is left there leads nowhere (an event is in the way), and must promise
+        down: a slope that is left there leads nowhere (an event is in the way), and must predict
         nothing to hypotheses that leave its view as it is. That of a coordinate is the view's that
-        keeps least of what it promises along a step of all.
+        keeps least of what it predicts along a step of all.
         """
         point, own = at.point, prior(at.point.coordinates)
         among = {view: p.among(own.names) for view, p in parabolas.items()}
