@@ -859,42 +859,6 @@ class Fitter:
         pull = square @ solution.point.theta[index] - gradient[index]
         return Parabola(tuple(moved[i] for i in index), square, pull)
 
-    def _level_at(
-        self, at: Solution, parabolas: Mapping[str, Parabola], colour: Noise
-    ) -> Mapping[str, Parabola]:
-        """Parabolas of which the sum, with the prior, is least at a solution from which no step led
-        down: a slope that is left there leads nowhere (an event is in the way), and must predict
-        nothing to hypotheses that leave its view as it is. That of a coordinate is the view's that
-        keeps least of what it predicts along a step of all.
-        """
-        point, own = at.point, prior(at.point.coordinates)
-        among = {view: p.among(own.names) for view, p in parabolas.items()}
-        total = own
-        for parabola in among.values():
-            total = total.plus(parabola)
-        step = total.least() - point.theta
-        if float(step @ total.square @ step) < self.rules.entry:
-            return parabolas
-        weighing, end = Weighing(colour, self.rules), inside(point.moved(point.theta + step))
-        cells = [c for c in at.residuals if c[0] in parabolas]
-        after = weighing.costs(self.simulation.residuals(end, cells))
-        before = weighing.costs({c: at.residuals[c] for c in cells})
-        told = {v: p.cost(end.theta) - p.cost(point.theta) for v, p in among.items()}
-        missed = {v: after[v] - before[v] - told[v] for v in among}
-        slope = dict(zip(own.names, total.square @ point.theta - total.pull, strict=True))
-        left, found = set(own.names), dict(parabolas)
-        for curved in (True, False):  # first where a view's columns read a coordinate
-            for view in sorted(among, key=lambda v: -missed[v]):
-                depends = self.simulation.views[view].depends_on
-                read = {c.name for c in point.coordinates if depends(c.parameter)}
-                taken = left & (set(parabolas[view].names) if curved else read)
-                left -= taken
-                names = tuple(n for n in own.names if n in taken or n in found[view].names)
-                kept = found[view].among(names)
-                own_slope = np.array([slope[n] if n in taken else 0.0 for n in names])
-                found[view] = Parabola(names, kept.square, kept.pull + own_slope)
-        return found
-
     def _finished(
         self,
         hypothesis: Hypothesis,
@@ -905,7 +869,7 @@ class Fitter:
     ) -> Fit:
         """`base`: where the cells come from that were left as they are."""
         point, colour = solution.point, self.coloured(solution.residuals)
-        parabolas: Mapping[str, Parabola] = {
+        parabolas = {
             view: self._parabola(_only(solution, view), colour)
             for view in dict.fromkeys(c[0] for c in colour)
         }
@@ -923,8 +887,6 @@ class Fitter:
             )
             colour, parabolas = {**base.noise, **colour}, {**left, **parabolas}
             stretches = {**base.stretches, **stretches}
-        if solution.settled:
-            parabolas = self._level_at(solution, parabolas, colour)
         occam, covariance = _occam(point.coordinates, parabolas)
         order = sum(len(w.coefficients) for ws in colour.values() for w in ws)
         rows = sum(r.size for r in solution.residuals.values())
