@@ -350,8 +350,8 @@ class Fitter:
         self, hypothesis: Hypothesis, base: Fit, starts: Sequence[Mapping[str, float]]
     ) -> Fit:
         """A hypothesis from values far from the base, the best of its starts; views as of
-        `explore`. They descend together under white noise as large as what they leave: the widest
-        basin.
+        `explore`. Its effects are sized first. Then all descend together under white noise as
+        large as what they leave: the widest basin.
         """
         _, known, cells = self._beside_base(hypothesis, base)
         problem = self._problem(cells, known)
