@@ -135,6 +135,13 @@ class Parabola:
         added = other.among(self.names)
         return Parabola(self.names, self.square + added.square, self.pull + added.pull)
 
+    def of(self, free: Collection[str], theta: Array) -> Parabola:
+        """The same over some coordinates, the others kept at theta."""
+        own = np.array([n in free for n in self.names])
+        names = tuple(n for n in self.names if n in free)
+        pull = self.pull[own] - self.square[np.ix_(own, ~own)] @ theta[~own]
+        return Parabola(names, self.square[np.ix_(own, own)], pull)
+
     def cost(self, theta: Array) -> float:
         return float(theta @ self.square @ theta - 2 * self.pull @ theta)
 

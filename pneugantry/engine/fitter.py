@@ -20,6 +20,7 @@ from pneugantry.engine.descent import (
     Weighing,
     descend,
     inside,
+    newton,
     prior,
     probed,
     standing,
@@ -40,7 +41,7 @@ from pneugantry.engine.views import View
 
 __all__ = ["FRESH", "Fit", "Fitter", "Scouts", "deviations", "fallen"]
 
-SHARES = (1.0, 0.5, 0.2)  # of the way to the least of the views' parabolas, until all can be run
+DAMPED = (0.0, 1e-3, 1e-2, 0.1, 1.0)  # steps to the least of the views' parabolas that are tried
 SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
 BESIDE = 0.4  # share of these sizes beside an effect, which takes the rest
 FRESH = 2  # times as large is a survey where other equations hold: nothing is known of their optima
@@ -63,6 +64,14 @@ class _End:
     solution: Solution
     lowest: float  # of what is known there, too
     contends: bool  # with what is known
+
+
+@dataclass(frozen=True, eq=False)
+class Lead:
+    """How much a hypothesis gains in some cells, and where."""
+
+    gain: float  # of -2 log posterior
+    values: Mapping[str, float]  # parameters, of no record in particular
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,7 +366,7 @@ class Fitter:
         problem = self._problem(cells, known)
 
         def down(values: Mapping[str, float]) -> Solution:
-            point = self._sized(self._first(hypothesis, base, values), cells)
+            point = self._sized(self._first(hypothesis, base, values), known, cells)
             residuals, columns = self.simulation.linearised(point, cells, set(known.names))
             solution = Solution(point, residuals, columns)
             for _ in range(LEGS):
@@ -376,38 +385,39 @@ class Fitter:
         base: Fit,
         starts: Sequence[Mapping[str, float]],
         cells: Sequence[Cell],
-    ) -> float:
-        """How far below a base a hypothesis comes in some cells, each by itself, from values far
-        from it: -2 log posterior under white noise of the residuals' own size, the best of the
-        starts.
+    ) -> Lead:
+        """How far below a base a hypothesis comes in some cells, those of each view together and by
+        themselves, from values far from it: -2 log posterior under white noise of the residuals'
+        own size, the best of the starts; and where it stands then.
         """
         _, known, touched = self._beside_base(hypothesis, base)
-        points, gain = [self._first(hypothesis, base, s) for s in starts], 0.0
-        for cell in (c for c in cells if c in touched):
-            problem = self._problem([cell], known, fine=False)
-            if len(points) > SIDES:
-                points = [s.point for s in self._ranked(problem, points, [cell])[:SIDES]]
-            level, least = standing(problem, _as_of(base, points[0])), math.inf
-            for point in points:
-                start = self._coarsely(problem, self._sized(point, [cell]))
-                least = min(least, standing(problem, self._raced(problem, start, least)))
-            gain += level - least
-        return gain
+        points, best, total = [self._first(hypothesis, base, s) for s in starts], -math.inf, 0.0
+        values: Mapping[str, float] = {}
+        for view in dict.fromkeys(c[0] for c in cells):
+            own = [c for c in cells if c[0] == view and c in touched]
+            if not own:
+                continue
+            problem, least = self._problem(own, known, fine=False), math.inf
+            level = standing(problem, _as_of(base, points[0]))
+            for side in self._ranked(problem, points, own)[:SIDES]:
+                start = self._coarsely(problem, self._sized(side.point, known, own))
+                end = self._raced(problem, start, least)
+                least = min(least, standing(problem, end))
+                if level - least > best:
+                    best, values = level - least, end.point.values(None)
+            total += level - least
+        return Lead(total, values)
 
-    def worst(self, fit: Fit, views: Collection[str]) -> list[Cell]:
-        """Of each of some views the cell whose record a fit meets worst."""
-        own = [[c for c in self.simulation.cells if c[0] == v] for v in views]
-        return [_worst(cells, fit.residuals) for cells in own]
-
-    def _sized(self, start: Point, cells: Sequence[Cell]) -> Point:
+    def _sized(self, start: Point, known: Parabola, cells: Sequence[Cell]) -> Point:
         """Effects, and what is of one record, fitted beside tolerance as it is: free to move, that
         would make up for an effect of which the size is not known yet.
         """
         free = [i for i, c in enumerate(start.coordinates) if c.effect or c.record is not None]
         own = tuple(start.coordinates[i] for i in free)
-        point, known = Point(own, start.theta[free], start.values(None)), prior(own)
-        problem = self._problem(cells, known, fine=False)
-        found = self.simulation.linearised(point, cells, set(known.names), fine=False)
+        point = Point(own, start.theta[free], start.values(None))
+        names = {c.name for c in own}
+        problem = self._problem(cells, known.of(names, start.theta), fine=False)
+        found = self.simulation.linearised(point, cells, names, fine=False)
         end = descend(
             problem, Solution(point, *found), None, ROUGH, lambda steps, at: steps >= SIZED
         )
@@ -507,38 +517,61 @@ class Fitter:
         rivals: Sequence[Solution] = (),
         share: int = 1,
     ) -> Solution:
-        """Each view by itself, by steps that look over events, then the least of the sum of their
-        parabolas. rivals: solutions that are known; a descent far behind the first is given up,
-        what ends hopelessly behind any is not surveyed. share: of surveys, how much larger they
-        are; 0: none.
+        """Each view by itself, by steps that look over events, then where they agree best. rivals:
+        solutions that are known; a descent far behind the first is given up, what ends hopelessly
+        behind any is not surveyed. Where none is known, ends are made exact. share: of surveys, how
+        much larger they are; 0: none.
         """
-        start, total = starts[0], known
-        columns = dict(start.columns)
+        start = starts[0]
         views = [
             view
             for view in dict.fromkeys(c[0] for c in cells)
-            if any(k[0][0] == view for k in columns)
+            if any(k[0][0] == view for k in start.columns)
         ]
         ends = self._ends(starts, known, cells, rivals, views)
         if not rivals:
             self.level = self._loudness([e.solution.residuals for e in ends])
 
-        def surveyed(end: _End) -> Solution:
-            if not (share > 1 or (share == 1 and end.contends)):
-                return end.solution
-            lowest = end.lowest if rivals else None
-            return self._surveyed(end.problem, starts, end.solution, lowest, share)
+        def ended(end: _End) -> Solution:
+            solution = end.solution
+            if share > 1 or (share == 1 and end.contends):
+                lowest = end.lowest if rivals else None
+                solution = self._surveyed(end.problem, starts, solution, lowest, share)
+            return solution if rivals else self._finely(end.problem, solution)
 
-        for solution in self.simulation.side_by_side(surveyed, ends):
-            total = total.plus(self._parabola(solution, self.coloured(solution.residuals)))
-            columns |= solution.columns
-        before, least_of_all = start.point.theta, total.least()
-        for part in SHARES:
-            point = inside(start.point.moved(before + part * (least_of_all - before)))
-            residuals = self.simulation.residuals(point, cells)
-            if all(np.isfinite(r).all() for r in residuals.values()):
-                return Solution(point, residuals, columns)
-        return start
+        return self._agreed(start, self.simulation.side_by_side(ended, ends), known, cells)
+
+    def _finely(self, problem: Problem, end: Solution) -> Solution:
+        """A view's end, along the valleys that columns which look over events do not show."""
+        names = set(problem.prior.names)
+        columns = self.simulation.columns(end.point, end.residuals, problem.cells, names)
+        start = Solution(end.point, end.residuals, {**end.columns, **columns})
+        return descend(replace(problem, fine=True), start, None, ROUGH)
+
+    def _agreed(
+        self, start: Solution, ends: Sequence[Solution], known: Parabola, cells: Sequence[Cell]
+    ) -> Solution:
+        """The best of some points between the ends of single views: each coordinate as the view has
+        it that knows it best, and steps from there towards the least of the sum of the parabolas.
+        The whole step may follow valleys of several views beyond where these are straight.
+        """
+        total, columns = known, dict(start.columns)
+        at, most = start.point.theta.copy(), np.zeros(len(known.names))
+        for end in ends:
+            parabola = self._parabola(end, self.coloured(end.residuals)).among(known.names)
+            sure = np.diag(parabola.square)
+            at = np.where(sure > most, end.point.theta, at)
+            most = np.maximum(sure, most)
+            total = total.plus(parabola)
+            columns |= end.columns
+        between = start.point.moved(at)
+        slope, scale = total.square @ at - total.pull, np.diag(np.diag(total.square))
+        points = [between, *(newton(between, total.square + d * scale, slope) for d in DAMPED)]
+        problem = self._problem(cells, known)
+        best = self._ranked(problem, points, cells)[0]
+        if standing(problem, best) >= FAILED:
+            return start
+        return Solution(best.point, best.residuals, columns)
 
     def _ends(
         self,

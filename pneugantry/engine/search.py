@@ -34,6 +34,7 @@ NEARLY = 0.1  # share of the largest gain from which on an effect's other forms 
 STARTS = 2  # from which a form is fitted, beside the base
 SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
 SCOUTED = 8  # effects that are tried in single views at once
+Told = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and where it starts
 LAST = 2.0  # times `Rules.effort` from which on no further effect is looked for
 
 
@@ -180,7 +181,7 @@ def _reformed(trail: _Trail, best: Fit, effects: Sequence[Offer]) -> Fit:
 
 def _exchanged(trail: _Trail, best: Fit) -> Fit:
     """With another effect in the place of one, or beside it, where that does better."""
-    rivals = [*_rivals(trail, best), *_joined(trail, best), *_from_nominal(trail, best)]
+    rivals = [*_rivals(trail, best), *_joined(trail, best), *_in_place(trail, best)]
     trail.tried += rivals
     top = min((best, *rivals), key=lambda f: f.evidence)
     if top is best:
@@ -246,35 +247,42 @@ def _joined(trail: _Trail, best: Fit) -> list[Fit]:
     return [f for f in fits if best.evidence - f.evidence > trail.bar]
 
 
-def _from_nominal(trail: _Trail, best: Fit) -> list[Fit]:
+def _in_place(trail: _Trail, best: Fit) -> list[Fit]:
     """Where an answer leaves what stands out, instead of each effect there what else may be in its
-    block, from the nominal plant on: without the effect, tolerance bends as far as it may to make
-    up for it, and about such a base no slope tells of a rival.
+    block. Without the effect tolerance bends as far as it may to make up for it, and about such a
+    base no slope tells of a rival: rivals start where that is unbent, with no effect and with usual
+    ones.
     """
     fitter = trail.fitter
-    left, fits = fitter.worst(best, unexplained(fitter, best)), list[Fit]()
+    left, fits = unexplained(fitter, best), list[Fit]()
     for effect, form in best.hypothesis.effects:
-        cells = [c for c in left if c[0] in fitter.readers(form)]
-        if cells:
-            fits += _instead(trail, best, effect, cells)
+        views = fitter.readers(form).intersection(left)
+        cells = [c for c in fitter.simulation.cells if c[0] in views]
+        rest = trail.best_of(best.hypothesis.without(effect.key))
+        back = _unbent_values(fitter, rest)
+        if cells and back is not None:
+            rivals = [e for e in trail.beside(best.keys) if e.block == effect.block]
+            told = [
+                (
+                    rest.hypothesis.plus(e, f),
+                    [back, *({**back, **s} for s in usual(fitter, rest, f))],
+                )
+                for e, f in _main_forms(fitter, rivals)
+            ]
+            fits += _foremost(fitter, rest, told, cells)
     return fits
 
 
-def _instead(trail: _Trail, best: Fit, effect: Effect, cells: Sequence[Cell]) -> list[Fit]:
-    """Without an effect, with another of its block: some cells tell which are worth a fit."""
-    fitter, nominal = trail.fitter, nominal_values(best)
-    rest, tried = trail.best_of(best.hypothesis.without(effect.key)), []
-    rivals = [e for e in trail.beside(best.keys) if e.block == effect.block]
-    for rival, form in _main_forms(fitter, rivals):
-        starts = [{**nominal, **s} for s in usual(fitter, best, form)]
-        if starts:
-            tried.append((rest.hypothesis.plus(rival, form), starts))
-    gains = fitter.together(
-        lambda t: fitter.ahead(t[0], rest, t[1], cells), tried, [h for h, _ in tried]
+def _foremost(fitter: Fitter, base: Fit, told: Sequence[Told], cells: Sequence[Cell]) -> list[Fit]:
+    """Of some hypotheses fits of those that come farthest below a base in some cells."""
+    every = [h for h, _ in told]
+    leads = fitter.together(lambda t: fitter.ahead(t[0], base, t[1], cells), told, every)
+    least = max([0.0, *(lead.gain for lead in leads)]) - fitter.rules.hopeless
+    ranked = sorted(zip(leads, every, strict=True), key=lambda each: -each[0].gain)
+    few = [each for each in ranked[: fitter.rules.finalists] if each[0].gain > least]
+    return fitter.together(
+        lambda t: fitter.from_afar(t[1], base, [t[0].values]), few, [h for _, h in few]
     )
-    ranked = sorted(zip(gains, range(len(tried)), strict=True), reverse=True)
-    few = [tried[i] for _, i in ranked[: fitter.rules.finalists]]
-    return fitter.together(lambda t: fitter.from_afar(t[0], rest, t[1]), few, [h for h, _ in few])
 
 
 def _replacing(trail: _Trail, best: Fit) -> list[Fit]:
@@ -370,14 +378,20 @@ def _unbent(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
     """
     tried = []
     for fit in _best_of_each(fits)[: fitter.rules.finalists]:
-        far = [c.parameter for c in fit.point.coordinates if c.name in fitter.far_off(fit)]
-        if far:
-            tried.append((fit, {**fit.values(None), **{p: fitter.neutral(p) for p in far}}))
+        back = _unbent_values(fitter, fit)
+        if back is not None:
+            tried.append((fit, back))
     return fitter.together(
         lambda t: fitter.from_afar(t[0].hypothesis, base, [t[1]]),
         tried,
         [fit.hypothesis for fit, _ in tried],
     )
+
+
+def _unbent_values(fitter: Fitter, fit: Fit) -> dict[str, float] | None:
+    """Of a fit, what tolerance bears far beyond itself nominal; None where it bears nothing so."""
+    far = [c.parameter for c in fit.point.coordinates if c.name in fitter.far_off(fit)]
+    return {**fit.values(None), **{p: fitter.neutral(p) for p in far}} if far else None
 
 
 def _ahead(fits: Sequence[Fit]) -> Fit | None:
@@ -483,7 +497,7 @@ def _added(
 def _explored(
     fitter: Fitter,
     base: Fit,
-    tried: Sequence[tuple[Hypothesis, Sequence[Mapping[str, float]]]],
+    tried: Sequence[Told],
     ahead: Fit | None,
 ) -> list[Fit]:
     """Hypotheses near a base, each from some starts, side by side. Where the best so far leaves
@@ -494,7 +508,7 @@ def _explored(
     best = min((f for f in (base, ahead) if f is not None), key=lambda f: f.evidence)
     fresh = FRESH if _unexplained(fitter, best) else 1
 
-    def explored(each: tuple[Hypothesis, Sequence[Mapping[str, float]]]) -> Fit:
+    def explored(each: Told) -> Fit:
         return fitter.explore(each[0], base, each[1], ahead, thorough=False, fresh=fresh)
 
     return fitter.together(explored, tried, [h for h, _ in tried])

@@ -1,16 +1,25 @@
-"""What is far from a base is fitted by its size first."""
+"""What is far from a base: effects are sized first, what tolerance bore is unbent, and views that
+ended apart are brought together.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from test_frugal import hypothesis
-from test_search import fitter_of, parts, plant
+from test_search import CATALOGUE, fitter_of, parts, plant
 
+from pneugantry.engine.descent import Parabola, prior, standing
+from pneugantry.engine.fitter import Fit, Fitter, Solution
+from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.screening import nominal_values
+from pneugantry.engine.search import _in_place, _Trail
+from pneugantry.engine.simulation import Point
 
 __all__ = ["parts", "plant"]
 
@@ -19,8 +28,104 @@ def test_an_effect_is_sized_beside_tolerance_as_it_is(plant: Plant, parts: Path)
     fitter = fitter_of(plant, parts, drag=2.0)
     null = fitter.null()
     start = fitter._first(hypothesis("drag"), null, {**nominal_values(null), "drag": 0.3})
-    end = fitter._sized(start, [c for c in fitter.simulation.cells if c[0] == "v"])
+    known, cells = prior(start.coordinates), [c for c in fitter.simulation.cells if c[0] == "v"]
+    end = fitter._sized(start, known, cells)
     fitter.close()
     still = [not c.effect and c.record is None for c in start.coordinates]
     assert np.array_equal(end.theta[still], start.theta[still])
     assert end.values(None)["drag"] == pytest.approx(2.0, rel=0.3)
+
+
+def test_what_is_known_holds_a_size_where_it_tells_of_it(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    start = fitter._first(hypothesis("drag"), fitter.null(), {"drag": 0.3})
+    own = prior(start.coordinates)
+    at = own.names.index("drag")
+    square, pull = own.square.copy(), own.pull.copy()
+    square[at, at] += 1e9  # another view is sure of where it is
+    pull[at] += 1e9 * start.theta[at]
+    cells = [c for c in fitter.simulation.cells if c[0] == "v"]
+    end = fitter._sized(start, Parabola(own.names, square, pull), cells)
+    fitter.close()
+    assert end.values(None)["drag"] == pytest.approx(0.3, rel=0.02)
+
+
+def test_a_parabola_of_some_coordinates_keeps_the_others() -> None:
+    square = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -1.0], [0.5, -1.0, 5.0]])
+    whole = Parabola(("a", "b", "c"), square, np.array([1.0, -2.0, 0.5]))
+    theta = np.array([0.3, 0.7, -0.4])
+    some = whole.of({"a", "c"}, theta)
+    at, by = np.array([1.1, -0.2]), np.array([0.1, 0.6])
+    whole_at, whole_by = (whole.cost(np.array([x[0], 0.7, x[1]])) for x in (at, by))
+    assert some.names == ("a", "c")
+    assert some.cost(at) - some.cost(by) == pytest.approx(whole_at - whole_by)
+
+
+def _apart(fitter: Fitter) -> tuple[Solution, Parabola, list[Solution]]:
+    """The nominal plant, its prior, and each view's own end, of which one has a parabola whose
+    least lies far off.
+    """
+    coordinates = fitter.coordinates(Hypothesis(), 1.5)
+    known, cells = prior(coordinates), tuple(fitter.simulation.cells)
+    point = Point(coordinates, np.zeros(len(coordinates)), {})
+    start = Solution(point, *fitter.simulation.linearised(point, cells, set(known.names)))
+    views = list(dict.fromkeys(c[0] for c in cells))
+    ends = [e.solution for e in fitter._ends([start], known, cells, (), views)]
+
+    def led_away(end: Solution) -> Solution:
+        off = {c: r + 8.0 * end.columns.get((c, "m"), 0.0) for c, r in end.residuals.items()}
+        return replace(end, residuals=off)
+
+    return start, known, [led_away(e) for e in ends]
+
+
+def test_views_that_ended_apart_go_no_farther_than_is_good(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    start, known, ends = _apart(fitter)
+    cells, total = fitter.simulation.cells, known
+    for end in ends:
+        total = total.plus(fitter._parabola(end, fitter.coloured(end.residuals)))
+    problem = fitter._problem(cells, known)
+    agreed = fitter._agreed(start, ends, known, cells)
+    whole = start.point.moved(total.least())
+    least = Solution(whole, fitter.simulation.residuals(whole, cells), {})
+    fitter.close()
+    assert standing(problem, agreed) < standing(problem, least) - 100
+    assert standing(problem, agreed) < standing(problem, start)
+
+
+def test_an_end_is_made_exact(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    start, known, _ = _apart(fitter)
+    problem = fitter._problem(
+        [c for c in fitter.simulation.cells if c[0] == "v"], known, fine=False
+    )
+    theta = start.point.theta + 0.3
+    moved = start.point.moved(theta)
+    there = Solution(moved, fitter.simulation.residuals(moved, problem.cells), {})
+    end = fitter._finely(problem, there)
+    fitter.close()
+    assert standing(problem, end) < standing(problem, there) - 10
+
+
+def test_an_answer_that_leaves_much_is_held_against_rivals_where_tolerance_is_unbent(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    assert fitter.far_off(null)
+
+    def beside(key: str, values: Mapping[str, float]) -> Fit:
+        effect = CATALOGUE[key]
+        return fitter.explore(null.hypothesis.plus(effect, effect.forms[0]), null, [values])
+
+    wrong, right = beside("mass", {}), beside("drag", {"drag": 1.0})
+    trail = _Trail(fitter, CATALOGUE, [null, wrong])
+    found = _in_place(trail, wrong)
+    settled = _in_place(trail, right)
+    fitter.close()
+    assert {f.keys for f in found} <= {("drag",), ("friction",)}  # of its block
+    best = min(found, key=lambda f: f.evidence)
+    assert best.keys == ("drag",)
+    assert best.evidence < right.evidence + fitter.rules.entry
+    assert settled == []

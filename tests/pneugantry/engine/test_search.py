@@ -21,7 +21,6 @@ from pneugantry.engine.screening import Candidate, Memory, screen
 from pneugantry.engine.search import (
     _finals,
     _fits,
-    _from_nominal,
     _joined,
     _main_forms,
     _open,
@@ -363,25 +362,6 @@ def test_what_stands_beside_an_effect_may_replace_it(plant: Plant, parts: Path) 
     fitter.close()
     assert [f.keys for f in found] == [("drag",), ("mass",)]
     assert found[0].evidence < best.evidence
-
-
-def test_an_answer_that_leaves_much_is_held_against_rivals_from_the_nominal_plant(
-    plant: Plant, parts: Path
-) -> None:
-    fitter = fitter_of(plant, parts, drag=2.0)
-    null = fitter.null()
-    wrong, right = (
-        fitter.explore(null.hypothesis.plus(e, e.forms[0]), null)
-        for e in (CATALOGUE["mass"], CATALOGUE["drag"])
-    )
-    trail = _Trail(fitter, CATALOGUE, [null, wrong])
-    found = _from_nominal(trail, wrong)
-    settled = _from_nominal(trail, right)
-    fitter.close()
-    assert {f.keys for f in found} == {("drag",), ("friction",)}  # of its block
-    assert min(found, key=lambda f: f.evidence).keys == ("drag",)
-    assert min(f.evidence for f in found) < right.evidence + fitter.rules.entry
-    assert settled == []
 
 
 def test_what_explains_nearly_as_much_alone_is_tried_beside(plant: Plant, parts: Path) -> None:
