@@ -21,7 +21,7 @@ from pneugantry.plants.gantry.nominal import parameters_of
 from pneugantry.plants.gantry.timing import ControllerView
 from pneugantry.truth.campaign import write
 from pneugantry.truth.case import plan_case, run_case
-from pyfmi_runner.blocks import recomputed_commands
+from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, read_campaign, scenario_setup
 from pyfmi_runner.fmu import FmuFile
@@ -75,6 +75,13 @@ def test_what_a_controller_reads_late_is_not_a_late_command(gantry: FmuFile) -> 
     unmoved, acting, sensing = np.abs(view.residuals([(record, v) for v in late])).max(axis=(1, 2))
     assert sensing < 1e-3 * unmoved
     assert acting > 10 * sensing
+
+
+def test_until_a_late_command_comes_the_valves_keep_the_one_before(late: Campaign) -> None:
+    run = late.logs["one"]
+    view, record = ControllerView({"one": run}), record_of("one", run)
+    (left,) = view.residuals([(record, {"timing.delay": 0.007})])
+    assert np.abs(left).max() < 5 * COMMAND_QUANTUM
 
 
 def test_a_log_as_it_was_recorded_keeps_what_is_known_of_it_alone(late: Campaign) -> None:
