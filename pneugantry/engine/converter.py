@@ -22,6 +22,7 @@ ENOUGH = 40  # readings in a stretch of the grid that make an unused cell tellin
 BESIDE = 0.2  # share of a step by which a log's own rounding may move a reading off its grid
 CLOSER = 0.8  # of a step: no two cells are as near, but by the log's own rounding
 NEXT = 1.5  # times the least distance of two cells: neighbours
+PARTS = 200  # of gaps, after each of which the step is told anew
 SAME = 1e-6  # of the noise, by which readings of one cell may differ (sums of binary fractions)
 
 
@@ -78,12 +79,26 @@ def grid_of(values: Array, step: float) -> Grid | None:
     it, or are no numbers.
     """
     cells = np.unique(values)
-    number = np.append(0.0, np.cumsum(np.round(np.diff(cells) / step)))
+    gaps = np.diff(cells)
+    number = np.append(0.0, np.cumsum(np.round(gaps / _sure(gaps, step))))
     if not np.isfinite(number).all() or number[-1] == 0:
         return None
     finer, first = np.polyfit(number, cells, 1)
     beside = np.abs(cells - first - finer * number).max()
     return Grid(float(first), float(finer)) if beside < BESIDE * step else None
+
+
+def _sure(gaps: Array, step: float) -> float:
+    """A step so sure that it counts the cells of long gaps: short ones, whose count a rough step
+    tells, make it surer for longer ones. A log's rounding may be a tenth of it.
+    """
+    ordered = np.sort(gaps)
+    length, cells = 0.0, 0.0
+    for part in np.array_split(ordered, min(len(ordered), PARTS)):
+        cells += float(np.round(part / step).sum())
+        length += float(part.sum())
+        step = length / cells if cells > 0 else step
+    return step
 
 
 def step_and_grid(values: Array, sigma: float) -> tuple[float, Grid | None]:

@@ -62,7 +62,9 @@ class ControllerView:
         assert made is not None
         running: NDArray[np.bool_] = np.asarray(np.isfinite(made).all(axis=1))
         first = int(np.argmax(running))
-        before = recorded[max(first - 1, 0)]  # the valves' command until one of the controller comes
+        before = recorded[
+            max(first - 1, 0)
+        ]  # the valves' command until one of the controller comes
         made[first:] = _late(np.vstack([before, made[first:]]), acting)[1:]
         return np.asarray(np.where(running[:, None], recorded - made, 0.0))
 

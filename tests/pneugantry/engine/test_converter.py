@@ -86,6 +86,17 @@ def test_readings_go_back_on_the_grid_off_which_a_log_moved_them() -> None:
     np.testing.assert_array_equal(back.signals["v"], true)
 
 
+def test_long_gaps_are_counted_by_a_step_that_short_ones_make_sure() -> None:
+    """A force at rest and in contact: 74 cells between both, of 0.12 or 0.13 as the log rounds."""
+    step, generator = 0.12462, np.random.default_rng(3)
+    rest = step * generator.integers(-1, 2, 4000)
+    contact = step * (74 + generator.integers(0, 60, 4000) + 3 * generator.integers(0, 40, 4000))
+    logged = np.round(np.concatenate([rest, contact]), 2)
+    found, grid = step_and_grid(logged, 0.05)
+    assert grid is not None
+    assert found == pytest.approx(step, rel=1e-4)
+
+
 @pytest.mark.parametrize(("quoted", "counted"), [(0.1, 0.1756), (0.2, 0.2)])
 def test_a_quoted_noise_without_what_the_converter_leaves_gets_it(
     quoted: float, counted: float
