@@ -387,8 +387,8 @@ class Fitter:
         cells: Sequence[Cell],
     ) -> Lead:
         """How far below a base a hypothesis comes in some cells, those of each view together and by
-        themselves, from values far from it: -2 log posterior under white noise of the residuals'
-        own size, the best of the starts; and where it stands then.
+        themselves, from values far from it, the best of them once its effects are sized: -2 log
+        posterior under white noise of the residuals' own size; and where it stands then.
         """
         _, known, touched = self._beside_base(hypothesis, base)
         points, best, total = [self._first(hypothesis, base, s) for s in starts], -math.inf, 0.0
@@ -397,15 +397,15 @@ class Fitter:
             own = [c for c in cells if c[0] == view and c in touched]
             if not own:
                 continue
-            problem, least = self._problem(own, known, fine=False), math.inf
+            problem = self._problem(own, known, fine=False)
             level = standing(problem, _as_of(base, points[0]))
-            for side in self._ranked(problem, points, own)[:SIDES]:
-                start = self._coarsely(problem, self._sized(side.point, known, own))
-                end = self._raced(problem, start, least)
-                least = min(least, standing(problem, end))
-                if level - least > best:
-                    best, values = level - least, end.point.values(None)
-            total += level - least
+            few = [s.point for s in self._ranked(problem, points, own)[:SIDES]]
+            sized = self._ranked(problem, [self._sized(p, known, own) for p in few], own)
+            end = self._raced(problem, self._coarsely(problem, sized[0].point), math.inf)
+            gain = level - standing(problem, end)
+            total += gain
+            if gain > best:
+                best, values = gain, end.point.values(None)
         return Lead(total, values)
 
     def _sized(self, start: Point, known: Parabola, cells: Sequence[Cell]) -> Point:
