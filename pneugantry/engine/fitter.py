@@ -39,7 +39,7 @@ from pneugantry.engine.simulation import Cell, Columns, Point, Residuals, Simula
 from pneugantry.engine.synthetic import changes_of, noisy
 from pneugantry.engine.views import View
 
-__all__ = ["FRESH", "Fit", "Fitter", "Scouts", "deviations", "fallen"]
+__all__ = ["FRESH", "Fit", "Fitter", "Lead", "Scouts", "deviations", "fallen"]
 
 DAMPED = (0.0, 1e-3, 1e-2, 0.1, 1.0)  # steps to the least of the views' parabolas that are tried
 SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
