@@ -94,7 +94,7 @@ def _sure(gaps: Array, step: float) -> float:
     """
     ordered = np.sort(gaps)
     length, cells = 0.0, 0.0
-    for part in np.array_split(ordered, min(len(ordered), PARTS)):
+    for part in np.array_split(ordered, max(1, min(len(ordered), PARTS))):
         cells += float(np.round(part / step).sum())
         length += float(part.sum())
         step = length / cells if cells > 0 else step

@@ -543,9 +543,7 @@ class Fitter:
 
     def _finely(self, problem: Problem, end: Solution) -> Solution:
         """A view's end, along the valleys that columns which look over events do not show."""
-        names = set(problem.prior.names)
-        columns = self.simulation.columns(end.point, end.residuals, problem.cells, names)
-        start = Solution(end.point, end.residuals, {**end.columns, **columns})
+        start = self._with_columns(end, problem.prior, problem.cells)
         return descend(replace(problem, fine=True), start, None, ROUGH)
 
     def _agreed(
@@ -648,7 +646,7 @@ class Fitter:
         best, least = found, standing(problem, found)
         if not self.rules.followed or self._quiet(problem, found):
             return best
-        worst = _worst(problem.cells, starts[0].residuals)
+        worst = self._worst(problem, starts[0])
         alone = self._problem([worst], problem.prior, fine=False)
         near = math.inf
         if bar is not None and len(problem.cells) > 1:
@@ -694,6 +692,11 @@ class Fitter:
         points = [inside(starts[0].point.moved(t)) for t in theta]
         parts = np.array_split(np.arange(count), share * self.rules.followed)
         return [[points[i] for i in part] for part in parts]
+
+    @staticmethod
+    def _worst(problem: Problem, at: Solution) -> Cell:
+        """The cell whose record is met worst."""
+        return max(problem.cells, key=lambda c: float(np.nansum(at.residuals[c] ** 2)))
 
     def _foremost(self, problem: Problem, points: Sequence[Point], worst: Cell) -> Solution:
         """The best of some points, without columns. One cell tells which of them are simulated in
@@ -995,11 +998,6 @@ class Scouts:
         alone = fitter._problem(cells, known, fine=False)
         start = _only(Solution(base.point, base.residuals, base.columns), view)
         return standing(alone, fitter._raced(alone, start, math.inf))
-
-
-def _worst(cells: Sequence[Cell], residuals: Residuals) -> Cell:
-    """The cell whose record is met worst."""
-    return max(cells, key=lambda c: float(np.nansum(residuals[c] ** 2)))
 
 
 def _occam(

@@ -34,8 +34,8 @@ NEARLY = 0.1  # share of the largest gain from which on an effect's other forms 
 STARTS = 2  # from which a form is fitted, beside the base
 SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
 SCOUTED = 8  # effects that are tried in single views at once
-Told = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and where it starts
 LAST = 2.0  # times `Rules.effort` from which on no further effect is looked for
+Told = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and where it starts
 
 
 @dataclass(frozen=True)

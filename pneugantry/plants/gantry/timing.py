@@ -62,10 +62,8 @@ class ControllerView:
         assert made is not None
         running: NDArray[np.bool_] = np.asarray(np.isfinite(made).all(axis=1))
         first = int(np.argmax(running))
-        before = recorded[
-            max(first - 1, 0)
-        ]  # the valves' command until one of the controller comes
-        made[first:] = _late(np.vstack([before, made[first:]]), acting)[1:]
+        kept = recorded[max(first - 1, 0)]  # by the valves, until a command of the controller comes
+        made[first:] = _late(np.vstack([kept, made[first:]]), acting)[1:]
         return np.asarray(np.where(running[:, None], recorded - made, 0.0))
 
 

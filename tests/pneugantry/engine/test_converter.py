@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneugantry.engine.converter import converted, converter_step, step_and_grid
+from pneugantry.engine.converter import converted, converter_step, grid_of, step_and_grid
 from pneugantry.engine.plant import Record, Signal
 
 SIGMA = 0.05
@@ -73,6 +73,8 @@ def test_means_of_an_encoder_s_neighbours_show_it_and_stay_as_they_are() -> None
 def test_what_holds_no_numbers_or_one_value_is_no_converter() -> None:
     for values in (np.zeros(0), np.zeros(500), np.full(500, np.nan), np.array([0.0, 1.0] * 300)):
         assert step_and_grid(values, SIGMA) == (0.0, None)
+    for values in (np.zeros(0), np.zeros(500), np.array([0.0, np.nan])):
+        assert grid_of(values, 0.5) is None
 
 
 def test_readings_go_back_on_the_grid_off_which_a_log_moved_them() -> None:
