@@ -47,8 +47,8 @@ EVENTS = 8
 # Functions of a model that lanes call, of one without states and of others.
 LANED_STILL = ("observed", "conditions")
 LANED = ("rates", "outputs", "conditions")
-# No bit changes by them. What -O2 does beyond takes the compiler twice as long and gains nothing
-PART_FLAGS = ("-O1", "-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math")
+PART_FLAGS = ("-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math")  # no bit changes
+STILL_FLAGS = ("-O1",)  # without states: more takes the compiler twice as long and gains nothing
 
 Array = NDArray[np.float64]
 Kinds = tuple[int, NDArray[np.uint8] | None]  # rows until out of bounds; None: all are STEADY
@@ -167,7 +167,7 @@ class Subsystem:
     def __init__(self, part: Part) -> None:
         """Raises InputError where its library has yet to be compiled and cannot be."""
         self.part = part
-        self._library = ctypes.CDLL(os.fspath(_compiled(part.library)))
+        self._library = ctypes.CDLL(os.fspath(_compiled(part)))
         self._library.batch_run.argtypes = [ctypes.POINTER(_Batch)]
         self._library.batch_run.restype = ctypes.c_int
         self._references = {v.name: i for i, v in enumerate(part.variables)}
@@ -340,9 +340,9 @@ def _write(compiled: CompiledModel, folder: Path) -> None:
     (folder / "part.json").write_text(json.dumps(told), encoding="utf-8")
 
 
-def _compiled(library: Path) -> Path:
+def _compiled(part: Part) -> Path:
     """A part's library, made from its sources unless it is there. Another process may be at it."""
-    home = library.parent
+    library, home = part.library, part.library.parent
     if library.is_file():
         return library
     try:
@@ -354,6 +354,7 @@ def _compiled(library: Path) -> Path:
     target = host_platform()
     compiler = find_compiler(target)
     flags = (*PART_FLAGS, *own_processor(compiler, target))
+    flags += () if part.of("state") else STILL_FLAGS
     names = [n for n in sources if n.endswith(".c") and n != "core.c"]  # batch.c holds it
     with tempfile.TemporaryDirectory(dir=home) as temporary:
         for name, text in sources.items():

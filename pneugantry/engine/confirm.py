@@ -69,6 +69,15 @@ class Replay:
         """RMS over signals and time."""
         return float(np.sqrt(self.squares.mean()))
 
+    def until(self, end: float | None) -> Replay:
+        """What of it lies before a time in s; None: all."""
+        if end is None:
+            return self
+        rows = slice(round(end / self.period))
+        cut = (v[rows] for v in (self.simulated, self.residuals, self.measured))
+        simulated, residuals, measured = cut
+        return replace(self, simulated=simulated, residuals=residuals, measured=measured)
+
     @property
     def by_signal(self) -> dict[str, float]:
         """RMS over time."""
@@ -90,6 +99,7 @@ class Gap:
     spread: tuple[float, float] | None = None  # augmented gap: 5 % and 95 % of the draws
     parted: float | None = None  # s, from where on the augmented replay has left the record
     open: float = 0.0  # RMS distance of the draws' replays from the augmented one, as the gaps
+    early: Gap | None = None  # of the record up to there
 
     @property
     def bifurcates(self) -> bool:
@@ -193,6 +203,24 @@ def gap_of(
     """The gap before and after. period: s, between rows. floor: RMS over signals of the noise in
     units of the quoted one (`noise_levels`). others: the record under `draws` of the values.
     """
+    found = _gap_of(nominal, augmented, rules, period, floor, others)
+    if found.parted is None:
+        return found
+    first, second, *rest = (r and r.until(found.parted) for r in (nominal, augmented, *others))
+    assert first is not None
+    assert second is not None
+    early = _gap_of(first, second, rules, period, floor, rest)
+    return replace(found, early=replace(early, parted=None))
+
+
+def _gap_of(
+    nominal: Replay,
+    augmented: Replay,
+    rules: Rules,
+    period: float,
+    floor: float,
+    others: Sequence[Replay | None],
+) -> Gap:
     length = max(1, round(rules.block / period))
     before, after = nominal.squares, augmented.squares
     told = [r.gap for r in others if r is not None]

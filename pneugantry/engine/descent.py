@@ -25,6 +25,7 @@ __all__ = [
     "Parabola",
     "Problem",
     "Solution",
+    "Tangent",
     "Weighing",
     "descend",
     "flat_noise",
@@ -54,7 +55,7 @@ FLAT = 1e-2  # of the largest change per theta: directions along which columns a
 ALONG = 0.02  # of theta, the step along them
 LONG = 4.0  # times as long is another step
 SAME = 0.5  # of an error, by which those over both may differ
-WORTH = 0.05  # of the fall that ends a descent: a step of which less is predicted is not tried
+WORTH = 0.5  # of the fall that ends a descent: a step of which less is predicted is not tried
 
 
 class Weighing:
@@ -161,13 +162,34 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
+class Tangent:
+    """Where the columns of a cell were made, by small steps."""
+
+    point: Point
+    residual: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Where a descent stands; residuals and columns of all cells, those that it leaves included."""
 
     point: Point
     residuals: Residuals
     columns: Columns
-    settled: bool = False  # the columns are of this point, and no step from it led down
+    settled: bool = False  # no step from this point led down, under columns that foretell it
+    tangents: Mapping[Cell, Tangent] = field(default_factory=dict)  # none: not by small steps
+
+    def with_columns(self, made: Columns, cells: Collection[Cell], fine: bool) -> Solution:
+        """The same with columns of this point in some cells. fine: by small steps."""
+        tangents = {c: t for c, t in self.tangents.items() if c not in cells}
+        if fine:
+            tangents |= {c: Tangent(self.point, self.residuals[c]) for c in cells}
+        return Solution(self.point, self.residuals, {**self.columns, **made}, tangents=tangents)
+
+    def elsewhere(self, cells: Collection[Cell]) -> set[str]:
+        """Views with columns of other points."""
+        theta, own = self.point.theta, {c: t for c, t in self.tangents.items() if c in cells}
+        return {c[0] for c, t in own.items() if not np.array_equal(t.point.theta, theta)}
 
 
 def descend(
@@ -184,9 +206,11 @@ def descend(
     """
     sim, rules, state = problem.simulation, problem.rules, start
     names = set(problem.prior.names)
-    damping = np.full(len(names), LEAST if problem.fine else rules.damping)
+    first = LEAST if problem.fine else rules.damping
+    damping = np.full(len(names), first)
     views = {c[0] for c in problem.cells}
     old: set[str] = set()  # views whose columns are those of an earlier point
+    kept = start.elsewhere(problem.cells)  # whose columns have served elsewhere, so far
     known = None if of_views is None else Weighing(of_views, rules)
     renewed: Point | None = None  # where columns were made anew along a valley
     for steps in range(rules.iterations):
@@ -194,25 +218,28 @@ def descend(
             break
         weighing = known or Weighing(flat_noise(sim, state.residuals), rules)
         ahead = _Ahead(problem, state, weighing)
+        hoped = ahead.towards(damping, 1.0).predicted > WORTH * converged
         step = _step(ahead, damping, converged)
         failed = problem.fine and (step is None or step.short)
-        if failed and not old and state.point is not renewed:
+        if failed and not (old or kept) and state.point is not renewed:
             renewed, along = state.point, _along_valley(ahead)
             if along is not None:
                 state, damping[:] = along, LEAST
                 continue
         if step is None:
-            if not old:
-                break
             stale = set(old)
+            if kept and hoped:  # these columns have failed
+                stale, kept, damping[:] = kept, set(), first
+            if not stale:
+                break
         else:
-            state, stale, old = step.solution, set(step.stale), set(views)
+            state, stale, old, kept = step.solution, set(step.stale), set(views), set()
             if step.fall < converged and not step.short:
                 break
         if stale:
             cells = [c for c in problem.cells if c[0] in stale]
             made = sim.columns(state.point, state.residuals, cells, names, problem.fine)
-            state = Solution(state.point, state.residuals, {**state.columns, **made})
+            state = state.with_columns(made, cells, problem.fine)
             old -= stale
     return state
 
@@ -249,7 +276,9 @@ def _along_valley(ahead: _Ahead) -> Solution | None:
         missed = made - np.tensordot(within, own, 1)
         renewed = own + np.tensordot(np.linalg.pinv(within, rcond=FLAT), missed, 1)
         columns |= {(cell, n): c for n, c in zip(names, renewed, strict=True)}
-    return Solution(point, at.residuals, columns)
+    return replace(
+        at, columns=columns, tangents={c: t for c, t in at.tangents.items() if c not in cells}
+    )
 
 
 def _inward(point: Point, direction: Array) -> Array | None:
@@ -321,7 +350,8 @@ def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | Non
     if best is None or best[0] < rules.entry:
         return None
     moved = inside(point.moved(point.theta + best[1]))
-    return Solution(moved, sim.residuals(moved, problem.cells), start.columns)
+    residuals = sim.residuals(moved, problem.cells)
+    return Solution(moved, residuals, start.columns, tangents=start.tangents)
 
 
 def _apart(covariance: Array, index: Sequence[int]) -> list[int]:
@@ -498,7 +528,8 @@ def _step(ahead: _Ahead, damping: Array, converged: float) -> _Step | None:
             lowest = best.fall if best else 0.0
             trial = ahead.run(trial, worst, max(backs, default=lowest))
             if trial.fall > lowest:
-                end = Solution(trial.point, trial.residuals, ahead.state.columns)
+                at = ahead.state
+                end = Solution(trial.point, trial.residuals, at.columns, tangents=at.tangents)
                 best = _Step(end, trial.fall, ahead.stale(trial, converged), share < 1)
             if trial.fall > TAKEN * trial.predicted:
                 damping[:] = np.maximum(0.1 * damping, LEAST)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from pneugantry.engine.descent import (
     Parabola,
     Problem,
     Solution,
+    Tangent,
     Weighing,
     descend,
     inside,
@@ -89,6 +90,7 @@ class Fit:
     stretches: Mapping[Cell, Array]  # -2 log likelihood by stretch of a record
     cost: float  # priors, Occam factor and order of the noise
     settled: bool = False  # all views together; as of `Solution`
+    tangents: Mapping[Cell, Tangent] = field(default_factory=dict)  # as of `Solution`
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -243,7 +245,8 @@ class Fitter:
         point, cells = base.point.moved(theta), tuple(self.simulation.cells)
         names = {c.name for c in point.coordinates}
         residuals, columns = self.simulation.linearised(point, cells, names, fine=False)
-        return replace(base, point=point, residuals=residuals, columns=columns, settled=False)
+        bare = replace(base, settled=False, tangents={})
+        return replace(bare, point=point, residuals=residuals, columns=columns)
 
     def unseen(self, fit: Fit) -> list[Coordinate]:
         """Of what every rig has off and no record shows: it keeps its prior."""
@@ -291,7 +294,7 @@ class Fitter:
         scale = self._tolerance(solution.point)
         point = _scaled(solution.point, scale)
         known = prior(point.coordinates)
-        solution = Solution(point, solution.residuals, solution.columns)
+        solution = replace(solution, point=point, settled=False)
         solution = self._renewed(solution, known, cells, 1)
         return self._finished(Hypothesis(), solution, known, scale)
 
@@ -452,10 +455,10 @@ class Fitter:
         """
         cells = tuple(self.simulation.cells)
         whole = prior(fit.point.coordinates)
-        solution = Solution(fit.point, fit.residuals, fit.columns, fit.settled)
+        residuals = fit.residuals
         if not fit.settled:
             residuals = self.simulation.residuals(fit.point, cells)
-            solution = Solution(fit.point, residuals, fit.columns)
+        solution = Solution(fit.point, residuals, fit.columns, fit.settled, fit.tangents)
         solution = (self._polished if thorough else self._jointly)(solution, whole, cells)
         solution = self._renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
@@ -472,7 +475,7 @@ class Fitter:
         cells = tuple(self.simulation.cells)
         point = _scaled(fit.point, scale)
         whole = prior(point.coordinates)
-        solution = Solution(point, fit.residuals, fit.columns)
+        solution = Solution(point, fit.residuals, fit.columns, tangents=fit.tangents)
         solution = self._renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, scale)
 
@@ -553,7 +556,7 @@ class Fitter:
         it that knows it best, and steps from there towards the least of the sum of the parabolas.
         The whole step may follow valleys of several views beyond where these are straight.
         """
-        total, columns = known, dict(start.columns)
+        total, columns, tangents = known, dict(start.columns), dict(start.tangents)
         at, most = start.point.theta.copy(), np.zeros(len(known.names))
         for end in ends:
             parabola = self._parabola(end, self.coloured(end.residuals)).among(known.names)
@@ -562,6 +565,7 @@ class Fitter:
             most = np.maximum(sure, most)
             total = total.plus(parabola)
             columns |= end.columns
+            tangents |= end.tangents
         between = start.point.moved(at)
         slope, scale = total.square @ at - total.pull, np.diag(np.diag(total.square))
         points = [between, *(newton(between, total.square + d * scale, slope) for d in DAMPED)]
@@ -569,7 +573,7 @@ class Fitter:
         best = self._ranked(problem, points, cells)[0]
         if standing(problem, best) >= FAILED:
             return start
-        return Solution(best.point, best.residuals, columns)
+        return Solution(best.point, best.residuals, columns, tangents=tangents)
 
     def _ends(
         self,
@@ -843,8 +847,28 @@ class Fitter:
         return solution
 
     def _with_columns(self, at: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        columns = self.simulation.columns(at.point, at.residuals, cells, set(known.names))
-        return Solution(at.point, at.residuals, {**at.columns, **columns})
+        """With columns by small steps in some cells. Those serve on that foretell from where they
+        were made what is there, to less than what all cells together may miss of a fall.
+        """
+        least = self.rules.converged / len(cells)
+        old = [c for c in cells if not self._missed(at, c) < least]
+        columns = self.simulation.columns(at.point, at.residuals, old, set(known.names))
+        return at.with_columns(columns, old, fine=True)
+
+    def _missed(self, at: Solution, cell: Cell) -> float:
+        """By how much the columns of a cell miss what is there, squared in noise levels."""
+        tangent = at.tangents.get(cell)
+        own = [c for c in at.point.coordinates if self.simulation.in_cell(c, cell)]
+        if tangent is None or any((cell, c.name) not in at.columns for c in own):
+            return math.inf
+        moved = at.point.theta - _told(tangent.point, at.point.coordinates)
+        missed = at.residuals[cell] - tangent.residual
+        for c, step in zip(at.point.coordinates, moved, strict=True):
+            if step and (cell, c.name) in at.columns:
+                missed = missed - step * at.columns[cell, c.name]
+        colour = self._colour(cell, at.residuals[cell])
+        white = np.concatenate([w(missed[:, i]) for i, w in enumerate(colour)])
+        return float(white @ white)
 
     def _problem(self, cells: Collection[Cell], known: Parabola, fine: bool = True) -> Problem:
         return Problem(self.simulation, self.rules, tuple(cells), known, fine)
@@ -920,6 +944,7 @@ class Fitter:
                 point,
                 {**base.residuals, **solution.residuals},
                 {**base.columns, **solution.columns},
+                tangents={**base.tangents, **solution.tangents},
             )
             colour, parabolas = {**base.noise, **colour}, {**left, **parabolas}
             stretches = {**base.stretches, **stretches}
@@ -938,6 +963,7 @@ class Fitter:
             stretches,
             cost + occam + order * math.log(max(rows, 2)),
             solution.settled,
+            solution.tangents,
         )
 
     def stretches(self, cell: Cell, residual: Array, of_view: Sequence[Whitener]) -> Array:
@@ -1072,6 +1098,7 @@ def _only(solution: Solution, view: str) -> Solution:
         solution.point,
         {c: r for c, r in solution.residuals.items() if c[0] == view},
         {k: c for k, c in solution.columns.items() if k[0][0] == view},
+        tangents={c: t for c, t in solution.tangents.items() if c[0] == view},
     )
 
 

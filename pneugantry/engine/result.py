@@ -266,7 +266,10 @@ def _cause(c: Cause) -> dict[str, Any]:
 
 
 def _gap(g: Gap) -> dict[str, Any]:
+    early = None if g.early is None or g.parted is None else (g.parted, g.early)
+    until = {} if early is None else {"until": {"t": _number(early[0]), **_gap(early[1])}}
     return {
+        **until,
         "nominal": _number(g.nominal),
         "augmented": _number(g.augmented),
         "floor": _number(g.floor),
@@ -284,6 +287,7 @@ def _replay_notes(g: Gap | None) -> list[str]:
     if g.parted is not None:
         said.append(
             f"{g.record}: from {g.parted:.3g} s on the augmented replay has left the record"
+            + (f"; up to there {g.early.nominal:.3g} → {g.early.augmented:.3g}" if g.early else "")
         )
     if g.spread is not None and g.bifurcates:
         low, high = g.spread

@@ -285,8 +285,11 @@ class _Confirmed:
 def _worse(gap: Gap, plain: Replay | None) -> bool:
     """Whether the augmented plant replays its record surely worse than the nominal one: by more
     than noise, over all stretches, and with all values that the fit leaves open. Where `plain`, the
-    plant with its tolerance alone, replays no better, the effects are not to blame.
+    plant with its tolerance alone, replays no better, the effects are not to blame. Behind an event
+    that it missed a replay tells nothing.
     """
+    plain = plain and plain.until(gap.parted)
+    gap = gap.early or gap
     open_too = gap.spread is None or gap.spread[0] > gap.nominal
     blamed = plain is None or gap.augmented > BLAMED * plain.gap
     return gap.augmented > NOTABLE * gap.floor and gap.ci95[1] < 0 and open_too and blamed

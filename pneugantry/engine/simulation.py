@@ -77,8 +77,8 @@ class Simulation:
 
     @property
     def evaluations(self) -> float:
-        """How often all views could have been simulated over all records by now."""
-        return self.seconds / max(self._seconds([(c, {}) for c in self.cells]), 1e-9)
+        """How often one view could have been simulated over all records by now."""
+        return self.seconds / sum(r.rows * r.period for r in self.records.values())
 
     def prepare(self, fits: Sequence[tuple[Collection[str], Mapping[str, float]]]) -> None:
         """Tells the views what fits move, and which settings they keep."""

@@ -118,12 +118,19 @@ def shrinkable(gap: dict[str, Any] | None) -> bool:
     return bool(gap["nominal"] > 1.05 * gap["floor"])
 
 
+def judged(found: dict[str, Any]) -> dict[str, Any] | None:
+    """The gap by which an answer is judged: up to where its replay leaves the log for good."""
+    gap: dict[str, Any] | None = found["gap"]
+    return gap and gap.get("until", gap)
+
+
 def confirmed(found: dict[str, Any]) -> bool | None:
     """Whether a log that no fit has seen bears a claimed effect out: its gap shrinks, by its 95 %
-    interval too. None where nothing is claimed or there is nothing to shrink.
+    interval too, up to where the replay leaves the log. None where nothing is claimed or there is
+    nothing to shrink.
     """
-    gap = found["gap"]
-    if found["verdict"] not in CLAIMS or not shrinkable(gap):
+    gap = judged(found)
+    if gap is None or found["verdict"] not in CLAIMS or not shrinkable(gap):
         return None
     return bool(gap["shrink"] > 0 and gap["ci95"][0] > 0)
 
@@ -151,6 +158,12 @@ def shrink_words(gap: dict[str, Any] | None) -> str:
     if gap is None:
         return "how far the gap shrinks is not known, the held-out log could not be replayed"
     before, after = number(gap["nominal"]), number(gap["augmented"])
+    early = gap.get("until")
+    if early is not None:
+        return (
+            f"{shrink_words(early)} up to {number(early['t'])} s, where the replay misses an event "
+            f"and leaves the log for good; over all of it {before} before and {after} after"
+        )
     if not shrinkable(gap):
         return (
             f"the gap of {gap['log']} is {before} before and {after} after: at the floor, "
@@ -222,8 +235,8 @@ def _named(cause: dict[str, Any], summaries: dict[str, str]) -> str:
 
 def _doubt(found: dict[str, Any]) -> str:
     """What speaks against the answer, or beside it."""
-    gap = found["gap"]
-    if confirmed(found) is None:
+    gap = judged(found)
+    if gap is None or confirmed(found) is None:
         return ""
     if confirmed(found) is False:
         return (
@@ -238,5 +251,5 @@ def _doubt(found: dict[str, Any]) -> str:
 
 def leaves(found: dict[str, Any]) -> bool:
     """Whether the augmented plant leaves far more of an unseen log's gap than noise."""
-    gap = found["gap"]
-    return shrinkable(gap) and bool(gap["augmented"] > LEFT * gap["floor"])
+    gap = judged(found)
+    return gap is not None and shrinkable(gap) and gap["augmented"] > LEFT * gap["floor"]

@@ -182,7 +182,8 @@ static int planned(const Batch *b, size_t drive, Plan *plan) {
 /* Runs from `first` on side by side. Returns how many failed; -1: out of memory. */
 static int group(const Batch *b, const Plan *plans, size_t first, int n) {
 #if LANED
-    Lanes *w = calloc(1, sizeof *w);
+    void *held = calloc(1, sizeof(Lanes) + sizeof(Lane));
+    Lanes *w = at_lane(held);
     int failed = -1, l = 0;
     if (!w) return -1;
     w->q.path = 1;
@@ -195,7 +196,7 @@ static int group(const Batch *b, const Plan *plans, size_t first, int n) {
     }
     if (l == n) failed = lanes_run(w, b);
     while (l-- > 0) core_free(w->run[l]);
-    free(w);
+    free(held);
     return failed;
 #else
     (void)b, (void)plans, (void)first, (void)n;

@@ -13,8 +13,9 @@
 #if LANED
 #define APART static __attribute__((noinline)) /* called from several places: copies would take long to compile */
 
-typedef double Lane[LANES];
-typedef int64_t Whole[LANES]; /* as wide: no vector is split */
+#define WIDE __attribute__((aligned(64))) /* a vector that lies in two cache lines costs twice as much */
+typedef double Lane[LANES] WIDE;
+typedef int64_t Whole[LANES] WIDE; /* as wide: no vector is split */
 
 typedef struct {
     double time, initial, path, fired[AT_LEAST_1(N_BRANCHES)]; /* of all lanes */
@@ -43,7 +44,11 @@ typedef struct {
     unsigned char *kind; /* [rows], SWITCHED where one lane is or ends */
     size_t ahead;        /* row from which on these are of all lanes, side by side; see look_ahead */
     Lane *at, *over_parts, *measured;
+    void *held; /* what these are in */
 } Lanes;
+
+/* Within what was allocated with a Lane more. */
+static inline void *at_lane(void *held) { return held ? (char *)held + (sizeof(Lane) - (uintptr_t)held % sizeof(Lane)) : NULL; }
 
 /* Flags are doubles, as what they are made of: vectors are not converted. */
 static inline void contradict(const LaneData *q, const Lane *z, double *restrict off) {
@@ -62,8 +67,8 @@ static inline void refuse_endless(const Lane *values, int n, double *restrict of
 }
 
 static inline int any(const double *lanes) {
-    double found = 0;
-    for (int l = 0; l < LANES; l++) found += lanes[l];
+    int64_t found = 0;
+    for (int l = 0; l < LANES; l++) found |= lanes[l] != 0;
     return found != 0;
 }
 
@@ -237,7 +242,7 @@ static inline void lanes_row(Lanes *w, const Batch *b, size_t k) {
 /* Rows from k on, until one that some lane leaves to core.c: that row. */
 static size_t lanes_rows(Lanes *w, const Batch *b, size_t k) {
     for (; k < w->rows; k++) {
-        double left = 0, some = 0;
+        int64_t left = 0, some = 0;
         if (w->kind[k] & SWITCHED)
             for (int l = 0; l < LANES; l++) w->over[l] = k >= w->plan[l]->sound ? 1 : w->over[l];
         memcpy(w->off, w->over, sizeof w->off);
@@ -246,10 +251,10 @@ static size_t lanes_rows(Lanes *w, const Batch *b, size_t k) {
         if (k == 0 || k >= w->ahead + AHEAD) look_ahead(w, b, k);
         memcpy(w->x0, w->q.x, sizeof w->x0);
         w->kept = 0;
-        for (int l = 0; l < LANES; l++) left += w->off[l] == 0 ? 1.0 : 0.0;
-        if (left > 0) lanes_row(w, b, k);
-        for (int l = 0; l < LANES; l++) some += (w->off[l] != 0) & (w->over[l] == 0) ? 1.0 : 0.0;
-        if (some > 0) return k;
+        for (int l = 0; l < LANES; l++) left |= w->off[l] == 0;
+        if (left) lanes_row(w, b, k);
+        for (int l = 0; l < LANES; l++) some |= (w->off[l] != 0) & (w->over[l] == 0);
+        if (some) return k;
     }
     return k;
 }
@@ -283,7 +288,8 @@ static void run_of_lane(const Lanes *w, int l) {
 static int prepare_rows(Lanes *w, const Batch *b) {
     for (int l = 0; l < w->q.n; l++) w->rows = w->plan[l]->sound > w->rows ? w->plan[l]->sound : w->rows;
     w->kind = malloc(w->rows + 1);
-    w->at = calloc(AHEAD * (b->n_inputs * (1 + b->n_parts) + b->n_corrected) + 1, sizeof *w->at);
+    w->held = calloc(AHEAD * (b->n_inputs * (1 + b->n_parts) + b->n_corrected) + 1, sizeof *w->at);
+    w->at = at_lane(w->held);
     if (!w->kind || !w->at) return 0;
     w->over_parts = w->at + AHEAD * b->n_inputs;
     w->measured = w->over_parts + AHEAD * b->n_inputs * b->n_parts;
@@ -320,7 +326,7 @@ static int lanes_run(Lanes *w, const Batch *b) {
         failed += w->failed[l] || w->plan[l]->sound < w->plan[l]->rows;
     }
     free(w->kind);
-    free(w->at);
+    free(w->held);
     return failed;
 }
 #endif

@@ -34,6 +34,7 @@ from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.regimes import THROUGHOUT, area, regime_of
 from pneugantry.engine.result import Answer, Diagnosis, answer_set, causes_of, to_json
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import _worse
 from pneugantry.engine.search import Search
 from pneugantry.engine.simulation import Point
 from pneugantry.engine.synthetic import Nominal
@@ -310,3 +311,20 @@ def test_the_gantry_s_gap_is_that_of_its_fmu() -> None:
         for i, channel in enumerate(MEASURED):
             gaps = float(left[0][i]), float(left[1][i])
             assert found.by_signal[channel] == pytest.approx(gaps, rel=0.01), channel
+
+
+def test_a_record_is_judged_up_to_where_its_replay_leaves_it() -> None:
+    noise = np.random.default_rng(2).standard_normal(10000) ** 2
+    before, after, plain = 25 * noise, noise.copy(), 24 * noise
+    after[7000:] += 900
+    found = gap_of(made(before), made(after), RULES, 1e-3)
+    assert found.augmented > 2 * found.nominal
+    assert found.early is not None
+    assert found.early.nominal == pytest.approx(5.0, rel=0.05)
+    assert found.early.augmented == pytest.approx(1.0, rel=0.05)
+    assert found.early.ci95[0] > 0.9
+    assert not _worse(found, made(plain))
+    after[:7000] *= 100
+    after[7000:] *= 100
+    assert _worse(gap_of(made(before), made(after), RULES, 1e-3), made(plain))
+    assert gap_of(made(before), made(before), RULES, 1e-3).early is None

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 
 from pneugantry.engine.descent import (
     Problem,
     Solution,
+    Tangent,
     Weighing,
     _Ahead,
     _along_valley,
@@ -21,6 +24,7 @@ from pneugantry.engine.noise import Whitener
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell, Point, Simulation
+from pneugantry.engine.views import View
 
 NAMES = ("a", "b", "c")
 CELLS: tuple[Cell, ...] = (("view", "rough"), ("view", "smooth"))
@@ -122,3 +126,21 @@ def test_where_no_step_is_worth_it_nothing_is_simulated() -> None:
     own = Solution(at.point, {CELLS[1]: at.residuals[CELLS[1]]}, at.columns)
     assert _along_valley(_Ahead(smooth, own, weighing)) is None
     assert not sim.ran
+
+
+def test_columns_of_another_point_are_made_anew_where_a_step_by_them_fails() -> None:
+    sim = Rough()
+    sim.jump = 0.0
+    sim.views = {"view": cast(View, SimpleNamespace(remembers=False))}
+    problem, start, weighing = problem_of(sim)
+    problem = replace(problem, fine=False)
+    turned = {k: -c for k, c in start.columns.items()}
+    away = start.point.moved(start.point.theta + 1.0)
+    tangents = {c: Tangent(away, start.residuals[c]) for c in CELLS}
+    wrong = replace(start, columns=turned)
+    led = [
+        descend(problem, replace(wrong, tangents=t), weighing.noise, 0.01) for t in ({}, tangents)
+    ]
+    costs = [sum(weighing.costs(s.residuals).values()) for s in (wrong, *led)]
+    assert costs[2] < costs[1] - 10  # nothing told the first that its columns may be wrong
+    assert led[1].elsewhere(CELLS) == set()

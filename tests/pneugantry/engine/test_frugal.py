@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from test_search import CATALOGUE, effect, fitter_of, parts, plant
 
+from pneugantry.engine.descent import Solution, prior
 from pneugantry.engine.fitter import Scouts
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
@@ -74,6 +75,33 @@ def test_what_is_settled_is_not_fitted_again(plant: Plant, parts: Path) -> None:
     assert spent == 0
     assert again.evidence == pytest.approx(null.evidence, abs=1e-6)
     assert np.array_equal(again.point.theta, null.point.theta)
+
+
+def test_columns_serve_where_they_foretell_what_is_there(plant: Plant, parts: Path) -> None:
+    """Those of a cell that moved beyond are made anew."""
+    fitter = fitter_of(plant, parts)
+    null, cells = fitter.null(), tuple(fitter.simulation.cells)
+    at = Solution(null.point, null.residuals, null.columns, tangents=null.tangents)
+    known = prior(null.point.coordinates)
+    first = fitter._with_columns(replace(at, tangents={}), known, cells)
+    names, sigma = [c.name for c in null.point.coordinates], null.sigma("F_c")
+
+    def moved(size: float) -> tuple[Solution, float]:
+        theta = null.point.theta.copy()
+        theta[names.index("F_c")] += size
+        point = null.point.moved(theta)
+        there = replace(first, point=point, residuals=fitter.simulation.residuals(point, cells))
+        before = fitter.simulation.seconds
+        return fitter._with_columns(there, known, cells), fitter.simulation.seconds - before
+
+    (near, spent), (far, more) = moved(1e-3 * sigma), moved(300 * sigma)
+    fitter.close()
+    assert set(first.tangents) == set(cells)
+    assert spent == 0
+    assert all(near.columns[k] is first.columns[k] for k in first.columns)
+    assert near.elsewhere(cells) == {c[0] for c in cells}
+    assert more > 0
+    assert {c[0] for c in cells if far.tangents[c].point is far.point} == {"v"}
 
 
 def test_of_very_many_starts_few_are_simulated_in_every_record(plant: Plant, parts: Path) -> None:
