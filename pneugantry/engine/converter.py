@@ -32,6 +32,7 @@ class Grid:
 
     first: float
     step: float
+    open: float = 0.0  # by which the step may differ: the log's rounding at the farthest cells
 
     def nearest(self, values: Array) -> Array:
         """Readings (N,) put back on the grid."""
@@ -75,17 +76,24 @@ def _passed(used: Array, sigma: float) -> float:
 
 
 def grid_of(values: Array, step: float) -> Grid | None:
-    """Line through the cells that readings lie on, about a step apart; None where some lie beside
-    it, or are no numbers.
+    """Line through the cells that readings lie on, about a step apart, with one at zero where they
+    allow for it; None where some lie beside it, or are no numbers.
     """
     cells = np.unique(values)
     gaps = np.diff(cells)
     number = np.append(0.0, np.cumsum(np.round(gaps / _sure(gaps, step))))
     if not np.isfinite(number).all() or number[-1] == 0:
         return None
-    finer, first = np.polyfit(number, cells, 1)
-    beside = np.abs(cells - first - finer * number).max()
-    return Grid(float(first), float(finer)) if beside < BESIDE * step else None
+    finer, first = map(float, np.polyfit(number, cells, 1))
+    beside = float(np.abs(cells - first - finer * number).max())
+    if beside >= BESIDE * step:
+        return None
+    nought = number - round(-first / finer)
+    if abs(finer * (number[0] - nought[0]) + first) <= beside:
+        finer = float(nought @ cells / (nought @ nought))
+        beside = float(np.abs(cells - finer * nought).max())
+        number, first = nought, finer * float(nought[0])
+    return Grid(first, finer, beside / float(np.abs(number).max()))
 
 
 def _sure(gaps: Array, step: float) -> float:

@@ -12,7 +12,7 @@ from pneugantry.engine.converter import grid_of, step_and_grid
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.log import MEASURED, SIGMA
 
-__all__ = ["as_read", "coarse_channels", "rounded"]
+__all__ = ["as_read", "coarse_channels", "rounded", "undecided"]
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,14 @@ def as_read(campaign: Campaign, steps: Mapping[str, float]) -> Campaign:
         return values if grid is None else grid.nearest(values)
 
     return _changed(campaign, steps, exact)
+
+
+def undecided(campaign: Campaign, steps: Mapping[str, float]) -> dict[str, float]:
+    """By which share of itself what `as_read` makes of a channel may be off: logs are stored with
+    fewer digits than tell the step.
+    """
+    grids = {c: grid_of(_of_all(campaign, c), q) for c, q in steps.items()}
+    return {c: g.open / g.step for c, g in grids.items() if g is not None}
 
 
 def _changed(

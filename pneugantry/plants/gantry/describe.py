@@ -119,14 +119,20 @@ def record_of(name: str, run: LoggedRun) -> Record:
     return Record(name, PERIOD, inputs, signals, plant_parameters(setup))
 
 
-def views_of(plant: Plant, campaign: Campaign, cache: Path, rules: Rules) -> list[View]:
+def views_of(
+    plant: Plant,
+    campaign: Campaign,
+    cache: Path,
+    rules: Rules,
+    undecided: Mapping[str, float] | None = None,
+) -> list[View]:
     """Views cut from the model, and that of the controller where it is known. campaign: as it was
-    read, by the controller too.
+    read, by the controller too; undecided: as of `ControllerView`.
     """
     measured = [s.name for s in plant.signals]
     period, held = PERIOD * rules.thinning, [r.log.table.columns for r in campaign.logs.values()]
     views = build_views(plant, measured, cache, period, rules, Measured(held=held))
-    return [*views, ControllerView(commanded(campaign.logs))]
+    return [*views, ControllerView(commanded(campaign.logs), undecided)]
 
 
 def commanded(runs: Mapping[str, LoggedRun]) -> dict[str, LoggedRun]:

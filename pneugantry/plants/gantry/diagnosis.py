@@ -24,7 +24,12 @@ from pneugantry.engine.run import Found, Task, run
 from pneugantry.engine.views import View
 from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of, check_names
 from pneugantry.plants.gantry.closed_loop import left_out, rerun
-from pneugantry.plants.gantry.converter import as_read, coarse_channels, rounded
+from pneugantry.plants.gantry.converter import (
+    as_read,
+    coarse_channels,
+    rounded,
+    undecided,
+)
 from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, record_of, views_of
 from pneugantry.plants.gantry.excitation import not_excited
 from pneugantry.plants.gantry.next_experiment import next_experiment, rivals
@@ -67,10 +72,10 @@ def diagnose(
     say("model")
     parameters = parameters_of(fmu, own, next(iter(campaigns[0]))) if fmu is not None else {}
     grids = [coarse_channels(c) for c in campaigns]
-    campaigns = [as_read(c, q) for c, q in zip(campaigns, grids, strict=True)]
+    stored, campaigns = campaigns, [as_read(c, q) for c, q in zip(campaigns, grids, strict=True)]
     tasks = [
-        task_of(c, catalogue, rules, parameters, q, nominal.model)
-        for c, q in zip(campaigns, grids, strict=True)
+        task_of(c, catalogue, rules, parameters, q, nominal.model, undecided(s, q))
+        for s, c, q in zip(stored, campaigns, grids, strict=True)
     ]
     campaigns = [rounded(c, q) for c, q in zip(campaigns, grids, strict=True)]
     task = tasks[0] if after is None else joined(*tasks)
@@ -94,10 +99,11 @@ def task_of(
     parameters: Mapping[str, float] | None = None,
     quanta: Mapping[str, float] | None = None,
     model: Path | None = None,
+    open_steps: Mapping[str, float] | None = None,
 ) -> Task:
     """What the engine is given of a campaign. parameters: of the nominal gantry, where they are not
     the model's own. quanta: steps of coarse converters by channel; what these cut off its
-    controller does not see. model: as of `Nominal`.
+    controller does not see. model: as of `Nominal`. open_steps: as of `undecided`.
     """
     read, campaign = campaign, rounded(campaign, quanta or {})
     measured = measured_of(campaign)
@@ -108,7 +114,7 @@ def task_of(
     plant = _coarser(plant, quanta or {})
     plant = plant if model is None else replace(plant, model=model)
     cache = cache_folder() / "parts"
-    views = views_of(plant, read, cache, rules)
+    views = views_of(plant, read, cache, rules, open_steps)
     data, dull = _judged(data_of(campaign, rules), views, campaign)
     fitted = {r.name for r in data.fitted}
     notes = (*campaign.notes, *dull, *(() if data.held_out else (ONE_LOG,)))

@@ -108,3 +108,20 @@ def test_a_quoted_noise_without_what_the_converter_leaves_gets_it(
     ((signal,), _) = converted([Signal("q", "q", quoted)], records)
     assert signal.sigma == pytest.approx(counted, abs=1e-4)
     assert signal.white == pytest.approx(np.sqrt(counted**2 - 0.25 / 12), abs=1e-3)
+
+
+def test_a_grid_goes_through_zero_where_readings_allow_and_says_what_rounding_leaves_open() -> None:
+    """A log of so few digits moves cells to and fro; far from zero that tells the step best."""
+    step, digits = 0.004_250_33, 2e-4
+    number = np.arange(-145, 2)
+    stored = digits * np.round(step * number / digits)
+    grid = grid_of(stored, 0.00425)
+    assert grid is not None
+    assert grid.first == pytest.approx(-145 * grid.step, rel=1e-12)
+    assert abs(grid.step - step) < grid.open < digits / 145
+    aside = grid_of(stored + 0.4 * step, 0.00425)  # no cell at zero
+    assert aside is not None
+    assert aside.first == pytest.approx(-144.6 * step, abs=digits / 2)
+    exact = grid_of(step * number, step)
+    assert exact is not None
+    assert exact.open < 1e-9 * step

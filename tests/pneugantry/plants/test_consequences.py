@@ -207,3 +207,21 @@ def test_readings_off_the_grid_stay_as_they_are(late: Campaign) -> None:
     campaign = Campaign("odd", Path("c"), {"one": LoggedRun(run.setup, log)})
     (read,) = as_read(campaign, {"v_x": 0.02})
     np.testing.assert_array_equal(read.log["v_x"], coarse)
+
+
+def test_commands_miss_what_a_log_of_few_digits_leaves_open(late: Campaign) -> None:
+    """The view of the controller takes it for noise; a controller that is late stands out still."""
+    sent = late.logs["contour_curved"]
+    run = replace(sent, log=replace(sent.log, table=sent.log.table.assign(v_x=sent.log["v_x"])))
+    record, off = record_of("one", run), {"v_x": 2e-3}
+    plain, wide = ControllerView({"one": run}), ControllerView({"one": run}, off)
+    speed = run.log.table.assign(v_x=run.log["v_x"] * (1 + 2e-3))
+    moved = ControllerView({"one": replace(run, log=replace(run.log, table=speed))})
+    left = [v.residuals([(record, {})])[0] for v in (plain, moved)]
+    missed = np.sqrt(np.mean((left[1] - left[0]) ** 2, axis=0))
+    assert plain.sigmas == (COMMAND_QUANTUM, COMMAND_QUANTUM)
+    assert missed.max() > 2 * COMMAND_QUANTUM
+    assert (0.5 * missed < wide.sigmas).all()
+    assert (wide.sigmas < 3 * np.hypot(missed, COMMAND_QUANTUM)).all()
+    late_by = wide.residuals([(record, {"timing.delay": 0.01})])[0]
+    assert np.std(late_by, axis=0).max() > 3 * max(wide.sigmas)
