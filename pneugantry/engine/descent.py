@@ -227,11 +227,11 @@ def descend(
                 state, damping[:] = along, LEAST
                 continue
         if step is None:
-            stale = set(old)
-            if kept and hoped:  # these columns have failed
-                stale, kept, damping[:] = kept, set(), first
-            if not stale:
+            if not hoped or not (old or kept):
                 break
+            stale = set(old)
+            if kept:  # these columns have failed
+                stale, kept, damping[:] = kept, set(), first
         else:
             state, stale, old, kept = step.solution, set(step.stale), set(views), set()
             if step.fall < converged and not step.short:

@@ -147,10 +147,17 @@ def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
 
 
 def _judged(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> dict[Keys, float]:
-    """Costs of fits, with what records say of them that none has seen."""
+    """Costs of fits, with what records say of them that none has seen: of the likeliest, but for
+    what is hopelessly far behind.
+    """
     costs = before = _costs(fits, fitter.rules)
     judged: dict[Keys, float] = {(): 0.0}
-    while new := [k for k in sorted(costs, key=lambda k: costs[k])[:RIVALS] if k not in judged]:
+
+    def rivals() -> list[Keys]:
+        ranked = sorted(costs, key=lambda k: costs[k])[:RIVALS]
+        return [k for k in ranked if costs[k] < costs[ranked[0]] + fitter.rules.hopeless]
+
+    while new := [k for k in rivals() if k not in judged]:
         judged = _foretold(fitter, task, {k: fits[k] for k in (*judged, *new)}, null)
         costs = {k: before[k] - judged[_most(k, judged)] for k in before}
     return costs
