@@ -1,8 +1,8 @@
 """Where the model is cut: at what is measured well enough.
 
 A measured signal that a view takes as known brings its noise into the view, and what it does
-between two rows is lost. Where either outweighs what the view's own sensors say, the cut reaches
-further upstream instead.
+between two rows is lost. Where either outweighs what the view's own sensors say, or what a right
+model leaves of them, the cut reaches further upstream instead.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _coarsest(view: SubsystemView, ideal: Sequence[Record], rules: Rules) -> str
     about its own model.
     """
     shown = [r for r in ideal if view.shows(r)]
-    left = [r / np.array(view.sigmas) for r in view.residuals([(r, {}) for r in shown])]
+    left = [r / _levels(view) for r in view.residuals([(r, {}) for r in shown])]
     if not left or _rms(left) < rules.material:
         return None
     shares = {n: _changed(view, shown, [_rarer(r, n) for r in shown]) for n in _of(view)}
@@ -107,15 +107,21 @@ def _rarer(record: Record, name: str) -> Record:
 
 
 def _changed(view: SubsystemView, records: Sequence[Record], others: Sequence[Record]) -> float:
-    """What other readings change in a view, RMS, in units of the quoted noise of what it computes;
-    rows that stand out are clipped, for an event that is moved is no noise.
+    """What other readings change in a view, RMS, in units of what a right model leaves of what it
+    computes; rows that stand out are clipped, for an event that is moved is no noise.
     """
     found = [
-        change / np.array(view.sigmas)
+        change / _levels(view)
         for record, other in zip(records, others, strict=True)
         for change in changes_of(view, record, [other], {})
     ]
     return _rms(found) if found else 0.0
+
+
+def _levels(view: SubsystemView) -> Array:
+    """Quoted noise of a view's signals, with the errors of a right model."""
+    errors = {s.name: s.error for s in view.plant.signals}
+    return np.hypot(view.sigmas, [errors[n] for n in view.signals])
 
 
 def _rms(changes: Sequence[Array]) -> float:
