@@ -106,7 +106,7 @@ class Fit:
         with its inputs, the best size of an effect that averages them is not nothing.
         """
         pairs = zip(self.point.coordinates, self.point.theta, strict=True)
-        at = {c.parameter: abs(float(t)) for c, t in pairs if c.effect}
+        at = {c.parameter: abs(float(t) - c.none) for c, t in pairs if c.effect}
         return [
             e.key
             for e, form in self.hypothesis.effects
@@ -134,7 +134,8 @@ class Fit:
         if not gone:
             return theta
         among = self.covariance[np.ix_(gone, gone)]
-        return np.asarray(theta - self.covariance[:, gone] @ np.linalg.solve(among, theta[gone]))
+        off = theta[gone] - [self.point.coordinates[i].none for i in gone]
+        return np.asarray(theta - self.covariance[:, gone] @ np.linalg.solve(among, off))
 
     def sigma(self, name: str) -> float:
         """Standard deviation of a coordinate's theta."""
@@ -170,6 +171,11 @@ class Fitter:
         """Value of a parameter without any effect."""
         return neutral(name) if name.startswith(PREFIX) else self.nominal.get(name, 0.0)
 
+    def of_effect(self, p: Parameter) -> Coordinate:
+        """The coordinate of an effect's parameter."""
+        described = p.name in self.plant.parameters
+        return effect_coordinate(p, self.neutral(p.name), self.rules.effect_prior, described)
+
     def readable(self, form: Form) -> bool:
         """Whether some view reads a parameter of a form."""
         return any(self.simulation.reads(p.name) for p in form.parameters)
@@ -190,10 +196,7 @@ class Fitter:
         effects share is one.
         """
         own = {p.name: p for p in reversed(hypothesis.parameters)}
-        effects = [
-            effect_coordinate(p, self.neutral(p.name), self.rules.effect_prior)
-            for p in own.values()
-        ]
+        effects = [self.of_effect(p) for p in own.values()]
         taken = {c.parameter for c in effects}
         rest = [c for c in self.nuisances() if c.parameter not in taken]
         return (*(replace(c, spread=scale) if c.scales else c for c in rest), *effects)
@@ -1077,9 +1080,9 @@ def _scaled(point: Point, scale: float) -> Point:
 
 
 def _told(point: Point, coordinates: Sequence[Coordinate]) -> Array:
-    """Theta (coordinates,) of a point in other coordinates; 0 where it has none."""
+    """Theta (coordinates,) of a point in other coordinates; without an effect where it has none."""
     known = {c.name: (c, t) for c, t in zip(point.coordinates, point.theta, strict=True)}
-    theta = np.zeros(len(coordinates))
+    theta = np.array([c.none for c in coordinates])
     for i, c in enumerate(coordinates):
         if c.name in known:
             old, at = known[c.name]

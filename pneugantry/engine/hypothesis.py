@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Nuisance
@@ -61,6 +61,7 @@ class Coordinate:
     effect: bool = False
     spread: float = 1.0  # prior standard deviation of theta
     scales: bool = False  # of a nuisance whose spread grows with the rig's tolerance
+    none: float = 0.0  # theta without the effect
 
     @property
     def name(self) -> str:
@@ -94,10 +95,18 @@ def nuisance_coordinate(n: Nuisance, nominal: float, record: str | None) -> Coor
     return Coordinate(n.parameter, nominal, unit, record=record, scales=n.scales)
 
 
-def effect_coordinate(p: Parameter, nominal: float, spread: float) -> Coordinate:
+def effect_coordinate(
+    p: Parameter, nominal: float, spread: float, described: bool = False
+) -> Coordinate:
     """An effect's parameter; theta is 1 at its usual size, at e times its centre if fitted as its
-    logarithm.
+    logarithm. described: the nominal value is one that a plant's description sets, so that it is
+    what holds without the effect, neutral or not.
     """
+    made = _effect_coordinate(p, nominal, spread)
+    return replace(made, none=made.theta(nominal)) if described else made
+
+
+def _effect_coordinate(p: Parameter, nominal: float, spread: float) -> Coordinate:
     factor = abs(nominal) if p.relative else 1.0
     centre = nominal if p.relative else p.neutral
     low, high = p.low * factor, p.high * factor

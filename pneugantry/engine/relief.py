@@ -16,7 +16,7 @@ import numpy as np
 from pneugantry.engine.catalogue import Form
 from pneugantry.engine.descent import inside
 from pneugantry.engine.fitter import Fit, Fitter
-from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
+from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.plant import Array
 from pneugantry.engine.simulation import Columns, Point
 
@@ -68,10 +68,7 @@ class Reliefs:
         cells = [c for c in self.cells if any(sim.views[c[0]].depends_on(n) for n in names)]
         if form.settings or not cells:
             return None
-        effects = [
-            effect_coordinate(p, self.fitter.neutral(p.name), rules.effect_prior)
-            for p in form.parameters
-        ]
+        effects = [self.fitter.of_effect(p) for p in form.parameters]
         rest = np.array([c.parameter not in names for c in self.own])
         kept = [c for c, stays in zip(self.own, rest, strict=True) if stays]
         beside, own = (_theta_of(effects, f.values(None)) for f in (self.beside, self.base))
@@ -107,5 +104,5 @@ class Reliefs:
 
 
 def _theta_of(effects: Sequence[Coordinate], known: Mapping[str, float]) -> Array:
-    """Theta of effects' parameters at known values, else at the neutral ones."""
-    return np.array([c.theta(known.get(c.parameter, c.value(0.0))) for c in effects])
+    """Theta of effects' parameters at known values, else without the effects."""
+    return np.array([c.theta(known.get(c.parameter, c.value(c.none))) for c in effects])

@@ -15,7 +15,7 @@ import numpy as np
 from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.descent import Weighing, flat_noise
 from pneugantry.engine.fitter import Fit, Fitter
-from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
+from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import Noise, doubted, loss, weights
 from pneugantry.engine.plant import Array
 from pneugantry.engine.relief import Reliefs
@@ -238,8 +238,7 @@ def _trials(
 
 def _coordinates(fitter: Fitter, form: Form) -> list[Coordinate]:
     """Of a form's parameters."""
-    spread = fitter.rules.effect_prior
-    return [effect_coordinate(p, fitter.neutral(p.name), spread) for p in form.parameters]
+    return [fitter.of_effect(p) for p in form.parameters]
 
 
 def usual(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
@@ -305,7 +304,7 @@ def _points(
     known, coordinates = base.values(None), _coordinates(fitter, form)
     at = dict(form.settings)
     for c in coordinates:
-        at[c.parameter] = starts.get(c.parameter, known.get(c.parameter, c.value(0.0)))
+        at[c.parameter] = starts.get(c.parameter, known.get(c.parameter, c.value(c.none)))
     points = [(dict(at), 1.0 if starts or form.settings else 0.0)]
     for c in coordinates:
         theta = c.theta(at[c.parameter])
@@ -328,7 +327,7 @@ def _shared(fitter: Fitter, base: Fit, form: Form) -> list[tuple[str, float]] | 
         if p.name not in at:
             return None
         own, theta = at[p.name]
-        effect = effect_coordinate(p, fitter.neutral(p.name), fitter.rules.effect_prior)
+        effect = fitter.of_effect(p)
         found.append((p.name, _slope(effect, effect.theta(own.value(theta))) / _slope(own, theta)))
     return found
 

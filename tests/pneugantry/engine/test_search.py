@@ -329,6 +329,25 @@ def test_a_hundredth_of_the_usual_size_is_no_effect(plant: Plant, parts: Path) -
     assert replace(fit, point=fit.point.moved(theta)).negligible(fitter.rules) == ["drag"]
 
 
+def test_an_effect_that_the_description_has_is_none_where_it_is_as_described(
+    plant: Plant, parts: Path
+) -> None:
+    """The rig has none of it: then it is an effect, though its value is the neutral one."""
+    described = replace(plant, parameters={**plant.parameters, "drag": 2.0})
+    fitter = fitter_of(described, parts)
+    null = fitter.null()
+    found = search(fitter, null, CATALOGUE).best
+    at = [c.name for c in found.point.coordinates].index("drag")
+    own = found.point.coordinates[at]
+    theta = found.point.theta.copy()
+    theta[at] = own.theta(2.0)
+    fitter.close()
+    assert found.keys == ("drag",)
+    assert found.values(None)["drag"] == pytest.approx(0.0, abs=0.1)
+    assert found.negligible(fitter.rules) == []
+    assert replace(found, point=found.point.moved(theta)).negligible(fitter.rules) == ["drag"]
+
+
 def test_what_makes_an_older_effect_nothing_is_no_idle_fit(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts, drag=2.0)
     null, hypothesis = fitter.null(), Hypothesis()
@@ -522,7 +541,9 @@ def test_a_signal_that_is_measured_too_coarsely_is_not_taken_as_known(
     plant: Plant, parts: Path
 ) -> None:
     rough = tuple(replace(s, sigma=2.0) if s.name == "i" else s for s in plant.signals)
-    for signals, known in ((plant.signals, {"i"}), (rough, set())):
+    errs = tuple(replace(s, error=0.2) if s.name == "v" else s for s in rough)
+    cases = ((plant.signals, {"i"}), (rough, set()), (errs, {"i"}))  # beside more, that is little
+    for signals, known in cases:
         measured = replace(plant, signals=signals)
         views = sharp_views(measured, list(SIGMA), parts, [record("log 1", 1)], Rules())
         own = next(v for v in views if "v" in v.signals)
