@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,19 @@ from pneugantry.engine.converter import grid_of, step_and_grid
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.log import MEASURED, SIGMA
 
-__all__ = ["as_read", "coarse_channels", "rounded", "undecided"]
+__all__ = ["Converters", "as_read", "coarse_channels", "converters", "rounded"]
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Converters:
+    """Coarse ones, by channel."""
+
+    steps: Mapping[str, float]
+    # By which share of itself what `as_read` makes of a channel may be off: logs are stored with
+    # fewer digits than tell the step.
+    undecided: Mapping[str, float] = field(default_factory=dict)
 
 
 def coarse_channels(campaign: Campaign) -> dict[str, float]:
@@ -46,12 +56,11 @@ def as_read(campaign: Campaign, steps: Mapping[str, float]) -> Campaign:
     return _changed(campaign, steps, exact)
 
 
-def undecided(campaign: Campaign, steps: Mapping[str, float]) -> dict[str, float]:
-    """By which share of itself what `as_read` makes of a channel may be off: logs are stored with
-    fewer digits than tell the step.
-    """
+def converters(campaign: Campaign) -> Converters:
+    """Of a campaign as it is stored."""
+    steps = coarse_channels(campaign)
     grids = {c: grid_of(_of_all(campaign, c), q) for c, q in steps.items()}
-    return {c: g.open / g.step for c, g in grids.items() if g is not None}
+    return Converters(steps, {c: g.open / g.step for c, g in grids.items() if g is not None})
 
 
 def _changed(

@@ -25,10 +25,11 @@ from pneugantry.engine.views import View
 from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of, check_names
 from pneugantry.plants.gantry.closed_loop import left_out, rerun
 from pneugantry.plants.gantry.converter import (
+    Converters,
     as_read,
     coarse_channels,
+    converters,
     rounded,
-    undecided,
 )
 from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, record_of, views_of
 from pneugantry.plants.gantry.excitation import not_excited
@@ -71,18 +72,20 @@ def diagnose(
     campaigns = [_checked(c) for c in (campaign, after) if c is not None]
     say("model")
     parameters = parameters_of(fmu, own, next(iter(campaigns[0]))) if fmu is not None else {}
-    grids = [coarse_channels(c) for c in campaigns]
-    stored, campaigns = campaigns, [as_read(c, q) for c, q in zip(campaigns, grids, strict=True)]
+    coarse = [converters(c) for c in campaigns]
+    campaigns = [as_read(c, q.steps) for c, q in zip(campaigns, coarse, strict=True)]
     tasks = [
-        task_of(c, catalogue, rules, parameters, q, nominal.model, undecided(s, q))
-        for s, c, q in zip(stored, campaigns, grids, strict=True)
+        task_of(c, catalogue, rules, parameters, q, nominal.model)
+        for c, q in zip(campaigns, coarse, strict=True)
     ]
-    campaigns = [rounded(c, q) for c, q in zip(campaigns, grids, strict=True)]
+    campaigns = [rounded(c, q.steps) for c, q in zip(campaigns, coarse, strict=True)]
     task = tasks[0] if after is None else joined(*tasks)
     campaign = campaigns[0] if after is None else both(*campaigns)
     found = run(task, rules, say)
     say("closed loop")
-    found = _with(found, _coarse(found.diagnosis, {n: s for q in grids for n, s in q.items()}))
+    found = _with(
+        found, _coarse(found.diagnosis, {n: s for q in coarse for n, s in q.steps.items()})
+    )
     found = _at_full_rate(found, campaign, rules)
     found = _in_loop(found, campaign, fmu or own)
     if found.diagnosis.verdict == "ambiguous" and after is None:
@@ -97,24 +100,24 @@ def task_of(
     catalogue: Mapping[str, Effect],
     rules: Rules,
     parameters: Mapping[str, float] | None = None,
-    quanta: Mapping[str, float] | None = None,
+    coarse: Converters | None = None,
     model: Path | None = None,
-    open_steps: Mapping[str, float] | None = None,
 ) -> Task:
     """What the engine is given of a campaign. parameters: of the nominal gantry, where they are not
-    the model's own. quanta: steps of coarse converters by channel; what these cut off its
-    controller does not see. model: as of `Nominal`. open_steps: as of `undecided`.
+    the model's own. coarse: converters; what these cut off its controller does not see. model: as
+    of `Nominal`.
     """
-    read, campaign = campaign, rounded(campaign, quanta or {})
+    coarse = coarse or Converters({})
+    read, campaign = campaign, rounded(campaign, coarse.steps)
     measured = measured_of(campaign)
     if not measured:
         hint = "add one of the columns that `pneugantry list columns` names"
         raise InputError("no log measures anything", file=campaign.path, hint=hint)
     plant = replace(plant_of(measured, rules.thinning), parameters=dict(parameters or {}))
-    plant = _coarser(plant, quanta or {})
+    plant = _coarser(plant, coarse.steps)
     plant = plant if model is None else replace(plant, model=model)
     cache = cache_folder() / "parts"
-    views = views_of(plant, read, cache, rules, open_steps)
+    views = views_of(plant, read, cache, rules, coarse.undecided)
     data, dull = _judged(data_of(campaign, rules), views, campaign)
     fitted = {r.name for r in data.fitted}
     notes = (*campaign.notes, *dull, *(() if data.held_out else (ONE_LOG,)))
@@ -124,7 +127,7 @@ def task_of(
         data,
         catalogue,
         cache,
-        notes=(*notes, *_coarse_notes(quanta)),
+        notes=(*notes, *_coarse_notes(coarse.steps)),
         limits=tuple(not_excited(r for n, r in campaign.logs.items() if n in fitted)),
     )
 
@@ -241,10 +244,10 @@ def _in_loop(found: Found, campaign: Campaign, fmu: FmuFile) -> Found:
 # ---- coarse converters
 
 
-def _coarse_notes(quanta: Mapping[str, float] | None) -> tuple[str, ...]:
+def _coarse_notes(quanta: Mapping[str, float]) -> tuple[str, ...]:
     return tuple(
         f"{c} is read on a grid of {q:.3g} {COLUMNS[c].unit}: a coarse converter"
-        for c, q in (quanta or {}).items()
+        for c, q in quanta.items()
     )
 
 

@@ -14,6 +14,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.result import Diagnosis, to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.catalogue import catalogue_of
+from pneugantry.plants.gantry.converter import Converters
 from pneugantry.plants.gantry.describe import record_of
 from pneugantry.plants.gantry.diagnosis import _coarse, _full_rate, diagnose, task_of
 from pneugantry.plants.gantry.excitation import not_excited
@@ -131,7 +132,7 @@ def test_channels_that_no_sensor_has_are_left_out(late: Campaign) -> None:
 
 def test_a_coarse_converter_is_a_cause_without_a_fit(late: Campaign) -> None:
     quanta = {"v_x": 0.02}
-    task = task_of(late, {}, Rules(), quanta=quanta)
+    task = task_of(late, {}, Rules(), coarse=Converters(quanta))
     widths = {s.name: s.sigma for s in task.plant.signals}
     assert widths["v_x"] == pytest.approx(np.hypot(1e-3 / np.sqrt(2), 0.02 / np.sqrt(12)))
     assert any(note.startswith("v_x is read on a grid of 0.02 m/s") for note in task.notes)
