@@ -55,7 +55,8 @@ FLAT = 1e-2  # of the largest change per theta: directions along which columns a
 ALONG = 0.02  # of theta, the step along them
 LONG = 4.0  # times as long is another step
 SAME = 0.5  # of an error, by which those over both may differ
-WORTH = 0.5  # of the fall that ends a descent: a step of which less is predicted is not tried
+WORTH = 0.05  # of the fall that ends a descent: a step of which less is predicted is not tried
+HOPED = 0.5  # of the same: a descent from which less is predicted, undamped, is over
 
 
 class Weighing:
@@ -218,7 +219,8 @@ def descend(
             break
         weighing = known or Weighing(flat_noise(sim, state.residuals), rules)
         ahead = _Ahead(problem, state, weighing)
-        hoped = ahead.towards(damping, 1.0).predicted > WORTH * converged
+        if ahead.towards(np.full(len(names), LEAST), 1.0).predicted < HOPED * converged:
+            break
         step = _step(ahead, damping, converged)
         failed = problem.fine and (step is None or step.short)
         if failed and not (old or kept) and state.point is not renewed:
@@ -227,7 +229,7 @@ def descend(
                 state, damping[:] = along, LEAST
                 continue
         if step is None:
-            if not hoped or not (old or kept):
+            if not (old or kept):
                 break
             stale = set(old)
             if kept:  # these columns have failed
