@@ -29,6 +29,7 @@ __all__ = [
     "Weighing",
     "descend",
     "flat_noise",
+    "foretold",
     "inside",
     "newton",
     "of_view",
@@ -300,7 +301,7 @@ def _missed(
     """
     points = [at.point.moved(at.point.theta + k * step) for k in (1.0, LONG)]
     found = sim.run({c: [p.values(c[1]) for p in points] for c in cells})
-    told = _foretold(at, cells, step)
+    told = foretold(at, cells, step)
     off = []
     for cell in cells:
         if not all(np.isfinite(r).all() for r in found[cell]):
@@ -505,7 +506,7 @@ class _Ahead:
         """
         state, known = self.state, self.problem.prior
         theta = trial.point.theta
-        tried = trial.residuals | _foretold(state, trial.left, theta - state.point.theta)
+        tried = trial.residuals | foretold(state, trial.left, theta - state.point.theta)
         if not all(np.isfinite(r).all() for r in tried.values()):
             return None
         _, slope = self.weighing.normal(trial.point, tried, state.columns)
@@ -554,7 +555,7 @@ def _step(ahead: _Ahead, damping: Array, converged: float) -> _Step | None:
     return best
 
 
-def _foretold(state: Solution, cells: Sequence[Cell], made: Array) -> Residuals:
+def foretold(state: Solution, cells: Sequence[Cell], made: Array) -> Residuals:
     """Residuals of some cells after a step, as their columns tell."""
     found = {c: state.residuals[c].copy() for c in cells}
     for c, step in zip(state.point.coordinates, made, strict=True):

@@ -20,6 +20,7 @@ from pneugantry.engine.descent import (
     Tangent,
     Weighing,
     descend,
+    foretold,
     inside,
     newton,
     prior,
@@ -865,10 +866,8 @@ class Fitter:
         if tangent is None or any((cell, c.name) not in at.columns for c in own):
             return math.inf
         moved = at.point.theta - _told(tangent.point, at.point.coordinates)
-        missed = at.residuals[cell] - tangent.residual
-        for c, step in zip(at.point.coordinates, moved, strict=True):
-            if step and (cell, c.name) in at.columns:
-                missed = missed - step * at.columns[cell, c.name]
+        there = replace(at, residuals={cell: tangent.residual})
+        missed = at.residuals[cell] - foretold(there, [cell], moved)[cell]
         colour = self._colour(cell, at.residuals[cell])
         white = np.concatenate([w(missed[:, i]) for i, w in enumerate(colour)])
         return float(white @ white)
