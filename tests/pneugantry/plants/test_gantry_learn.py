@@ -83,7 +83,5 @@ def test_drag_of_a_gantry_is_learnt_and_known_on_the_next_rig(
     again = ("--catalogue", str(known), "--no-learn", "--json", str(tmp_path / "next.json"))
     assert main(["diagnose", str(other), *again]) == 0
     next_one = json.loads((tmp_path / "next.json").read_text(encoding="utf-8"))
-    first_one = next_one["causes"][0]  # of a rig with a third of it: 0.78, or more as a fit goes
-    assert next_one["verdict"] in ("identified", "ambiguous")
-    assert first_one["effect"].startswith("learnt_")
-    assert first_one["probability"] > 0.7
+    assert next_one["verdict"] == "identified"
+    assert next_one["causes"][0]["effect"].startswith("learnt_")
