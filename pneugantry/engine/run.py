@@ -7,7 +7,7 @@ where, and how far the gap shrinks.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -133,9 +133,7 @@ def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     one is fitted again from the other's optimum: it may have been in a worse one, of the same
     evidence in the records that were fitted.
     """
-    fits: dict[Keys, Fit] = {}
-    for fit in sorted((*found.tried, found.null, found.best), key=lambda f: f.evidence):
-        fits.setdefault(tuple(sorted(fit.keys)), fit)
+    fits = _best_of_each(fitter, (*found.tried, found.null, found.best))
     costs = _judged(fitter, task, fits, found.null)
     for fewer, more in _turned(_costs(fits, fitter.rules), costs):
         (gone,) = set(more) - set(fewer)
@@ -146,18 +144,40 @@ def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
 
 
+def _best_of_each(fitter: Fitter, tried: Iterable[Fit]) -> dict[Keys, Fit]:
+    """The best fit of each hypothesis' effects. Of the likeliest one in which all views were fitted
+    together: what was fitted beside parabolas of other views has tens of -2 log evidence too much
+    where it moved what they share.
+    """
+    by_keys: dict[Keys, list[Fit]] = {}
+    for fit in tried:
+        by_keys.setdefault(tuple(sorted(fit.keys)), []).append(fit)
+    fits = {k: min(own, key=lambda f: f.evidence) for k, own in by_keys.items()}
+    whole: set[Keys] = set()
+    while new := [k for k in _rivals(_costs(fits, fitter.rules), fitter.rules) if k not in whole]:
+        rough = [fits[k] for k in new if not fits[k].settled]
+        made = iter(fitter.together(fitter.again, rough, [f.hypothesis for f in rough]))
+        for k in new:
+            exact = [f for f in by_keys[k] if f.settled]
+            again = fits[k] if fits[k].settled else next(made)
+            fits[k] = min((again, *exact), key=lambda f: f.evidence)
+        whole.update(new)
+    return fits
+
+
+def _rivals(costs: Mapping[Keys, float], rules: Rules) -> list[Keys]:
+    """The likeliest, but for what is hopelessly far behind."""
+    ranked = sorted(costs, key=lambda k: costs[k])[:RIVALS]
+    return [k for k in ranked if costs[k] < costs[ranked[0]] + rules.hopeless]
+
+
 def _judged(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> dict[Keys, float]:
     """Costs of fits, with what records say of them that none has seen: of the likeliest, but for
     what is hopelessly far behind.
     """
     costs = before = _costs(fits, fitter.rules)
     judged: dict[Keys, float] = {(): 0.0}
-
-    def rivals() -> list[Keys]:
-        ranked = sorted(costs, key=lambda k: costs[k])[:RIVALS]
-        return [k for k in ranked if costs[k] < costs[ranked[0]] + fitter.rules.hopeless]
-
-    while new := [k for k in rivals() if k not in judged]:
+    while new := [k for k in _rivals(costs, fitter.rules) if k not in judged]:
         judged = _foretold(fitter, task, {k: fits[k] for k in (*judged, *new)}, null)
         costs = {k: before[k] - judged[_most(k, judged)] for k in before}
     return costs

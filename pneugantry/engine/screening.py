@@ -136,7 +136,7 @@ def screen(fitter: Fitter, base: Fit, forms: Sequence[Offer], known: Traces) -> 
         return t.columns(known, cells)
 
     def onward(t: _Trial, told: Sequence[Cell]) -> list[float]:
-        return [test.onward(t.columns(known, told)) for test in tests]
+        return [test.onward(t.columns(known, told), either=not t.moves) for test in tests]
 
     trials = [t for own in by_form if len(own) <= FEW for t in own]
     many = [own for own in by_form if len(own) > FEW]
@@ -416,12 +416,12 @@ class _Test:
         }
         return max(self._fall(along, share, step, nuisances) for share in SHARES)
 
-    def onward(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
+    def onward(self, columns: Mapping[Cell, Sequence[Array]], *, either: bool) -> float:
         """The same of a step towards a start, were the cost a parabola: what lies the other way is
-        another start's.
+        another start's. either: whether it may go either way, as from the base itself.
         """
         straight, step, _, _ = self._stepped(columns)
-        return straight if np.all(step > 0) else 0.0
+        return straight if either or np.all(step > 0) else 0.0
 
     def _stepped(
         self, columns: Mapping[Cell, Sequence[Array]]

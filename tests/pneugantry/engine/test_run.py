@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -15,13 +16,22 @@ from pneugantry.engine.confirm import Gap
 from pneugantry.engine.decide import Chances, Decision, Evidence, decide, outstanding
 from pneugantry.engine.descent import Problem, Solution, Weighing, prior, probed
 from pneugantry.engine.excess import Excess
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Data, Plant, Record, Signal
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, Task, _costs, _cut_short, _evidence, _turned, run
+from pneugantry.engine.run import (
+    Found,
+    Task,
+    _best_of_each,
+    _costs,
+    _cut_short,
+    _evidence,
+    _turned,
+    run,
+)
 from pneugantry.engine.search import Search
 from pneugantry.engine.simulation import Point
 from pneugantry.engine.views import build_views
@@ -127,6 +137,49 @@ def test_rivals_are_held_against_each_other_not_each_against_what_leaves_most() 
     assert costs["a",] == pytest.approx(-800.0)
     assert costs["b",] == pytest.approx(-800.0 + 560.0)
     assert costs["a", "c"] - costs["b", "c"] == pytest.approx(80.0)
+
+
+class Rough(Told):
+    """A fit of some effects, of all views together or not."""
+
+    hypothesis = None
+
+    def __init__(self, evidence: float, *keys: str, settled: bool) -> None:
+        super().__init__(evidence)
+        self.keys, self.settled = keys, settled
+
+
+class Finisher:
+    """Fits of all views together are 80 of -2 log evidence worse."""
+
+    rules = Rules()
+
+    def __init__(self) -> None:
+        self.finished: list[tuple[str, ...]] = []
+
+    def again(self, fit: Rough) -> Rough:
+        self.finished.append(fit.keys)
+        return Rough(fit.evidence + 80.0, *fit.keys, settled=True)
+
+    def together(
+        self, call: Callable[[Rough], Rough], fits: Sequence[Rough], _: Sequence[object]
+    ) -> list[Rough]:
+        return [call(f) for f in fits]
+
+
+def test_likeliest_fits_are_held_against_each_other_with_all_views_together() -> None:
+    finisher = Finisher()
+    tried = [
+        Rough(0.0, settled=True),
+        Rough(-1000.0, "a", settled=False),
+        Rough(-930.0, "a", settled=True),
+        Rough(-990.0, "b", "a", settled=True),
+        Rough(-10.0, "hopeless", settled=False),
+    ]
+    fits = _best_of_each(cast(Fitter, finisher), cast(list[Fit], tried))
+    assert finisher.finished == [("a",)]
+    assert fits["a",].evidence == -930.0
+    assert _costs(fits, Rules())["a", "b"] < _costs(fits, Rules())["a",]
 
 
 def test_only_what_lost_against_an_effect_more_is_turned() -> None:

@@ -444,6 +444,19 @@ def test_of_many_starts_those_are_kept_towards_which_the_rig_lies(
     assert min(kept) > 0
 
 
+def test_the_base_itself_is_no_start_that_lies_the_wrong_way(plant: Plant, parts: Path) -> None:
+    """From the base a step may go either way; starts that are next to it foretell next to nothing,
+    and would take its place.
+    """
+    fitter = fitter_of(plant, parts, drag=-0.5)
+    own = effect("drag", "drag", "mechanics", 2.0)
+    listed = replace(own.forms[0].parameters[0], starts=(-1e-3, -2e-3, 3.0))
+    form = replace(own.forms[0], parameters=(listed,))
+    found = screen(fitter, fitter.null(), [(own, form)], {})
+    fitter.close()
+    assert not max(found, key=lambda c: c.gain).starts
+
+
 def test_what_a_fit_leaves_of_a_sound_rig_is_the_sensors_noise(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts)
     null = fitter.null()
