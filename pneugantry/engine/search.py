@@ -34,7 +34,7 @@ NEARLY = 0.1  # share of the largest gain from which on an effect's other forms 
 STARTS = 2  # from which a form is fitted, beside the base
 SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
 SCOUTED = 8  # effects that are tried in single views at once
-LAST = 2.0  # times `Rules.effort` from which on no further effect is looked for
+LAST = 2.0  # times `Rules.effort` from which on a round that adds nothing is the last
 Told = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and where it starts
 
 
@@ -152,10 +152,10 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
         before, thorough = best, True  # whose own best optimum may still be elsewhere
         best = trail.polished(top or best)
         before = fitter.under(before, best.scale)
-        if top is not None and _unexplained(fitter, best):
-            best = _reformed(trail, best, best.hypothesis.effects[:-1])
+        if top is not None and unexplained(fitter, best):
+            best = _reformed(trail, best, best.hypothesis.effects)
         least = fitter.rules.entry if top is None else trail.bar
-        if _spent(fitter) >= LAST:
+        if _spent(fitter) >= LAST and top is None:
             break
         if set(best.keys) == set(before.keys) and before.evidence - best.evidence < least:
             best = min(before, best, key=lambda f: f.evidence)
@@ -323,7 +323,9 @@ def _fits(
     rough = _added(fitter, base, _chosen(fitter, screened, bar, ("gain", "plain")), None)
     rough += _unbent(fitter, base, rough)
     reformed = _other_forms(fitter, base, rough)
-    rough += reformed + _unbent(fitter, base, reformed)
+    rough += reformed
+    if _spent(fitter) < 1:
+        rough += _unbent(fitter, base, reformed)
     rough += _scouted(fitter, base, screened, rough, bar)
     if _open(fitter, base, rough, bar):
         distant = _chosen(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
