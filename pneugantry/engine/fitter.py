@@ -90,7 +90,8 @@ class Fit:
     scale: float  # of the rig's tolerance
     stretches: Mapping[Cell, Array]  # -2 log likelihood by stretch of a record
     cost: float  # priors, Occam factor and order of the noise
-    settled: bool = False  # all views together; as of `Solution`
+    whole: bool = False  # all views were fitted together, none left as its parabola
+    settled: bool = False  # as of `Solution`
     tangents: Mapping[Cell, Tangent] = field(default_factory=dict)  # as of `Solution`
 
     @property
@@ -455,7 +456,8 @@ class Fitter:
 
     def again(self, fit: Fit, thorough: bool = False) -> Fit:
         """The same hypothesis from where a fit ended, all views together. thorough: points about
-        the end are tried, too.
+        the end are tried, too; they always are where it is worse than the fit had it: a little of
+        what views share has moved, and a view that was left as it stood meets an event otherwise.
         """
         cells = tuple(self.simulation.cells)
         whole = prior(fit.point.coordinates)
@@ -463,7 +465,19 @@ class Fitter:
         if not fit.settled:
             residuals = self.simulation.residuals(fit.point, cells)
         solution = Solution(fit.point, residuals, fit.columns, fit.settled, fit.tangents)
-        solution = (self._polished if thorough else self._jointly)(solution, whole, cells)
+        made = self._ended(
+            fit, (self._polished if thorough else self._jointly)(solution, whole, cells)
+        )
+        if thorough or made.evidence < fit.evidence + self.rules.entry:
+            return made
+        at = Solution(made.point, made.residuals, made.columns, tangents=made.tangents)
+        return min(
+            made, self._ended(fit, self._polished(at, whole, cells)), key=lambda f: f.evidence
+        )
+
+    def _ended(self, fit: Fit, solution: Solution) -> Fit:
+        """The hypothesis of a fit where all views together have led."""
+        whole, cells = prior(fit.point.coordinates), tuple(self.simulation.cells)
         solution = self._renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
@@ -964,6 +978,7 @@ class Fitter:
             scale,
             stretches,
             cost + occam + order * math.log(max(rows, 2)),
+            base is None,
             solution.settled,
             solution.tangents,
         )

@@ -155,11 +155,11 @@ def _best_of_each(fitter: Fitter, tried: Iterable[Fit]) -> dict[Keys, Fit]:
     fits = {k: min(own, key=lambda f: f.evidence) for k, own in by_keys.items()}
     whole: set[Keys] = set()
     while new := [k for k in _rivals(_costs(fits, fitter.rules), fitter.rules) if k not in whole]:
-        rough = [fits[k] for k in new if not fits[k].settled]
+        rough = [fits[k] for k in new if not fits[k].whole]
         made = iter(fitter.together(fitter.again, rough, [f.hypothesis for f in rough]))
         for k in new:
-            exact = [f for f in by_keys[k] if f.settled]
-            again = fits[k] if fits[k].settled else next(made)
+            exact = [f for f in by_keys[k] if f.whole]
+            again = fits[k] if fits[k].whole else next(made)
             fits[k] = min((again, *exact), key=lambda f: f.evidence)
         whole.update(new)
     return fits

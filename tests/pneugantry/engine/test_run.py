@@ -144,9 +144,9 @@ class Rough(Told):
 
     hypothesis = None
 
-    def __init__(self, evidence: float, *keys: str, settled: bool) -> None:
+    def __init__(self, evidence: float, *keys: str, whole: bool) -> None:
         super().__init__(evidence)
-        self.keys, self.settled = keys, settled
+        self.keys, self.whole = keys, whole
 
 
 class Finisher:
@@ -159,7 +159,7 @@ class Finisher:
 
     def again(self, fit: Rough) -> Rough:
         self.finished.append(fit.keys)
-        return Rough(fit.evidence + 80.0, *fit.keys, settled=True)
+        return Rough(fit.evidence + 80.0, *fit.keys, whole=True)
 
     def together(
         self, call: Callable[[Rough], Rough], fits: Sequence[Rough], _: Sequence[object]
@@ -170,11 +170,11 @@ class Finisher:
 def test_likeliest_fits_are_held_against_each_other_with_all_views_together() -> None:
     finisher = Finisher()
     tried = [
-        Rough(0.0, settled=True),
-        Rough(-1000.0, "a", settled=False),
-        Rough(-930.0, "a", settled=True),
-        Rough(-990.0, "b", "a", settled=True),
-        Rough(-10.0, "hopeless", settled=False),
+        Rough(0.0, whole=True),
+        Rough(-1000.0, "a", whole=False),
+        Rough(-930.0, "a", whole=True),
+        Rough(-990.0, "b", "a", whole=True),
+        Rough(-10.0, "hopeless", whole=False),
     ]
     fits = _best_of_each(cast(Fitter, finisher), cast(list[Fit], tried))
     assert finisher.finished == [("a",)]
