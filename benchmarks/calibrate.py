@@ -1,7 +1,8 @@
 """Weights of the decision from rigs whose truth is known.
 
 `python -m benchmarks.calibrate FOLDER...`: each FOLDER holds campaigns that have been diagnosed
-(diagnosis.json beside truth.json, as `pneugantry blind` leaves them). Prints how the present
+(diagnosis.json beside truth.json, or below sealed_labels.json as `pneugantry blind` leaves them).
+Prints how the present
 weights score on them, those that score best, and how these score on every rig when it is left out.
 """
 
@@ -11,6 +12,7 @@ import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.engine.calibration import FITTED, PARTS, Known, calibrated, known_case
@@ -23,15 +25,20 @@ def cases_in(folders: Sequence[Path]) -> list[Known]:
     """All rigs below some folders. Raises InputError where there is none."""
     found = []
     for folder in folders:
-        for path in sorted(folder.rglob("truth.json")):
-            answer = path.with_name("diagnosis.json")
-            if answer.is_file():
-                truth, said = (json.loads(p.read_text(encoding="utf-8")) for p in (path, answer))
-                found.append(known_case(truth, said))
+        truths = {path.parent: _read(path) for path in folder.rglob("truth.json")}
+        for path in folder.rglob("sealed_labels.json"):
+            truths |= {path.parent / f"case_{seed}": t for seed, t in _read(path).items()}
+        for case in sorted(truths):
+            if (case / "diagnosis.json").is_file():
+                found.append(known_case(truths[case], _read(case / "diagnosis.json")))
     if len(found) < PARTS:
         hint = "diagnose some first: pneugantry diagnose FOLDER"
         raise InputError(f"{len(found)} diagnosed rigs with a truth", file=folders[0], hint=hint)
     return found
+
+
+def _read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

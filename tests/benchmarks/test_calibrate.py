@@ -1,0 +1,30 @@
+"""Rigs whose truth is known, as blind checks and truth plants leave them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from benchmarks.calibrate import cases_in
+from pneugantry.engine.calibration import PARTS
+
+TRUTH = {"kind": "one", "causes": [{"effect": "drag", "axis": "x", "known": True}]}
+SAID = {"weighed": [{"effects": ["drag/x"], "cost": -100.0}], "stands_out": 0.1}
+
+
+def put(path: Path, what: object) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(what), encoding="utf-8")
+
+
+def test_truth_lies_beside_a_diagnosis_or_is_sealed_above_it(tmp_path: Path) -> None:
+    seeds = range(PARTS)
+    put(tmp_path / "blind" / "sealed_labels.json", {str(s): TRUTH for s in (*seeds, 99)})
+    for seed in seeds:
+        put(tmp_path / "blind" / f"case_{seed}" / "diagnosis.json", SAID)
+    put(tmp_path / "rig" / "truth.json", {**TRUTH, "kind": "unknown"})
+    put(tmp_path / "rig" / "diagnosis.json", SAID)
+    found = cases_in([tmp_path])
+    assert len(found) == PARTS + 1  # one of the sealed ones has not been diagnosed
+    assert [c.unknown for c in found].count(True) == 1
+    assert {c.effects for c in found} == {frozenset({"drag/x"})}
