@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.cuts import sharp_views
+from pneugantry.engine.descent import Parabola, Solution
 from pneugantry.engine.excess import excess_of, floors_of, unexplained
 from pneugantry.engine.fitter import Fit, Fitter
 from pneugantry.engine.hypothesis import Hypothesis, effect_coordinate
@@ -31,6 +32,7 @@ from pneugantry.engine.search import (
     _unbent,
     search,
 )
+from pneugantry.engine.simulation import Cell
 from pneugantry.engine.views import SubsystemView, build_views
 
 MODEL = """
@@ -455,6 +457,35 @@ def test_the_base_itself_is_no_start_that_lies_the_wrong_way(plant: Plant, parts
     found = screen(fitter, fitter.null(), [(own, form)], {})
     fitter.close()
     assert not max(found, key=lambda c: c.gain).starts
+
+
+def test_what_is_predicted_is_added_after_the_effort_is_spent(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0, leak=0.1)
+    fitter.rules = replace(fitter.rules, effort=1e-3)
+    found = search(fitter, fitter.null(), CATALOGUE)
+    fitter.close()
+    assert set(found.best.keys) == {"drag", "leak"}
+
+
+def test_a_fit_that_is_worse_with_all_views_together_is_looked_at_closely(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fitter = fitter_of(plant, parts)
+    null, looked = fitter.null(), list[float]()
+    polished = Fitter._polished
+
+    def counted(self: Fitter, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        looked.append(known.cost(start.point.theta))
+        return polished(self, start, known, cells)
+
+    monkeypatch.setattr(Fitter, "_polished", counted)
+    assert fitter.again(replace(null, settled=False)).whole
+    assert not looked
+    flattered = replace(null, cost=null.cost - 100.0, settled=False)
+    found = fitter.again(flattered)
+    fitter.close()
+    assert looked
+    assert found.evidence < null.evidence + 1.0
 
 
 def test_what_a_fit_leaves_of_a_sound_rig_is_the_sensors_noise(plant: Plant, parts: Path) -> None:
