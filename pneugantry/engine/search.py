@@ -34,7 +34,7 @@ NEARLY = 0.1  # share of the largest gain from which on an effect's other forms 
 STARTS = 2  # from which a form is fitted, beside the base
 SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
 SCOUTED = 8  # effects that are tried in single views at once
-LAST = 2.0  # times `Rules.effort` from which on a round that adds nothing is the last
+LAST = 4.0  # times `Rules.effort` from which on no further effect is looked for (0150)
 Told = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and where it starts
 
 
@@ -155,7 +155,7 @@ def _gathered(trail: _Trail, null: Fit) -> Fit:
         if top is not None and unexplained(fitter, best):
             best = _reformed(trail, best, best.hypothesis.effects)
         least = fitter.rules.entry if top is None else trail.bar
-        if _spent(fitter) >= LAST and top is None:
+        if _spent(fitter) >= LAST:
             break
         if set(best.keys) == set(before.keys) and before.evidence - best.evidence < least:
             best = min(before, best, key=lambda f: f.evidence)

@@ -461,8 +461,9 @@ def test_the_base_itself_is_no_start_that_lies_the_wrong_way(plant: Plant, parts
 
 def test_what_is_predicted_is_added_after_the_effort_is_spent(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts, drag=2.0, leak=0.1)
-    fitter.rules = replace(fitter.rules, effort=1e-3)
-    found = search(fitter, fitter.null(), CATALOGUE)
+    null = fitter.null()
+    fitter.rules = replace(fitter.rules, effort=0.67 * fitter.simulation.evaluations)
+    found = search(fitter, null, CATALOGUE)
     fitter.close()
     assert set(found.best.keys) == {"drag", "leak"}
 
