@@ -2,8 +2,8 @@
 
 `python -m benchmarks.calibrate FOLDER...`: each FOLDER holds campaigns that have been diagnosed
 (diagnosis.json beside truth.json, or below sealed_labels.json as `pneugantry blind` leaves them).
-Prints how the present
-weights score on them, those that score best, and how these score on every rig when it is left out.
+Prints how the present weights score on them, those that score best, and how these score on every
+rig when it is left out.
 """
 
 from __future__ import annotations

@@ -133,7 +133,7 @@ def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     one is fitted again from the other's optimum: it may have been in a worse one, of the same
     evidence in the records that were fitted.
     """
-    fits = _best_of_each(fitter, (*found.tried, found.null, found.best))
+    fits = _compared(fitter, (*found.tried, found.null, found.best))
     costs = _judged(fitter, task, fits, found.null)
     for fewer, more in _turned(_costs(fits, fitter.rules), costs):
         (gone,) = set(more) - set(fewer)
@@ -144,7 +144,7 @@ def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
 
 
-def _best_of_each(fitter: Fitter, tried: Iterable[Fit]) -> dict[Keys, Fit]:
+def _compared(fitter: Fitter, tried: Iterable[Fit]) -> dict[Keys, Fit]:
     """The best fit of each hypothesis' effects. Of the likeliest one in which all views were fitted
     together: what was fitted beside parabolas of other views has tens of -2 log evidence too much
     where it moved what they share.
@@ -156,11 +156,10 @@ def _best_of_each(fitter: Fitter, tried: Iterable[Fit]) -> dict[Keys, Fit]:
     whole: set[Keys] = set()
     while new := [k for k in _rivals(_costs(fits, fitter.rules), fitter.rules) if k not in whole]:
         rough = [fits[k] for k in new if not fits[k].whole]
-        made = iter(fitter.together(fitter.again, rough, [f.hypothesis for f in rough]))
-        for k in new:
-            exact = [f for f in by_keys[k] if f.whole]
-            again = fits[k] if fits[k].whole else next(made)
-            fits[k] = min((again, *exact), key=lambda f: f.evidence)
+        for made in fitter.together(fitter.again, rough, [f.hypothesis for f in rough]):
+            k = tuple(sorted(made.keys))
+            exact = (f for f in by_keys[k] if f.whole)
+            fits[k] = min((made, *exact), key=lambda f: f.evidence)
         whole.update(new)
     return fits
 

@@ -25,7 +25,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import (
     Found,
     Task,
-    _best_of_each,
+    _compared,
     _costs,
     _cut_short,
     _evidence,
@@ -176,7 +176,7 @@ def test_likeliest_fits_are_held_against_each_other_with_all_views_together() ->
         Rough(-990.0, "b", "a", whole=True),
         Rough(-10.0, "hopeless", whole=False),
     ]
-    fits = _best_of_each(cast(Fitter, finisher), cast(list[Fit], tried))
+    fits = _compared(cast(Fitter, finisher), cast(list[Fit], tried))
     assert finisher.finished == [("a",)]
     assert fits["a",].evidence == -930.0
     assert _costs(fits, Rules())["a", "b"] < _costs(fits, Rules())["a",]
