@@ -19,7 +19,9 @@ from typing import Any
 from unittest.mock import patch
 
 import pneugantry.engine.search as searching
-from pneugantry.engine.fitter import Fit, Fitter, Scouts
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.scouts import Scouts
 from pneugantry.plants.gantry.diagnosis import diagnose
 from pyfmi_runner.campaign import read_campaign
 

@@ -23,7 +23,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pneugantry.engine.run import run
-from pneugantry.learn.learn import Learned, learn, wanted
+from pneugantry.learn.learn import learn, wanted
+from pneugantry.learn.learned import Learned
 from pneugantry.learn.result import to_json
 from pneugantry.plants.described import described_task
 

@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.missing_terms import print_sums
 from pneugantry.api.diagnosis import Diagnosis, diagnose
 from pneugantry.blind.sets import SETS
-from pneugantry.learn.learn import Learned
+from pneugantry.learn.learned import Learned
 from pneugantry.truth.campaign import write
 from pneugantry.truth.case import CaseSet, run_case
 

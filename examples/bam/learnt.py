@@ -14,7 +14,7 @@ import pandas as pd
 from examples.bam.convert import description, write_logs
 from examples.bam.servo import RUNGS, error, published, refitted, setting
 from pneugantry.engine.confirm import replays, values_on
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fit import Fit
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.run import Found, run
 from pneugantry.learn.learn import learn

@@ -14,10 +14,11 @@ from typing import Any
 
 from examples.emps import closed_loop, idim
 from pneugantry.engine.confirm import values_on
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fit import Fit
 from pneugantry.engine.result import to_json
 from pneugantry.engine.run import Found, Task, run
-from pneugantry.learn.learn import Learned, learn, wanted
+from pneugantry.learn.learn import learn, wanted
+from pneugantry.learn.learned import Learned
 from pneugantry.learn.result import to_json as learned_json
 from pneugantry.plants.described import described_task
 

@@ -16,7 +16,7 @@ from pneugantry.engine.rules import Rules
 
 if TYPE_CHECKING:
     from pneugantry.engine.run import Found
-    from pneugantry.learn.learn import Learned
+    from pneugantry.learn.learned import Learned
     from pyfmi_runner.campaign import Campaign
     from pyfmi_runner.fmu import FmuFile
 

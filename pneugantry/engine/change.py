@@ -27,7 +27,7 @@ from pneugantry.engine.confirm import (
     values_on,
 )
 from pneugantry.engine.decide import Chances
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fit import Fit
 from pneugantry.engine.plant import Array, Data, Epoch, Plant, Record
 from pneugantry.engine.result import NORMAL, Answer, Change, Changes, Moved
 from pneugantry.engine.rules import Rules

@@ -16,7 +16,7 @@ import numpy as np
 
 from modelica_fmu.batch import Drive, Subsystem
 from modelica_fmu.errors import RunError
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fit import Fit
 from pneugantry.engine.foreign import ForeignPlant, foreign_signals
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import NOISIEST

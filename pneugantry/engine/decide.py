@@ -16,7 +16,7 @@ import numpy as np
 
 from pneugantry.engine.confirm import Gap
 from pneugantry.engine.excess import Channel, Excess
-from pneugantry.engine.fitter import Fit, deviations
+from pneugantry.engine.fit import Fit, deviations
 from pneugantry.engine.plant import Array
 from pneugantry.engine.result import Answer
 

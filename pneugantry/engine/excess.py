@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.noise import LONGEST, NOISIEST, Whitener, spread, whitener_of
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.simulation import Cell
@@ -56,7 +57,7 @@ def unexplained(fitter: Fitter, fit: Fit) -> list[str]:
     others = [v for v in loud if v not in bent]
     if not others:
         return loud
-    left = excess_of(fitter, fit, floors_of(fitter, fit, others), fitter.level)
+    left = excess_of(fitter, fit, floors_of(fitter, fit, others), fitter.noise.level)
     out = {c[0] for c in left.whole if left.ratio(c) > fitter.rules.unexplained}
     return [v for v in loud if v in bent or v in out]
 
@@ -90,7 +91,7 @@ def _floors_in(fitter: Fitter, fit: Fit, cell: Cell, others: Sequence[Record]) -
         # an event that one more draw of noise moves is no noise
         bound = CLIPPED * max(spread([r[:, c] for r in changes]), sigma)
         clipped = [np.clip(r[:, c], -bound, bound) for r in changes]
-        known = fitter.erring(cell)[c]
+        known = fitter.noise.erring(cell)[c]
         found[(name, signal), record] = known or whitener_of(clipped, sigma)
     return found
 
@@ -111,7 +112,7 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors, level: float | None = No
     level = level or _level(bulk, erring)
     sizes: dict[tuple[Channel, str], Array] = {}
     for (channel, record), rows in white.items():
-        told = _sizes(rows, fitter.pieces((channel[0], record), len(rows)))
+        told = _sizes(rows, fitter.noise.pieces((channel[0], record), len(rows)))
         most = level * (UNEVEN if channel in erring else LARGEST)
         sizes[channel, record] = np.minimum(told, most)
     return Excess(
@@ -131,7 +132,7 @@ def _erring(fitter: Fitter) -> set[Channel]:
         (cell[0], signal)
         for cell in fitter.simulation.cells
         for signal, known in zip(
-            fitter.simulation.views[cell[0]].signals, fitter.erring(cell), strict=True
+            fitter.simulation.views[cell[0]].signals, fitter.noise.erring(cell), strict=True
         )
         if known is not None or signal in coarse
     }

@@ -319,7 +319,7 @@ def _whiteners(
     """Of each view and signal: white noise as quoted, or as coloured and as large as the noise of
     all the sensors that the view reads makes it. Where an error of the model is quoted, as that.
     """
-    found = dict(fitter.quoted())
+    found = dict(fitter.noise.quoted())
     if noisy is None:
         return found
     base = _base(fitter.nuisances())
@@ -336,7 +336,7 @@ def _whiteners(
             found[name] = tuple(
                 known or whitener_of([r[:, c] for r in own], sigma)
                 for c, (sigma, known) in enumerate(
-                    zip(view.sigmas, fitter.erring_in(name), strict=True)
+                    zip(view.sigmas, fitter.noise.erring_in(name), strict=True)
                 )
             )
     return found

@@ -18,7 +18,8 @@ import numpy as np
 
 from pneugantry.engine import noise
 from pneugantry.engine.descent import Weighing
-from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.noise import Whitener
 from pneugantry.engine.plant import Array
 from pneugantry.engine.regimes import regime_of
@@ -124,13 +125,13 @@ def floor_below(fitter: Fitter, fit: Fit, levels: Mapping[str, float] | None = N
                 [r[:, c] for r in own.values()], rules.quietest * sigma, rules.slowest * sigma
             )
             for c, (sigma, known) in enumerate(
-                zip(view.sigmas, fitter.erring_in(name), strict=True)
+                zip(view.sigmas, fitter.noise.erring_in(name), strict=True)
             )
         )
         terms = {cell: _terms(r, whiteners[name], rules.tails) for cell, r in own.items()}
         if terms:
             per_row[name] = np.concatenate(list(terms.values())).mean(axis=0)
-            means = [_means(x, fitter.pieces(c, len(x))) for c, x in terms.items()]
+            means = [_means(x, fitter.noise.pieces(c, len(x))) for c, x in terms.items()]
             quiet[name] = np.quantile(np.concatenate(means), QUIETER, axis=0)
         else:  # what normal noise of the quoted size costs, near enough
             per_row[name] = np.array([1.0 + 2 * math.log(w.sigma) for w in whiteners[name]])
@@ -157,7 +158,7 @@ def _errors(fitter: Fitter, cell: Cell, rows: int) -> Array:
     return np.column_stack(
         [
             np.zeros(rows) if w is None else w.drawn(draw.standard_normal(rows))
-            for w in fitter.erring(cell)
+            for w in fitter.noise.erring(cell)
         ]
     )
 
@@ -226,7 +227,7 @@ def _left_in(fitter: Fitter, residuals: Mapping[Cell, Array], floor: Floor) -> l
     means, lengths = {}, {}
     for cell, r in residuals.items():
         terms = _terms(r, floor.whiteners[name], fitter.rules.tails)
-        means[cell] = _means(terms, fitter.pieces(cell, len(terms)))
+        means[cell] = _means(terms, fitter.noise.pieces(cell, len(terms)))
         lengths[cell] = len(terms) / len(means[cell])
     quiet = np.quantile(np.concatenate(list(means.values())), QUIETER, axis=0)
     shift = np.clip(quiet - floor.quiet[name], 0.0, 2 * math.log(1 + LEVEL))

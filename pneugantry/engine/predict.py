@@ -17,11 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneugantry.engine.descent import Parabola, Problem, Solution, Weighing, descend, newton
-from pneugantry.engine.fitter import ROUGH, Fit, Fitter, fallen
+from pneugantry.engine.fit import Fit, fallen
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import Noise
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.simulation import Cell, Point
+from pneugantry.engine.surveys import ROUGH
 from pneugantry.engine.views import View
 
 __all__ = ["Foretelling", "Foretold"]
@@ -81,7 +83,7 @@ class Foretelling:
     def foretold(self, fits: Sequence[Fit]) -> tuple[list[Foretold], Noise]:
         """Each fit's, equally wide, under the noise that the first leaves."""
         starts = [self._starts(fit) for fit in fits]
-        noise_of = self.fitter.plain if self.plain else self.fitter.coloured
+        noise_of = self.fitter.noise.plain if self.plain else self.fitter.noise.coloured
         of_views = noise_of(starts[0][1].residuals)
         found = [
             self._foretold(fit, 1.0, own, of_views) for fit, own in zip(fits, starts, strict=True)
@@ -151,7 +153,7 @@ class Foretelling:
     def _stretches(self, found: Foretold, of_views: Noise) -> dict[Cell, Array]:
         """-2 log likelihood by stretch."""
         left = found.solution.residuals
-        return {c: self.fitter.stretches(c, r, of_views[c]) for c, r in left.items()}
+        return {c: self.fitter.noise.stretches(c, r, of_views[c]) for c, r in left.items()}
 
 
 def _price(theta: Array, known: Parabola, normal: Array) -> float:

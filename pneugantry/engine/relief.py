@@ -15,7 +15,8 @@ import numpy as np
 
 from pneugantry.engine.catalogue import Form
 from pneugantry.engine.descent import inside
-from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.plant import Array
 from pneugantry.engine.simulation import Columns, Point

@@ -9,7 +9,7 @@ from typing import Any
 
 from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.confirm import Gap
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fit import Fit
 from pneugantry.engine.location import Place
 from pneugantry.engine.plant import Epoch
 from pneugantry.engine.search import Step

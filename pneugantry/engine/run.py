@@ -25,7 +25,8 @@ from pneugantry.engine.confirm import (
 )
 from pneugantry.engine.decide import Chances, Decision, Evidence, decide, outstanding
 from pneugantry.engine.excess import Excess, excess_of, floors_of
-from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.location import where
 from pneugantry.engine.plant import Data, Epoch, Plant
 from pneugantry.engine.predict import Foretelling

@@ -14,7 +14,8 @@ import numpy as np
 
 from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.descent import Weighing, flat_noise
-from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import Noise, doubted, loss, weights
 from pneugantry.engine.plant import Array
@@ -128,7 +129,7 @@ def screen(fitter: Fitter, base: Fit, forms: Sequence[Offer], known: Traces) -> 
     fitter.prepare([base.hypothesis.plus(t.effect, t.form) for t in prepared])
     tests = (
         _Test(fitter, base, base.noise),
-        _Test(fitter, base, fitter.plain(base.residuals)),
+        _Test(fitter, base, fitter.noise.plain(base.residuals)),
     )
     cells = fitter.simulation.cells
 

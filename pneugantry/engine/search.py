@@ -13,8 +13,10 @@ from dataclasses import dataclass, field
 
 from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.excess import unexplained
-from pneugantry.engine.fitter import FRESH, Fit, Fitter, Scouts
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import FRESH, Fitter
 from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.scouts import Scouts
 from pneugantry.engine.screening import (
     Candidate,
     Memory,

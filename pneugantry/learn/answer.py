@@ -14,7 +14,7 @@ from pneugantry.engine.location import Place
 from pneugantry.engine.result import Diagnosis
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
-from pneugantry.learn.learn import Learned
+from pneugantry.learn.learned import Learned
 
 __all__ = ["answered"]
 

@@ -12,7 +12,7 @@ from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.sensors import PREFIX
-from pneugantry.learn.learn import Learned
+from pneugantry.learn.learned import Learned
 from pneugantry.learn.term import Term, with_term
 
 __all__ = ["effect_name", "effects_toml", "write_catalogue"]

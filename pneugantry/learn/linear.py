@@ -11,7 +11,7 @@ from functools import cached_property, reduce
 import numpy as np
 
 from pneugantry.engine.descent import Weighing
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fit import Fit
 from pneugantry.engine.noise import Noise
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules

@@ -11,7 +11,7 @@ import numpy as np
 
 from pneugantry.engine.plant import Array
 from pneugantry.engine.result import to_json as diagnosis_json
-from pneugantry.learn.learn import Learned, Tried
+from pneugantry.learn.learned import Learned, Tried
 
 __all__ = ["band", "covered", "sentence", "to_json"]
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fit import Fit
 from pneugantry.engine.noise import Noise
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules

@@ -10,7 +10,8 @@ from pneugantry.engine.result import to_json as diagnosis_json
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
 from pneugantry.learn.answer import answered
-from pneugantry.learn.learn import Learned, learn, wanted
+from pneugantry.learn.learn import learn, wanted
+from pneugantry.learn.learned import Learned
 from pneugantry.learn.result import to_json as learned_json
 from pneugantry.plants.gantry.diagnosis import finished
 from pyfmi_runner.campaign import Campaign

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from typing import Any
 
 from pneugantry.engine.decide import UNKNOWN
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fit import Fit
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.run import Found
 from pneugantry.report.headline import chance, confirmed, interval, leaves, number

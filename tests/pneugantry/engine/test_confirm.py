@@ -26,7 +26,8 @@ from pneugantry.engine.confirm import (
     replays,
     values_on,
 )
-from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.location import where
 from pneugantry.engine.noise import LONGEST

@@ -13,8 +13,9 @@ import pytest
 from test_frugal import hypothesis
 from test_search import CATALOGUE, fitter_of, parts, plant
 
-from pneugantry.engine.descent import Parabola, prior, standing
-from pneugantry.engine.fitter import Fit, Fitter, Solution
+from pneugantry.engine.descent import Parabola, Solution, prior, standing
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.screening import nominal_values
@@ -70,7 +71,7 @@ def _apart(fitter: Fitter) -> tuple[Solution, Parabola, list[Solution]]:
     point = Point(coordinates, np.zeros(len(coordinates)), {})
     start = Solution(point, *fitter.simulation.linearised(point, cells, set(known.names)))
     views = list(dict.fromkeys(c[0] for c in cells))
-    ends = [e.solution for e in fitter._ends([start], known, cells, (), views)]
+    ends = [e.solution for e in fitter.surveys.ends([start], known, cells, (), views)]
 
     def led_away(end: Solution) -> Solution:
         off = {c: r + 8.0 * end.columns.get((c, "m"), 0.0) for c, r in end.residuals.items()}
@@ -84,8 +85,8 @@ def test_views_that_ended_apart_go_no_farther_than_is_good(plant: Plant, parts: 
     start, known, ends = _apart(fitter)
     cells, total = fitter.simulation.cells, known
     for end in ends:
-        total = total.plus(fitter._parabola(end, fitter.coloured(end.residuals)))
-    problem = fitter._problem(cells, known)
+        total = total.plus(fitter._parabola(end, fitter.noise.coloured(end.residuals)))
+    problem = fitter.surveys.problem(cells, known)
     agreed = fitter._agreed(start, ends, known, cells)
     whole = start.point.moved(total.least())
     least = Solution(whole, fitter.simulation.residuals(whole, cells), {})
@@ -97,7 +98,7 @@ def test_views_that_ended_apart_go_no_farther_than_is_good(plant: Plant, parts: 
 def test_an_end_is_made_exact(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts)
     start, known, _ = _apart(fitter)
-    problem = fitter._problem(
+    problem = fitter.surveys.problem(
         [c for c in fitter.simulation.cells if c[0] == "v"], known, fine=False
     )
     theta = start.point.theta + 0.3

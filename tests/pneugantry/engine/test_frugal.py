@@ -10,9 +10,9 @@ import pytest
 from test_search import CATALOGUE, effect, fitter_of, parts, plant
 
 from pneugantry.engine.descent import Solution, prior
-from pneugantry.engine.fitter import Scouts
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
+from pneugantry.engine.scouts import Scouts
 from pneugantry.engine.screening import MANY, screen
 
 __all__ = ["parts", "plant"]

@@ -16,7 +16,8 @@ from pneugantry.engine.confirm import Gap
 from pneugantry.engine.decide import Chances, Decision, Evidence, decide, outstanding
 from pneugantry.engine.descent import Problem, Solution, Weighing, prior, probed
 from pneugantry.engine.excess import Excess
-from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Data, Plant, Record, Signal
 from pneugantry.engine.predict import Foretelling

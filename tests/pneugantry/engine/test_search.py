@@ -14,7 +14,8 @@ from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.cuts import sharp_views
 from pneugantry.engine.descent import Parabola, Solution
 from pneugantry.engine.excess import excess_of, floors_of, unexplained
-from pneugantry.engine.fitter import Fit, Fitter
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Hypothesis, effect_coordinate
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules

@@ -33,16 +33,16 @@ def at(fitter: Fitter, theta: float) -> tuple[Solution, object]:
     """The speed's view with all coordinates at one value, and its problem."""
     coordinates = fitter.coordinates(Hypothesis(), 1.0)
     cells = [c for c in fitter.simulation.cells if "speed" in fitter.simulation.views[c[0]].signals]
-    problem = fitter._problem(cells, prior(coordinates), fine=False)
+    problem = fitter.surveys.problem(cells, prior(coordinates), fine=False)
     point = Point(coordinates, np.full(len(coordinates), theta), {})
     return Solution(point, fitter.simulation.residuals(point, cells), {}), problem
 
 
 def test_a_view_at_its_noise_is_not_surveyed(fitter: Fitter) -> None:
     found, problem = at(fitter, 0.0)
-    fitter._quiet(problem, found)  # brings the sensors' noise through the view, once
+    fitter.surveys.quiet(problem, found)  # brings the sensors' noise through the view, once
     before = fitter.simulation.seconds
-    assert fitter._surveyed(problem, [found], found, None) is found
+    assert fitter.surveys.surveyed(problem, [found], found, None) is found
     assert fitter.simulation.seconds == before
 
 
@@ -52,9 +52,9 @@ def test_a_better_optimum_is_found_and_the_same_each_time(
 ) -> None:
     """Where no descent has led: all parameters 15 spreads off."""
     found, problem = at(fitter, 15.0)
-    other = fitter._surveyed(problem, [found], found, bar)
+    other = fitter.surveys.surveyed(problem, [found], found, bar)
     assert standing(problem, other) < standing(problem, found) - 1000
-    again = fitter._surveyed(problem, [found], found, bar)
+    again = fitter.surveys.surveyed(problem, [found], found, bar)
     assert np.array_equal(again.point.theta, other.point.theta)
 
 
@@ -77,14 +77,14 @@ def test_beside_a_bar_one_record_tells_which_descents_are_worth_the_others(
     views = build_views(cart, ["force", "speed"], cache, 2e-3, Rules())
     fitter = Fitter(cart, views, records, Rules())
     found, problem = at(fitter, 15.0)
-    raced, race = [], fitter._raced
+    raced, race = [], fitter.surveys.raced
 
     def watched(problem: Problem, start: Solution, bar: float) -> Solution:
         raced.append(len(problem.cells))
         return race(problem, start, bar)
 
-    monkeypatch.setattr(fitter, "_raced", watched)
-    other = fitter._surveyed(problem, [found], found, bar)
+    monkeypatch.setattr(fitter.surveys, "raced", watched)
+    other = fitter.surveys.surveyed(problem, [found], found, bar)
     fitter.close()
     assert standing(problem, other) <= standing(problem, found)
     assert raced[0] == (2 if bar is None else 1)

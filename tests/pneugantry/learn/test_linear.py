@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pneugantry.engine.descent import Weighing
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fit import Fit
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.simulation import Point
 from pneugantry.learn.linear import Base, response_of, trial_of

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pneugantry.engine.decide import Decision
-from pneugantry.engine.fitter import Fit
+from pneugantry.engine.fit import Fit
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Data
 from pneugantry.engine.result import Answer

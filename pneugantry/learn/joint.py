@@ -1,0 +1,136 @@
+"""A term fitted jointly with everything else: tolerance, nuisances and known effects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pneugantry.engine import noise
+from pneugantry.engine.confirm import Replay, replays, values_on
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.plant import Array, Nuisance, Plant, Record
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import Task
+from pneugantry.engine.views import SubsystemView, View
+from pneugantry.learn.learned import Tried
+from pneugantry.learn.places import place_of
+from pneugantry.learn.points import Opened, recut
+from pneugantry.learn.term import Term, with_term
+
+__all__ = ["NONE", "TermFits"]
+
+LOST = 1e6  # -2 log density of a replay that fails
+ANYWHERE = 0.29  # standard deviation of a place that nothing tells, as a share of the period
+NONE = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class TermFits:
+    """Of one diagnosed plant. level: how much noisier the rig's sensors are than quoted."""
+
+    task: Task
+    apart: Opened
+    rules: Rules
+    level: float
+
+    def reached(self, term: Term) -> list[str]:
+        """Views that a term reaches."""
+        return [v.name for v in self.apart.readers(term.point)]
+
+    def joint(self, base: Fit, term: Term, starts: Mapping[str, float] | None = None) -> Tried:
+        """A term beside the effects of a fit; starts: of their parameters, where not as fitted."""
+        fitter, effect = self.fitter(term), term.effect
+        try:
+            hypothesis = base.hypothesis.plus(effect, effect.forms[0])
+            fit = fitter.explore(hypothesis, base, [{**(starts or {}), **term.starts}])
+        finally:
+            fitter.close()
+        return replace(self.tried(term, fit), base=base)
+
+    def tried(self, term: Term, fit: Fit) -> Tried:
+        """A fit with a term, which takes its values from it; every effect has its price."""
+        values = fit.values(None)
+        price = 2 * self.rules.entry * len(fit.keys)
+        places = {r: fit.values(r).get(term.own, at) for r, at in term.places.items()}
+        made = term.at([values[n] for n in term.parameters], places)
+        return Tried(made, fit, fit.evidence + price)
+
+    def again(self, tried: Tried) -> Tried:
+        """The same term with all views fitted together."""
+        fitter = self.fitter(tried.term)
+        try:
+            made = self.tried(tried.term, fitter.again(tried.fit))
+        finally:
+            fitter.close()
+        return replace(tried, term=made.term, fit=made.fit, cost=made.cost)
+
+    def placed(self, tried: Tried) -> Tried:
+        """The same term with what it has of its own in records that no fit has seen."""
+        term, places = tried.term, dict(tried.term.places)
+        for record in self.task.data.unseen if places else ():
+            plant, views = self.plant_with(term)
+            fitter = Fitter(plant, views, [record], self.rules)
+            try:
+                values = {**values_on(tried.fit, record), **term.settings}
+                period = term.values[1]
+                places[record.name] = place_of(fitter.simulation, values, term.own, period)
+            finally:
+                fitter.close()
+        return replace(tried, term=replace(term, places=places))
+
+    @staticmethod
+    def values(tried: Tried, record: Record) -> dict[str, float]:
+        """What a fit with a term says of a record that it has not seen."""
+        own = tried.term.within(record).parameters
+        return {
+            **values_on(tried.fit, record),
+            **{k: own[k] for k in own.keys() - record.parameters},
+        }
+
+    def foretold(self, tried: Tried) -> Array:
+        """-2 log density of the record that no fit saw, replayed with a term, by stretch."""
+        task, record = self.task, self.task.data.held_out
+        if record is None:
+            return NONE
+        plant = with_term(task.plant, tried.term, task.cache, blank=True)
+        replay = replays(plant, record, [self.values(tried, record)], task.cache)[0]
+        if replay is None:
+            return np.array([LOST])
+        return self.loss(replay)
+
+    def loss(self, replay: Replay) -> Array:
+        """-2 log density (stretches,) of a replay."""
+        rows = np.nan_to_num(replay.residuals) / max(1.0, self.level)
+        count = max(1, round(len(rows) * replay.period / self.rules.block))
+        terms = noise.loss(rows, self.rules.tails).sum(axis=1)
+        return np.array([float(part.sum()) for part in np.array_split(terms, count)])
+
+    def fitter(self, term: Term) -> Fitter:
+        """Of the plant with a term; to be closed."""
+        plant, views = self.plant_with(term)
+        records = [term.within(r) for r in self.task.data.fitted]
+        return Fitter(plant, views, records, self.rules, self.level)
+
+    def plant_with(self, term: Term) -> tuple[Plant, list[View]]:
+        """The plant with a term, and its views."""
+        task = self.task
+        plant = with_term(task.plant, term, task.cache, blank=True)
+        # what says which form it is stays open, so that one part does for all forms
+        plant = replace(plant, parameters={**plant.parameters, **term.settings})
+        if term.places:
+            own = Nuisance(term.own, ANYWHERE * term.values[1], per_record=True)
+            plant = replace(plant, nuisances=(*plant.nuisances, own))
+        return plant, self.recut(plant, term)
+
+    def recut(self, plant: Plant, term: Term) -> list[View]:
+        """Views of the plant with a term: those that it does not reach stay as they are."""
+        reached = self.reached(term)
+        return [
+            recut(view, plant, self.task.cache)
+            if isinstance(view, SubsystemView) and view.name in reached
+            else view
+            for view in self.task.views
+        ]

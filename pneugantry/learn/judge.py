@@ -1,0 +1,90 @@
+"""Whether a term stands: the record that no fit saw is replayed better with it, or the views that
+stood out do so no longer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pneugantry.engine import noise
+from pneugantry.engine.confirm import Gap
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.predict import Foretelling
+from pneugantry.engine.run import Found
+from pneugantry.learn.joint import TermFits
+from pneugantry.learn.learned import Tried
+
+__all__ = ["Judge"]
+
+LEFT = 0.5  # share of the gap's square that a term may leave
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """Of terms of one diagnosed plant."""
+
+    before: Found
+    fits: TermFits
+
+    def judged(self, best: Tried, after: Found) -> tuple[bool, str]:
+        """Whether the term stands, and why."""
+        before, price = self.before, 2 * self.fits.rules.entry
+        known = (before.search.null, before.decision.best)
+        plain = min(known, key=lambda f: f.evidence + price * len(f.keys))
+        if best.cost > plain.evidence + price * len(plain.keys) - self.fits.rules.entry:
+            return False, "the term brings the fitted logs nothing: located, not explained"
+        old, new = before.gap, after.gap
+        if old is None or new is None or before.augmented is None or after.augmented is None:
+            return False, "no log could be replayed: located, not explained"
+        verb = "falls" if new.augmented < old.augmented else "goes"
+        fall = f"the gap of {new.record} {verb} from {old.augmented:.3g} to {new.augmented:.3g}"
+        falls = self.fits.loss(before.augmented) - self.fits.loss(after.augmented)
+        better = noise.doubted(falls, self.fits.rules.doubt) > self.fits.rules.entry
+        hangs = _hangs(old) or _hangs(new)
+        if not better and (hangs or new.augmented < old.augmented):
+            better = self._foretells(best, plain)
+        if not better:
+            return False, (
+                f"{new.record} is replayed no better with the term ({old.augmented:.3g} before, "
+                f"{new.augmented:.3g} with it): located, not explained"
+            )
+        floor = min(new.floor, new.augmented) ** 2
+        left, gap = new.augmented**2 - floor, old.augmented**2 - floor
+        by_replay = not hangs and left <= LEFT * gap
+        if hangs:
+            fall += ", a replay that hangs on an event"
+        if not by_replay and _standing(after) > LEFT * _standing(before):  # then the views tell
+            return False, f"{fall}, and more is left than explained: located, not explained"
+        if not (by_replay or hangs):
+            fall += ", an error that a replay carries on"
+        return True, fall
+
+    def _foretells(self, best: Tried, plain: Fit) -> bool:
+        """Whether the views foretell the record that no fit saw better with a term, under noise of
+        the sensors' colour, for that of the residuals holds a term that repeats: a whole replay
+        hangs on single events (a carriage that breaks away).
+        """
+        record = self.before.task.data.held_out
+        if record is None:
+            return False
+        fitter = self.fits.fitter(best.term)
+        try:
+            views = list(fitter.simulation.views.values())
+            foretelling = Foretelling(fitter, views, best.term.within(record), plain=True)
+            try:
+                (gain,) = foretelling.gains([best.fit], plain)
+            finally:
+                foretelling.close()
+        finally:
+            fitter.close()
+        return gain > self.fits.rules.effect
+
+
+def _hangs(gap: Gap) -> bool:
+    """Whether a replay says little of the plant: it hangs on an event that was met or missed."""
+    return gap.bifurcates or gap.parted is not None
+
+
+def _standing(found: Found) -> float:
+    """How far the view that stands out most does so."""
+    return max((found.excess.ratio(c) - 1 for c in found.excess.whole), default=0.0)

@@ -1,0 +1,84 @@
+"""Which terms the records do not tell apart, and which of them comes first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneugantry.engine import noise
+from pneugantry.engine.plant import Array
+from pneugantry.learn.joint import NONE, TermFits
+from pneugantry.learn.learned import Tried
+from pneugantry.learn.points import Point
+from pneugantry.learn.regressors import TIME, Regressor
+
+__all__ = ["Rivals"]
+
+RIVALS = 4  # pairs that the record that no fit saw judges
+FAR = 100.0  # -2 log evidence behind the likeliest one from which on a term is no rival
+
+
+@dataclass(frozen=True, eq=False)
+class Rivals:
+    """Among the fits of one diagnosed plant."""
+
+    fits: TermFits
+
+    def answers(self, tried: Sequence[Tried]) -> tuple[Tried, ...]:
+        """The likeliest term, and the best one of each other pair of equation and variable that
+        neither the fitted records nor the one that no fit saw tell from it. Of these a function
+        of time comes last: it is none of the plant, and any state that all records pass at the
+        same time looks like one; before it what turns round with a speed, which says more. What is
+        fed to the plant comes first: what follows from it does the same.
+        """
+        pairs: dict[tuple[Point, Regressor], Tried] = {}
+        for t in tried:
+            pairs.setdefault((t.term.point, t.term.regressor), self._simplest(t, tried))
+        rest = [self.fits.placed(self.fits.again(t)) for t in list(pairs.values())[:RIVALS]]
+        least = min(t.cost for t in rest)
+        rest = [t for t in rest if t.cost < least + FAR]
+        told = {t: self.fits.foretold(t) if len(rest) > 1 else NONE for t in rest}
+        likeliest = min(rest, key=lambda t: t.cost + float(told[t].sum()))
+        close = [t for t in rest if t is likeliest or not self._tells(likeliest, t, told)]
+        total = {t: t.cost + float(told[t].sum()) for t in close}
+
+        roots = self.fits.apart.shape.roots
+        fed = {roots.get(name, name) for name in self.fits.task.plant.inputs}
+
+        def rank(t: Tried) -> tuple[bool, bool, bool, bool, float]:
+            own = t.term.regressor
+            follows = roots.get(own.plain.label) not in fed
+            turned = bool(own.speed) or bool(own.times)
+            return own.name == TIME, own.travelled, turned, follows, total[t]
+
+        return tuple(sorted(close, key=rank))
+
+    def _simplest(self, best: Tried, tried: Sequence[Tried]) -> Tried:
+        """The form of fewest parameters of the same variable in the same equation that the fitted
+        records do not tell from the best one.
+        """
+        own = best.term
+        close = [
+            t
+            for t in tried
+            if (t.term.point, t.term.regressor) == (own.point, own.regressor)
+            and len(t.term.values) < len(own.values)
+            and (
+                t.cost < best.cost + self.fits.rules.entry
+                or not self._tells(best, t, {best: NONE, t: NONE})
+            )
+        ]
+        return min(close, key=lambda t: (len(t.term.values), t.cost), default=best)
+
+    def _tells(self, a: Tried, b: Tried, told: Mapping[Tried, Array]) -> bool:
+        """Whether the records prefer a term to another by more than their noise."""
+        falls = [x - y for x, y in zip(_stretches(b), _stretches(a), strict=True)]
+        fall = noise.doubted(np.concatenate([*falls, told[b] - told[a]]), self.fits.rules.doubt)
+        rest = b.cost - a.cost - sum(float(f.sum()) for f in falls)  # Occam's share
+        return fall + rest > self.fits.rules.entry
+
+
+def _stretches(tried: Tried) -> list[Array]:
+    return [tried.fit.stretches[c] for c in sorted(tried.fit.stretches)]
