@@ -20,6 +20,7 @@ __all__ = ["PREFIX", "affine", "neutral", "sensed", "shifted", "signal_of", "tru
 
 PREFIX = "sensors."
 SLOPE = 9  # rows over which a slope is taken
+STEEP = (17, 4)  # rows and degree of that behind a lag: as noisy, and right for cubics (0151)
 
 
 def neutral(name: str) -> float:
@@ -41,9 +42,7 @@ def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]
     for other in _crosstalk(own, record):
         result = result + other
     if lag := own.get("lag", 0.0):
-        keep = np.exp(-record.period / lag)
-        first, late = result[0], np.append(0.0, result[:-1] - result[0])
-        result = first + first_order(late, 1 - keep, keep)
+        result = _lagged(result, lag / record.period)
     if delay := own.get("delay", 0.0):
         result = shifted(result, delay / record.period)
     if drift := own.get("drift", 0.0):
@@ -69,7 +68,7 @@ def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Arr
     if delay := own.get("delay", 0.0):
         result = shifted(result, -delay / record.period)
     if lag := own.get("lag", 0.0):
-        result = result + lag * slope(result, record.period)
+        result = result + lag * savgol(result, *STEEP, derivative=1) / record.period
     for other in _crosstalk(own, record):
         result = result - other
     return np.asarray(result / own.get("scale", 1.0))
@@ -107,6 +106,17 @@ def shifted(values: Array, rows: float) -> Array:
     """Values (N,) some rows later, or earlier; the last known ones at the ends."""
     at = np.arange(len(values))
     return np.interp(at - rows, at, values)
+
+
+def _lagged(values: Array, rows: float) -> Array:
+    """Values (N,) behind a first-order lag of some rows, straight from one to the next; at rest
+    before the first. Held over a row instead they would come half a row too late.
+    """
+    keep = float(np.exp(-1 / rows))
+    ahead = 1 - rows * (1 - keep)  # the new row's share; the rest is the old one's
+    off = values - values[0]
+    driven = ahead * off + (1 - keep - ahead) * np.append(0.0, off[:-1])
+    return np.asarray(values[0] + first_order(driven, 1.0, keep))
 
 
 def _spread(signal: str, record: Record) -> float:
