@@ -32,7 +32,7 @@ from pneugantry.engine.plant import Data, Epoch, Plant
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import Diagnosis, answer_set, causes_of
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.search import Search, search
+from pneugantry.engine.search import Search, resumed, search
 from pneugantry.engine.threads import one_blas_thread
 from pneugantry.engine.views import View
 
@@ -105,7 +105,14 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
         evidence = _evidence(fitter, task, found)
         clock.lap("held-out record")
         say("confirmation")
-        return _answer(fitter, task, found, evidence, clock)
+        confirmed = _confirmed(fitter, task, found.null, _likeliest(evidence, task))
+        if confirmed.lost:
+            say("search again")
+            further = resumed(fitter, found, task.catalogue)
+            if further is not found:
+                found, evidence = further, _evidence(fitter, task, further)
+                confirmed = _confirmed(fitter, task, found.null, _likeliest(evidence, task))
+        return _answer(fitter, task, found, evidence, confirmed, clock)
     finally:
         fitter.close()
 
@@ -236,12 +243,20 @@ def _costs(fits: Mapping[Keys, Fit], rules: Rules) -> dict[Keys, float]:
     return costs
 
 
+def _likeliest(evidence: Sequence[Evidence], task: Task) -> Fit:
+    return decide(evidence, 0.0, task.chances).best
+
+
 def _answer(
-    fitter: Fitter, task: Task, found: Search, evidence: Sequence[Evidence], clock: _Clock
+    fitter: Fitter,
+    task: Task,
+    found: Search,
+    evidence: Sequence[Evidence],
+    c: _Confirmed,
+    clock: _Clock,
 ) -> Found:
-    likeliest = decide(evidence, 0.0, task.chances).best
+    likeliest = _likeliest(evidence, task)
     excess = excess_of(fitter, likeliest, floors_of(fitter, likeliest))
-    c = _confirmed(fitter, task, found.null, likeliest)
     worse = bool(likeliest.keys) and c.gap is not None and _worse(c.gap, c.plain)
     seen = c.gap if task.data.held_out else None
     left = outstanding(excess, task.chances, seen, likeliest)
@@ -307,6 +322,14 @@ class _Confirmed:
     plain: Replay | None
     gap: Gap | None
     notes: tuple[str, ...] = ()
+
+    @property
+    def lost(self) -> bool:
+        """Whether the augmented replay leaves the record for good, whichever of the values it takes
+        that the fit leaves open: an event that the answer surely misses.
+        """
+        gap = self.gap
+        return gap is not None and gap.parted is not None and not gap.bifurcates
 
 
 def _worse(gap: Gap, plain: Replay | None) -> bool:

@@ -29,7 +29,7 @@ from pneugantry.engine.screening import (
 )
 from pneugantry.engine.simulation import Cell
 
-__all__ = ["Search", "Step", "search"]
+__all__ = ["Search", "Step", "resumed", "search"]
 
 MUCH = 0.5  # share of an effect's gain from which on another of its block is tried beside it
 NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
@@ -107,9 +107,43 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
     in the end each is held against what else may be in its place, and where what is left stands
     out, tried in its other forms.
     """
-    offered = {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
-    trail = _Trail(fitter, offered, [null])
-    best = _exchanged(trail, _gathered(trail, null))
+    trail = _Trail(fitter, _offered(fitter, catalogue), [null])
+    return _ended(trail, _gathered(trail, null))
+
+
+def resumed(fitter: Fitter, found: Search, catalogue: Mapping[str, Effect]) -> Search:
+    """A search that goes on from where it ended, with effects that bring other equations: no slope
+    tells of them, and where all views are quiet they have not been tried. `found` where none of
+    them brings evidence.
+    """
+    offered, best = _offered(fitter, catalogue), found.best
+    trail = _Trail(fitter, offered, [*found.tried], [*found.steps], [*found.screened])
+    tried = [
+        (hypothesis, [s for s in starts_of(fitter, best, form) if s][:STARTS])
+        for effect, form in _main_forms(fitter, trail.beside(best.keys), every=True)
+        if form.settings
+        and (hypothesis := best.hypothesis.plus(effect, form)).forms not in trail.known
+    ]
+    fits = _explored(fitter, best, tried, None)
+    fits += _other_forms(fitter, best, fits)
+    finals = _finals(fitter, best, fits, trail.bar)
+    trail.tried += [*fits, *finals]
+    top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
+    if top is None or top.gain(best, fitter.rules) < trail.bar:
+        return found
+    trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
+    return _ended(trail, _gathered(trail, trail.polished(top)))
+
+
+def _offered(fitter: Fitter, catalogue: Mapping[str, Effect]) -> dict[str, Effect]:
+    """Effects that some view reads."""
+    return {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
+
+
+def _ended(trail: _Trail, best: Fit) -> Search:
+    """What was gathered, held against what else may be in its place."""
+    fitter = trail.fitter
+    best = _exchanged(trail, best)
     if unexplained(fitter, best):
         best = _reformed(trail, best, best.hypothesis.effects)
     null = min((f for f in trail.tried if not f.keys), key=lambda f: f.evidence)

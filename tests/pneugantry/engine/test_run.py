@@ -27,6 +27,7 @@ from pneugantry.engine.run import (
     Found,
     Task,
     _compared,
+    _Confirmed,
     _costs,
     _cut_short,
     _evidence,
@@ -304,6 +305,18 @@ def test_what_a_replay_leaves_counts_where_no_missed_event_explains_it(
     chances = Chances()
     assert (outstanding(quiet, chances, gap).score > chances.unknown_at) == stands_out
     assert outstanding(quiet, chances).score == 0.0
+
+
+@pytest.mark.parametrize(
+    ("spread", "parted", "lost"),
+    [((7.9, 8.5), 3.0, True), ((1.0, 8.5), 3.0, False), ((7.9, 8.5), None, False)],
+)
+def test_an_answer_has_lost_a_record_that_none_of_its_values_follows(
+    spread: tuple[float, float], parted: float | None, lost: bool
+) -> None:
+    gap = Gap(100.0, 8.0, 1.0, 0.99, (0.98, 0.99), "held", {}, spread, parted)
+    assert _Confirmed(None, None, None, gap).lost == lost
+    assert not _Confirmed(None, None, None, None).lost
 
 
 def test_effects_that_share_a_parameter_fit_it_once(plant: Plant, parts: Path) -> None:

@@ -31,6 +31,7 @@ from pneugantry.engine.search import (
     _replacing,
     _Trail,
     _unbent,
+    resumed,
     search,
 )
 from pneugantry.engine.simulation import Cell
@@ -191,6 +192,19 @@ def test_effects_are_named(
     for name, value in truth.items():
         assert values[name] == pytest.approx(value, rel=0.05)
     fitter.close()
+
+
+def test_a_search_goes_on_with_other_equations(plant: Plant, parts: Path) -> None:
+    """Of which no slope tells: they are tried, and stay only where they bring evidence."""
+    drag = effect("drag", "drag", "mechanics", 2.0)
+    other = {"drag": replace(drag, forms=(replace(drag.forms[0], settings={"cubic": 0.0}),))}
+    for truth, keys in (({"drag": 2.0}, ("drag",)), ({}, ())):
+        fitter = fitter_of(plant, parts, **truth)
+        ended = search(fitter, fitter.null(), {})
+        further = resumed(fitter, ended, other)
+        fitter.close()
+        assert further.best.keys == keys
+        assert (further is ended) == (not keys)
 
 
 def in_forms(name: str, parameters: Mapping[str, float], block: str = "mechanics") -> Effect:
