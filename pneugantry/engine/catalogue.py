@@ -14,7 +14,8 @@ file.
 
 A parameter has: neutral = 0.0 (value without the effect; relative = true: the nominal value), scale
 (a usual size), low, high, unit, starts = [..] (further starting values), positive = true (fitted as
-its logarithm).
+its logarithm), step = 0.001 (values so far apart are optima of their own, as of a delay that a
+sampled controller sees in whole periods).
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ PARAMETER_KEYS = (
     "relative",
     "positive",
     "starts",
+    "step",
 )
 
 
@@ -60,6 +62,7 @@ class Parameter:
     relative: bool = False
     positive: bool = False  # fitted as its logarithm
     starts: tuple[float, ...] = ()
+    step: float = 0.0  # between optima that lie side by side; 0: there are none
 
 
 @dataclass(frozen=True)
@@ -195,4 +198,12 @@ def _parameter(form: Fields, name: str) -> Parameter:
         relative,
         positive,
         tuple(map(float, starts)),
+        _step(fields, positive or relative),
     )
+
+
+def _step(fields: Fields, logarithmic: bool) -> float:
+    step = float(fields.number("step", 0.0) or 0.0)
+    if step < 0.0 or (step and logarithmic):
+        fields.refuse("step", f"is {step:g}", "let step > 0, of what is not positive or relative")
+    return step

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -341,6 +342,7 @@ def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | Non
         read = {name for _, name in columns}
         index = [i for i, c in enumerate(point.coordinates) if c.name in read]
         moves = [k * covariance[:, i] / sigma[i] for i in _apart(covariance, index) for k in PROBES]
+        moves += _side_by_side(point, index)
         moves = [m for m in moves if np.all(np.abs(point.theta + m) <= farthest)]
         tried = [inside(point.moved(point.theta + m)) for m in moves]
         found = sim.run({c: [t.values(c[1]) for t in tried] for c in own})
@@ -365,6 +367,21 @@ def _apart(covariance: Array, index: Sequence[int]) -> list[int]:
         if all(abs(covariance[i, j]) < ALIKE * sigma[i] * sigma[j] for j in kept):
             kept.append(i)
     return kept
+
+
+def _side_by_side(point: Point, index: Sequence[int]) -> list[Array]:
+    """Moves (coordinates,) to optima that lie side by side: by a step of one coordinate, or there
+    and back by steps of two that make up for each other.
+    """
+    steps = [(i, point.coordinates[i].step) for i in index if point.coordinates[i].step]
+    moves = []
+    for (i, own), (j, other) in combinations_with_replacement(steps, 2):
+        for way in (-1.0, 1.0):
+            move = np.zeros(len(point.theta))
+            move[j] -= way * other * (i != j)
+            move[i] += way * own
+            moves.append(move)
+    return moves
 
 
 def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:

@@ -62,6 +62,7 @@ class Coordinate:
     spread: float = 1.0  # prior standard deviation of theta
     scales: bool = False  # of a nuisance whose spread grows with the rig's tolerance
     none: float = 0.0  # theta without the effect
+    step: float = 0.0  # of theta, between optima that lie side by side; 0: there are none
 
     @property
     def name(self) -> str:
@@ -121,4 +122,6 @@ def _effect_coordinate(p: Parameter, nominal: float, spread: float) -> Coordinat
             effect=True,
             spread=spread,
         )
-    return Coordinate(p.name, centre, p.scale * factor, low, high, effect=True, spread=spread)
+    unit = p.scale * factor
+    step = p.step / unit
+    return Coordinate(p.name, centre, unit, low, high, effect=True, spread=spread, step=step)
