@@ -121,7 +121,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Ratio position_bow(min = -1, max = 10) = 0 "Share by which the level at both ends exceeds that at mid-stroke; neutral 0";
     parameter Ratio asymmetry(min = -0.99, max = 0.99) = 0 "Share by which the level is higher for v > 0 and lower for v < 0; neutral 0";
     parameter Ratio position_table[11](each min = -1, each max = 10) = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0} "Share by which the level is higher, at nodes evenly spaced from the lower to the upper end; neutral 0";
-    parameter Ratio position_fine[21](each min = -1, each max = 10) = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0} "The same at 21 nodes; neutral 0";
+    parameter Ratio position_fine[21](each min = -1, each max = 10) = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0} "The same at 21 nodes, cubic between them; neutral 0";
     parameter Ratio load(min = 0, max = 10) = 0 "Level gained per newton of contact force; neutral 0";
     parameter Ratio load_share(min = 0, max = 100) = 0 "Share by which 10 N of contact force raise the level; neutral 0";
     parameter Ratio load_exponent(min = 0.1, max = 5) = 1 "It grows as the contact force to this power";
@@ -154,7 +154,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     bristled = law == FrictionLaw.ddfm or law == FrictionLaw.lugre;
     xi = 2*(s - s_low)/(s_high - s_low) - 1;
     bumpy = noEvent(if sum(abs(position_table[i]) for i in 1:11) > 0 then sum(position_table[i]*max(1 - abs(5*(xi + 1) - (i - 1)), 0) for i in 1:11) else 0);
-    uneven = noEvent(if sum(abs(position_fine[i]) for i in 1:21) > 0 then sum(position_fine[i]*max(1 - abs(10*(xi + 1) - (i - 1)), 0) for i in 1:21) else 0);
+    uneven = noEvent(if sum(abs(position_fine[i]) for i in 1:21) > 0 then sum(position_fine[i]*near(abs(10*(xi + 1) - (i - 1))) for i in 1:21) else 0);
     loaded = noEvent(if load_share > 0 then load_share*(if load_exponent == 1 then f_load/10 else (max(f_load, 0)/10 + 1e-12)^load_exponent) else 0);
     der(heat) = noEvent(if abs(warm) > 0 then warm_rate + warm_work*abs(F*v) else 0);
     shape = level*(1 + position_slope*xi + position_bow*xi^2 + bumpy + uneven)*(1 + loaded)*(1 - noEvent(if abs(warm) > 0 then warm*(1 - exp(-heat)) else 0));
@@ -242,6 +242,17 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     end when;
     assert(s_high > s_low, "the upper end stop must lie above the lower one");
   end Cylinder;
+
+  function near "Weight of a table's node between nodes: cubic convolution (Keys 1981), exact for parabolas"
+    input Real away "Distance, in nodes";
+    output Real weight;
+  protected
+    Real wide, close;
+  algorithm
+    wide := max(2 - away, 0);
+    close := max(1 - away, 0);
+    weight := wide^2*(wide - 1)/2 + close^2*(1 - 2*close);
+  end near;
 
   function bump "Rise of an edge whose angle is amplitude*sin(pi*s)^2, per unit length, from s = 0"
     input Ratio s "Position within the bump, 0..1";
@@ -669,6 +680,18 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
       u = (workpiece.x - 0.4)/0.01;
       error = abs(workpiece.height - 1e-6*(u^2 + 1/3)) + abs(workpiece.slope - 2e-4*u);
     end UnevenEdge;
+
+    model FineTable "Nodes on a parabola give that parabola between them"
+      Friction friction(position_fine = {((i - 11)/10)^2 for i in 1:21});
+      parameter Real tolerance = 1e-12;
+      output Force error;
+    equation
+      friction.v = 0.5;
+      friction.s = 0.1 + 0.5*time;
+      friction.f_net = 0;
+      friction.f_load = 0;
+      error = friction.F - 15*(1 + (2*friction.s - 1)^2);
+    end FineTable;
   end Validation;
   annotation(version = "0.1.0", versionDate = "2026-11-21",
     __FMU(author = "The PneuGantry developers", license = "MIT", copyright = "The PneuGantry developers"));
