@@ -144,6 +144,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Boolean stick "Inside the stick band";
   protected
     Ratio xi, shape, bumpy, uneven, loaded, rested;
+    Ratio below, above "Nodes beyond both ends, on the cubics through the last three";
     discrete Time stuck_since(start = 0, fixed = true) "Since when it has been in the stick band";
     Force up, down, curve, F_limit, F_pre_limit, F_soft_limit, F_cap;
     Ratio toward "Sign of v, frozen between reversals";
@@ -154,7 +155,9 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     bristled = law == FrictionLaw.ddfm or law == FrictionLaw.lugre;
     xi = 2*(s - s_low)/(s_high - s_low) - 1;
     bumpy = noEvent(if sum(abs(position_table[i]) for i in 1:11) > 0 then sum(position_table[i]*max(1 - abs(5*(xi + 1) - (i - 1)), 0) for i in 1:11) else 0);
-    uneven = noEvent(if sum(abs(position_fine[i]) for i in 1:21) > 0 then sum(position_fine[i]*near(abs(10*(xi + 1) - (i - 1))) for i in 1:21) else 0);
+    below = 3*position_fine[1] - 3*position_fine[2] + position_fine[3];
+    above = 3*position_fine[21] - 3*position_fine[20] + position_fine[19];
+    uneven = noEvent(if sum(abs(position_fine[i]) for i in 1:21) > 0 then max(sum(position_fine[i]*cubic_weight(abs(10*(xi + 1) - (i - 1))) for i in 1:21) + below*cubic_weight(10*(xi + 1) + 1) + above*cubic_weight(abs(10*(xi + 1) - 21)), -0.95) else 0);
     loaded = noEvent(if load_share > 0 then load_share*(if load_exponent == 1 then f_load/10 else (max(f_load, 0)/10 + 1e-12)^load_exponent) else 0);
     der(heat) = noEvent(if abs(warm) > 0 then warm_rate + warm_work*abs(F*v) else 0);
     shape = level*(1 + position_slope*xi + position_bow*xi^2 + bumpy + uneven)*(1 + loaded)*(1 - noEvent(if abs(warm) > 0 then warm*(1 - exp(-heat)) else 0));
@@ -243,16 +246,16 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     assert(s_high > s_low, "the upper end stop must lie above the lower one");
   end Cylinder;
 
-  function near "Weight of a table's node between nodes: cubic convolution (Keys 1981), exact for parabolas"
+  function cubic_weight "Weight of a table's node between nodes: cubic convolution (Keys 1981), exact for parabolas"
     input Real away "Distance, in nodes";
     output Real weight;
   protected
-    Real wide, close;
+    Real wide "2 less the distance, or 0", close "1 less the distance, or 0";
   algorithm
     wide := max(2 - away, 0);
     close := max(1 - away, 0);
     weight := wide^2*(wide - 1)/2 + close^2*(1 - 2*close);
-  end near;
+  end cubic_weight;
 
   function bump "Rise of an edge whose angle is amplitude*sin(pi*s)^2, per unit length, from s = 0"
     input Ratio s "Position within the bump, 0..1";
@@ -687,7 +690,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
       output Force error;
     equation
       friction.v = 0.5;
-      friction.s = 0.1 + 0.5*time;
+      friction.s = 0.76*time;
       friction.f_net = 0;
       friction.f_load = 0;
       error = friction.F - 15*(1 + (2*friction.s - 1)^2);

@@ -205,5 +205,9 @@ def _parameter(form: Fields, name: str) -> Parameter:
 def _step(fields: Fields, logarithmic: bool) -> float:
     step = float(fields.number("step", 0.0) or 0.0)
     if step < 0.0 or (step and logarithmic):
-        fields.refuse("step", f"is {step:g}", "let step > 0, of what is not positive or relative")
+        fields.refuse(
+            "step",
+            f"is {step:g}",
+            "write step > 0; a parameter that is positive or relative has none",
+        )
     return step

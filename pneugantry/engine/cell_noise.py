@@ -21,8 +21,8 @@ __all__ = ["CellNoise"]
 
 
 class CellNoise:
-    """Of one plant's views and records. level: how much noisier the rig's sensors are than quoted,
-    until a fit has told.
+    """Tells what noise the cells of one plant's views and records have. level: how much noisier the
+    rig's sensors are than quoted, until a fit has told.
     """
 
     def __init__(self, plant: Plant, simulation: Simulation, rules: Rules, level: float) -> None:

@@ -100,6 +100,7 @@ class Gap:
     parted: float | None = None  # s, from where on the augmented replay has left the record
     open: float = 0.0  # RMS distance of the draws' replays from the augmented one, as the gaps
     early: Gap | None = None  # of the record up to there
+    leaving: float = 0.0  # share of the draws' replays that leave the record for good, too
 
     @property
     def bifurcates(self) -> bool:
@@ -239,7 +240,13 @@ def _gap_of(
         None if ends is None else (float(ends[0]), float(ends[1])),
         None if at is None else (start + at) * period,
         _apart(augmented, [r for r in others if r is not None]),
+        leaving=_leaving([r for r in others if r is not None], length, floor),
     )
+
+
+def _leaving(others: Sequence[Replay], length: int, floor: float) -> float:
+    gone = [_parted(r.squares, length, floor) is not None for r in others]
+    return sum(gone) / len(gone) if gone else 0.0
 
 
 def _apart(augmented: Replay, others: Sequence[Replay]) -> float:

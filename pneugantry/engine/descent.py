@@ -317,7 +317,8 @@ def _missed(
 
 def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | None:
     """The best of some points about a solution: each coordinate moved by some of its standard
-    deviations, the others following so that the parabola hardly rises. Tried is what only large
+    deviations, the others following so that the parabola hardly rises; and optima that lie side by
+    side, the others kept. Tried is what only large
     residuals tell: records where these cost a view much. None where no point is better.
     """
     sim, rules, point = problem.simulation, problem.rules, start.point
@@ -371,7 +372,7 @@ def _apart(covariance: Array, index: Sequence[int]) -> list[int]:
 
 def _side_by_side(point: Point, index: Sequence[int]) -> list[Array]:
     """Moves (coordinates,) to optima that lie side by side: by a step of one coordinate, or there
-    and back by steps of two that make up for each other.
+    and back by steps of two that make up for each other; within bounds.
     """
     steps = [(i, point.coordinates[i].step) for i in index if point.coordinates[i].step]
     moves = []
@@ -380,8 +381,8 @@ def _side_by_side(point: Point, index: Sequence[int]) -> list[Array]:
             move = np.zeros(len(point.theta))
             move[j] -= way * other * (i != j)
             move[i] += way * own
-            moves.append(move)
-    return moves
+            moves.append(inside(point.moved(point.theta + move)).theta - point.theta)
+    return [m for m in moves if np.any(m)]
 
 
 def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:

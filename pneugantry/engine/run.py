@@ -106,11 +106,16 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
         clock.lap("held-out record")
         say("confirmation")
         confirmed = _confirmed(fitter, task, found.null, _likeliest(evidence, task))
-        if confirmed.lost:
+        if confirmed.lost and task.data.held_out:
+            clock.lap("confirmation")
             say("search again")
             further = resumed(fitter, found, task.catalogue)
+            clock.lap("search")
             if further is not found:
+                say("held-out record")
                 found, evidence = further, _evidence(fitter, task, further)
+                clock.lap("held-out record")
+                say("confirmation")
                 confirmed = _confirmed(fitter, task, found.null, _likeliest(evidence, task))
         return _answer(fitter, task, found, evidence, confirmed, clock)
     finally:
@@ -126,7 +131,8 @@ class _Clock:
 
     def lap(self, stage: str) -> None:
         now = time.perf_counter()
-        self.stages[stage], self.last = now - self.last, now
+        self.stages[stage] = self.stages.get(stage, 0.0) + now - self.last
+        self.last = now
 
     @property
     def seconds(self) -> float:
@@ -325,11 +331,11 @@ class _Confirmed:
 
     @property
     def lost(self) -> bool:
-        """Whether the augmented replay leaves the record for good, whichever of the values it takes
-        that the fit leaves open: an event that the answer surely misses.
+        """Whether the augmented replay leaves the record for good, and with it the replay under
+        each draw of what the fit leaves open: an event that the answer misses.
         """
         gap = self.gap
-        return gap is not None and gap.parted is not None and not gap.bifurcates
+        return gap is not None and gap.parted is not None and gap.leaving >= 1
 
 
 def _worse(gap: Gap, plain: Replay | None) -> bool:

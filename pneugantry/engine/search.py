@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.excess import unexplained
@@ -37,6 +37,7 @@ STARTS = 2  # from which a form is fitted, beside the base
 SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
 SCOUTED = 8  # effects that are tried in single views at once
 LAST = 4.0  # times `Rules.effort` from which on no further effect is looked for (0150)
+Forms = frozenset[tuple[str, str]]  # of a hypothesis
 Told = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and where it starts
 
 
@@ -113,9 +114,11 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
 
 def resumed(fitter: Fitter, found: Search, catalogue: Mapping[str, Effect]) -> Search:
     """A search that goes on from where it ended, with effects that bring other equations: no slope
-    tells of them, and where all views are quiet they have not been tried. `found` where none of
-    them brings evidence.
+    tells of them, and where all views are quiet they have not been tried. What brings too little
+    by itself is still weighed; `found` where none brings any, or all has been spent.
     """
+    if _spent(fitter) >= LAST:
+        return found
     offered, best = _offered(fitter, catalogue), found.best
     trail = _Trail(fitter, offered, [*found.tried], [*found.steps], [*found.screened])
     tried = [
@@ -125,14 +128,18 @@ def resumed(fitter: Fitter, found: Search, catalogue: Mapping[str, Effect]) -> S
         and (hypothesis := best.hypothesis.plus(effect, form)).forms not in trail.known
     ]
     fits = _explored(fitter, best, tried, None)
-    fits += _other_forms(fitter, best, fits)
+    fits += _other_forms(fitter, best, fits, trail.known)
     finals = _finals(fitter, best, fits, trail.bar)
     trail.tried += [*fits, *finals]
     top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
     if top is None or top.gain(best, fitter.rules) < trail.bar:
-        return found
+        better = [f for f in (*fits, *finals) if f.evidence < best.evidence]
+        return replace(found, tried=(*found.tried, *better)) if better else found
     trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-    return _ended(trail, _gathered(trail, trail.polished(top)))
+    best = trail.polished(top)
+    if unexplained(fitter, best):
+        best = _reformed(trail, best, best.hypothesis.effects)
+    return _ended(trail, _gathered(trail, best, polished=True))
 
 
 def _offered(fitter: Fitter, catalogue: Mapping[str, Effect]) -> dict[str, Effect]:
@@ -164,11 +171,14 @@ def _unexplained(fitter: Fitter, fit: Fit) -> list[str]:
     return [] if _spent(fitter) >= 1 else unexplained(fitter, fit)
 
 
-def _gathered(trail: _Trail, null: Fit) -> Fit:
-    """Forward, each effect in its main form and the best in their others."""
+def _gathered(trail: _Trail, base: Fit, polished: bool = False) -> Fit:
+    """Forward, each effect in its main form and the best in their others. polished: the base is at
+    its best optimum already.
+    """
     fitter = trail.fitter
-    thorough = not unexplained(fitter, null)  # such a rig is screened once, about its best optimum
-    best = trail.polished(null) if thorough else null
+    # a rig without anything to explain is screened once, about its best optimum
+    thorough = polished or not unexplained(fitter, base)
+    best = trail.polished(base) if thorough and not polished else base
     near, far = Memory(), Memory()
     for _ in range(fitter.rules.rounds):
         forms = _main_forms(fitter, trail.beside(best.keys), every=bool(_unexplained(fitter, best)))
@@ -562,17 +572,19 @@ def _from(
     return base.hypothesis.plus(effect, form), [s for s in listed if s][:STARTS]
 
 
-def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
-    """The best effects in their other forms; where none gains anything and what is left stands
-    out, the best of those, too.
+def _other_forms(
+    fitter: Fitter, base: Fit, fits: Sequence[Fit], tried: Collection[Forms] = ()
+) -> list[Fit]:
+    """The best effects in their other forms, but for what has been tried; where none gains anything
+    and what is left stands out, the best of those, too.
     """
-    known = {f.hypothesis.forms for f in fits}
+    known = {f.hypothesis.forms for f in fits}.union(tried)
     best = _best_of_each(fits)
     least = NEARLY * max((base.evidence - f.evidence for f in fits), default=0.0)
     near = [f for f in best if base.evidence - f.evidence > max(least, 0.0)]
     if not near and _unexplained(fitter, base):
         near = best
-    tried = []
+    told = []
     for fit in near[: fitter.rules.reformed]:
         effect, _ = fit.hypothesis.effects[-1]
         for form in effect.forms:
@@ -580,8 +592,8 @@ def _other_forms(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
             if hypothesis.forms in known or not fitter.readable(form):
                 continue
             starts = [fit.values(None), *(s for s in starts_of(fitter, base, form) if s)]
-            tried.append((hypothesis, starts[:STARTS]))
-    return _explored(fitter, base, tried, _ahead(fits))
+            told.append((hypothesis, starts[:STARTS]))
+    return _explored(fitter, base, told, _ahead(fits))
 
 
 def _chosen(

@@ -20,7 +20,7 @@ __all__ = ["PREFIX", "affine", "neutral", "sensed", "shifted", "signal_of", "tru
 
 PREFIX = "sensors."
 SLOPE = 9  # rows over which a slope is taken
-STEEP = (17, 4)  # rows and degree of that behind a lag: as noisy, and right for cubics (0151)
+STEEP = (17, 3)  # rows and degree of that behind a lag: as noisy, and right for cubics (0151)
 
 
 def neutral(name: str) -> float:

@@ -22,10 +22,11 @@ APART = 4.5  # standard deviations by which estimates may differ: by chance once
 
 def savgol(values: Array, window: int, degree: int, derivative: int = 0) -> Array:
     """Smoothed values or a derivative (N,), per row; the ends by the polynomials of the first and
-    the last whole window. window: rows, odd; a shorter signal gets a shorter one.
+    the last whole window. window: rows, odd; a shorter signal gets a shorter one, of
+    a degree that it tells.
     """
     width = min(window, len(values) - 1 + len(values) % 2)
-    ends = _ends(width, degree, derivative)
+    ends = _ends(width, min(degree, width - 1), derivative)
     half = width // 2
     result = np.empty(len(values))
     result[half : len(values) - half] = np.correlate(values, ends[half], "valid")

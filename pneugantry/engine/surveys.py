@@ -36,7 +36,7 @@ class End:
 
 
 class Surveys:
-    """Of one simulation."""
+    """Fits of single views, and surveys of points where one stands above its noise."""
 
     def __init__(self, simulation: Simulation, noise_of: CellNoise, rules: Rules) -> None:
         self.simulation, self.noise, self.rules = simulation, noise_of, rules

@@ -20,20 +20,20 @@ from pneugantry.learn.places import place_of
 from pneugantry.learn.points import Opened, recut
 from pneugantry.learn.term import Term, with_term
 
-__all__ = ["NONE", "TermFits"]
+__all__ = ["NO_STRETCHES", "TermFits"]
 
 LOST = 1e6  # -2 log density of a replay that fails
 ANYWHERE = 0.29  # standard deviation of a place that nothing tells, as a share of the period
-NONE = np.zeros(0)
+NO_STRETCHES = np.zeros(0)  # of a record that there is not
 
 
 @dataclass(frozen=True, eq=False)
 class TermFits:
-    """Of one diagnosed plant. level: how much noisier the rig's sensors are than quoted."""
+    """Fits terms of one diagnosed plant. level: how much noisier its sensors are than quoted."""
 
     task: Task
     apart: Opened
-    rules: Rules
+    rules: Rules  # without surveys: fits start where another one stands
     level: float
 
     def reached(self, term: Term) -> list[str]:
@@ -51,7 +51,7 @@ class TermFits:
         return replace(self.tried(term, fit), base=base)
 
     def tried(self, term: Term, fit: Fit) -> Tried:
-        """A fit with a term, which takes its values from it; every effect has its price."""
+        """The term with the values that a fit gave it; its cost has a price for each effect."""
         values = fit.values(None)
         price = 2 * self.rules.entry * len(fit.keys)
         places = {r: fit.values(r).get(term.own, at) for r, at in term.places.items()}
@@ -94,7 +94,7 @@ class TermFits:
         """-2 log density of the record that no fit saw, replayed with a term, by stretch."""
         task, record = self.task, self.task.data.held_out
         if record is None:
-            return NONE
+            return NO_STRETCHES
         plant = with_term(task.plant, tried.term, task.cache, blank=True)
         replay = replays(plant, record, [self.values(tried, record)], task.cache)[0]
         if replay is None:

@@ -21,7 +21,7 @@ LEFT = 0.5  # share of the gap's square that a term may leave
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """Of terms of one diagnosed plant."""
+    """Says whether terms of one diagnosed plant stand."""
 
     before: Found
     fits: TermFits

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneugantry.engine import noise
 from pneugantry.engine.plant import Array
-from pneugantry.learn.joint import NONE, TermFits
+from pneugantry.learn.joint import NO_STRETCHES, TermFits
 from pneugantry.learn.learned import Tried
 from pneugantry.learn.points import Point
 from pneugantry.learn.regressors import TIME, Regressor
@@ -22,7 +22,7 @@ FAR = 100.0  # -2 log evidence behind the likeliest one from which on a term is 
 
 @dataclass(frozen=True, eq=False)
 class Rivals:
-    """Among the fits of one diagnosed plant."""
+    """Tells which terms of one diagnosed plant the records do not tell apart."""
 
     fits: TermFits
 
@@ -39,7 +39,7 @@ class Rivals:
         rest = [self.fits.placed(self.fits.again(t)) for t in list(pairs.values())[:RIVALS]]
         least = min(t.cost for t in rest)
         rest = [t for t in rest if t.cost < least + FAR]
-        told = {t: self.fits.foretold(t) if len(rest) > 1 else NONE for t in rest}
+        told = {t: self.fits.foretold(t) if len(rest) > 1 else NO_STRETCHES for t in rest}
         likeliest = min(rest, key=lambda t: t.cost + float(told[t].sum()))
         close = [t for t in rest if t is likeliest or not self._tells(likeliest, t, told)]
         total = {t: t.cost + float(told[t].sum()) for t in close}
@@ -67,7 +67,7 @@ class Rivals:
             and len(t.term.values) < len(own.values)
             and (
                 t.cost < best.cost + self.fits.rules.entry
-                or not self._tells(best, t, {best: NONE, t: NONE})
+                or not self._tells(best, t, {best: NO_STRETCHES, t: NO_STRETCHES})
             )
         ]
         return min(close, key=lambda t: (len(t.term.values), t.cost), default=best)

@@ -308,13 +308,12 @@ def test_what_a_replay_leaves_counts_where_no_missed_event_explains_it(
 
 
 @pytest.mark.parametrize(
-    ("spread", "parted", "lost"),
-    [((7.9, 8.5), 3.0, True), ((1.0, 8.5), 3.0, False), ((7.9, 8.5), None, False)],
+    ("leaving", "parted", "lost"), [(1.0, 3.0, True), (0.95, 3.0, False), (1.0, None, False)]
 )
 def test_an_answer_has_lost_a_record_that_none_of_its_values_follows(
-    spread: tuple[float, float], parted: float | None, lost: bool
+    leaving: float, parted: float | None, lost: bool
 ) -> None:
-    gap = Gap(100.0, 8.0, 1.0, 0.99, (0.98, 0.99), "held", {}, spread, parted)
+    gap = Gap(100.0, 8.0, 1.0, 0.99, (0.98, 0.99), "held", {}, None, parted, leaving=leaving)
     assert _Confirmed(None, None, None, gap).lost == lost
     assert not _Confirmed(None, None, None, None).lost
 

@@ -42,8 +42,14 @@ def test_points_side_by_side_are_a_step_off_or_a_step_there_and_one_back() -> No
     late = [Parameter(n, 0.0, 0.005, 0.0, 0.1, step=0.001) for n in ("delay", "sensing")]
     drag = Parameter("drag", 0.0, 2.0, -10.0, 10.0)
     coordinates = tuple(effect_coordinate(p, 0.0, 2.0) for p in (late[0], drag, late[1]))
-    point = Point(coordinates, np.zeros(3), {})
+    point = Point(coordinates, np.ones(3), {})
     moves = {tuple(np.round(m, 9).tolist()) for m in _side_by_side(point, [0, 1, 2])}
     once = {(0.2, 0.0, 0.0), (0.0, 0.0, 0.2), (0.2, 0.0, -0.2)}
     assert moves == {m for own in once for m in (own, tuple(-x for x in own))}
     assert _side_by_side(point, [1]) == []
+
+
+def test_no_point_side_by_side_lies_beyond_a_bound() -> None:
+    late = Parameter("delay", 0.0, 0.005, 0.0, 0.1, step=0.001)
+    point = Point((effect_coordinate(late, 0.0, 2.0),), np.zeros(1), {})
+    assert [m.tolist() for m in _side_by_side(point, [0])] == [pytest.approx([0.2])]
