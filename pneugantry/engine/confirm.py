@@ -245,6 +245,7 @@ def _gap_of(
 
 
 def _leaving(others: Sequence[Replay], length: int, floor: float) -> float:
+    """Share of replays that leave their record for good."""
     gone = [_parted(r.squares, length, floor) is not None for r in others]
     return sum(gone) / len(gone) if gone else 0.0
 

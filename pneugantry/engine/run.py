@@ -250,6 +250,7 @@ def _costs(fits: Mapping[Keys, Fit], rules: Rules) -> dict[Keys, float]:
 
 
 def _likeliest(evidence: Sequence[Evidence], task: Task) -> Fit:
+    """What is answered where nothing stands out."""
     return decide(evidence, 0.0, task.chances).best
 
 

@@ -91,6 +91,12 @@ class _Trail:
         fits = (f for f in self.tried if f.hypothesis.forms == hypothesis.forms)
         return min(fits, key=lambda f: f.evidence)
 
+    def foremost(self, fits: Sequence[Fit], base: Fit) -> Fit | None:
+        """The one that gains most over a base; None where that is too little for an effect."""
+        gains = [f.gain(base, self.fitter.rules) for f in fits]
+        most = max(gains, default=-math.inf)
+        return fits[gains.index(most)] if most >= self.bar else None
+
     def polished(self, fit: Fit) -> Fit:
         """At its best optimum, without what it no longer needs; under the tolerance that the rig
         shows then, and all else with it: what an effect explains had been tolerance's.
@@ -121,18 +127,18 @@ def resumed(fitter: Fitter, found: Search, catalogue: Mapping[str, Effect]) -> S
         return found
     offered, best = _offered(fitter, catalogue), found.best
     trail = _Trail(fitter, offered, [*found.tried], [*found.steps], [*found.screened])
+    known = trail.known
     tried = [
         (hypothesis, [s for s in starts_of(fitter, best, form) if s][:STARTS])
         for effect, form in _main_forms(fitter, trail.beside(best.keys), every=True)
-        if form.settings
-        and (hypothesis := best.hypothesis.plus(effect, form)).forms not in trail.known
+        if form.settings and (hypothesis := best.hypothesis.plus(effect, form)).forms not in known
     ]
     fits = _explored(fitter, best, tried, None)
-    fits += _other_forms(fitter, best, fits, trail.known)
+    fits += _other_forms(fitter, best, fits, known)
     finals = _finals(fitter, best, fits, trail.bar)
     trail.tried += [*fits, *finals]
-    top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
-    if top is None or top.gain(best, fitter.rules) < trail.bar:
+    top = trail.foremost(finals, best)
+    if top is None:
         better = [f for f in (*fits, *finals) if f.evidence < best.evidence]
         return replace(found, tried=(*found.tried, *better)) if better else found
     trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
@@ -188,9 +194,7 @@ def _gathered(trail: _Trail, base: Fit, polished: bool = False) -> Fit:
         fits = _fits(fitter, best, trail.screened, trail.bar, forms, far)
         finals = _finals(fitter, best, fits, trail.bar)
         trail.tried += [*fits, *finals]
-        top = max(finals, key=lambda f: f.gain(best, fitter.rules), default=None)
-        if top is not None and top.gain(best, fitter.rules) < trail.bar:
-            top = None
+        top = trail.foremost(finals, best)
         if top is not None:
             trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
         elif thorough:
