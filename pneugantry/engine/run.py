@@ -117,6 +117,9 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
                 clock.lap("held-out record")
                 say("confirmation")
                 confirmed = _confirmed(fitter, task, found.null, _likeliest(evidence, task))
+        if confirmed.lost and (vouched := _vouched(fitter, task, found, evidence, confirmed)):
+            evidence = [*evidence, *vouched]
+            confirmed = _confirmed(fitter, task, found.null, _likeliest(evidence, task))
         return _answer(fitter, task, found, evidence, confirmed, clock)
     finally:
         fitter.close()
@@ -337,6 +340,42 @@ class _Confirmed:
         """
         gap = self.gap
         return gap is not None and gap.parted is not None and gap.leaving >= 1
+
+
+def _vouched(
+    fitter: Fitter,
+    task: Task,
+    found: Search,
+    evidence: Sequence[Evidence],
+    lost: _Confirmed,
+) -> list[Evidence]:
+    """Where the answer's replay has left the record that no fit saw: what was tried, brings enough
+    but for its doubt, and replays that record to its end as well as the answer did before it left.
+    What few stretches carry is doubted, for it may not be there again; here it is.
+    """
+    record, answer = task.data.held_out, _likeliest(evidence, task)
+    if record is None or lost.gap is None or lost.gap.early is None or lost.nominal is None:
+        return []
+    bar, rivals = fitter.rules.effect, dict[Keys, Fit]()
+    for fit in sorted(found.tried, key=lambda f: f.evidence):
+        more = max(len(fit.keys) - len(answer.keys), 1)
+        if answer.evidence - fit.evidence > bar * more:
+            rivals.setdefault(tuple(sorted(fit.keys)), fit)
+    few = list(rivals.values())[:RIVALS]
+    if not few:
+        return []
+    few = fitter.together(
+        lambda f: f if f.whole else fitter.again(f), few, [f.hypothesis for f in few]
+    )
+    made = replays(task.plant, record, [values_on(f, record) for f in few], task.cache)
+    kept, cost = [], next(e.cost for e in evidence if e.fit is answer)
+    for fit, replayed in zip(few, made, strict=True):
+        own = replayed and gap_of(
+            lost.nominal, replayed, fitter.rules, record.period, floor=lost.gap.floor
+        )
+        if own and own.parted is None and own.augmented < NOTABLE * lost.gap.early.augmented:
+            kept.append(Evidence(fit, cost - (answer.evidence - fit.evidence)))
+    return kept
 
 
 def _worse(gap: Gap, plain: Replay | None) -> bool:

@@ -28,13 +28,15 @@ from pneugantry.engine.run import (
     Task,
     _compared,
     _Confirmed,
+    _confirmed,
     _costs,
     _cut_short,
     _evidence,
     _turned,
+    _vouched,
     run,
 )
-from pneugantry.engine.search import Search
+from pneugantry.engine.search import Search, search
 from pneugantry.engine.simulation import Point
 from pneugantry.engine.views import build_views
 
@@ -316,6 +318,27 @@ def test_an_answer_has_lost_a_record_that_none_of_its_values_follows(
     gap = Gap(100.0, 8.0, 1.0, 0.99, (0.98, 0.99), "held", {}, None, parted, leaving=leaving)
     assert _Confirmed(None, None, None, gap).lost == lost
     assert not _Confirmed(None, None, None, None).lost
+
+
+@pytest.mark.parametrize(("drag", "keeps"), [(2.0, True), (0.0, False)])
+def test_what_is_doubted_counts_where_it_alone_keeps_the_unseen_record(
+    plant: Plant, parts: Path, drag: float, keeps: bool
+) -> None:
+    """The answer is made to be none, and its replay to have left the record after 1 s."""
+    fitter = fitter_of(plant, parts, drag=drag)
+    data = Data(tuple(fitter.simulation.records.values()), record("held", 3, drag=drag))
+    task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
+    found = search(fitter, fitter.null(), CATALOGUE)
+    none = [Evidence(found.null, 0.0)]
+    confirmed = _confirmed(fitter, task, found.null, found.null)
+    assert confirmed.gap is not None
+    assert _vouched(fitter, task, found, none, confirmed) == []  # the answer keeps it as well
+    early = replace(confirmed.gap, augmented=1.2)
+    left = replace(confirmed.gap, parted=1.0, leaving=1.0, early=early)
+    vouched = _vouched(fitter, task, found, none, replace(confirmed, gap=left))
+    fitter.close()
+    assert [v.fit.keys for v in vouched][:1] == ([("drag",)] if keeps else [])
+    assert all(v.cost < -fitter.rules.effect for v in vouched)
 
 
 def test_effects_that_share_a_parameter_fit_it_once(plant: Plant, parts: Path) -> None:
