@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from modelica_fmu import Target
     from modelica_fmu.errors import InputError, RunError
-    from pneugantry.api.diagnosis import Diagnosis, Gap, diagnose, diagnose_change
+    from pneugantry.api.diagnosis import (
+        Diagnosis,
+        Gap,
+        compile_parts,
+        diagnose,
+        diagnose_change,
+    )
     from pneugantry.api.models import BuiltFmu, build, linearize, rootlocus
     from pneugantry.api.runs import IdentifiedPlant, Replay, TrackingRun, identify, replay, run
     from pyfmi_runner.campaign import Campaign, read_campaign
@@ -35,6 +41,7 @@ __all__ = [
     "Target",
     "TrackingRun",
     "build",
+    "compile_parts",
     "diagnose",
     "diagnose_change",
     "identify",
@@ -51,7 +58,13 @@ __all__ = [
 _HOME = {
     "modelica_fmu": ("Target",),
     "modelica_fmu.errors": ("InputError", "RunError"),
-    "pneugantry.api.diagnosis": ("Diagnosis", "Gap", "diagnose", "diagnose_change"),
+    "pneugantry.api.diagnosis": (
+        "Diagnosis",
+        "Gap",
+        "compile_parts",
+        "diagnose",
+        "diagnose_change",
+    ),
     "pneugantry.api.models": ("BuiltFmu", "build", "linearize", "rootlocus"),
     "pneugantry.api.runs": (
         "IdentifiedPlant",

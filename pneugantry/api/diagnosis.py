@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pyfmi_runner.campaign import Campaign
     from pyfmi_runner.fmu import FmuFile
 
-__all__ = ["Diagnosis", "Gap", "diagnose", "diagnose_change"]
+__all__ = ["Diagnosis", "Gap", "compile_parts", "diagnose", "diagnose_change"]
 
 Say = Callable[[str], None]
 
@@ -237,6 +237,32 @@ def diagnose_change(
     found = diagnose_gantry(campaigns[0], effects, nominal=nominal, say=say, after=campaigns[1])
     gantry = given or _gantry(nominal.model)
     return Diagnosis(to_json(found.diagnosis), found, both(*campaigns), gantry)
+
+
+def compile_parts(
+    source: CampaignSource | None = None,
+    *,
+    catalogue: PathLike | None = None,
+    say: Say | None = None,
+) -> int:
+    """Compiles what a diagnosis of a campaign runs, ahead of it; returns how many parts were made.
+
+    source, catalogue: as of `diagnose`; None: the gantry with all its channels. say: told what is
+    being made. A plant of FMUs without source has no parts. Raises InputError as `diagnose` does.
+    """
+    from pneugantry.engine.parts import compile_parts as compiled
+    from pneugantry.plants.described import described_task, is_plant_description
+    from pneugantry.plants.gantry.any_campaign import any_campaign
+    from pneugantry.plants.gantry.catalogue import catalogue_of, model_of
+    from pneugantry.plants.gantry.diagnosis import task_of
+
+    say, rules = say or (lambda stage: None), Rules()
+    own = None if catalogue is None else Path(catalogue)
+    if isinstance(source, str | Path) and is_plant_description(Path(source)):
+        read, task = described_task(Path(source), own)
+        return compiled(task, read.rules, say)
+    campaign = any_campaign() if source is None else _campaign(source, None, None, say)
+    return compiled(task_of(campaign, catalogue_of(own), rules, model=model_of(own)), rules, say)
 
 
 def _gantry(model: Path | None) -> FmuFile:

@@ -74,9 +74,11 @@ class Pieces:
 
     def prepare(self, moving: Collection[str], settings: Values) -> None:
         """Makes the piece for runs in which `moving` may move, `settings` keep these values and the
-        rest the model's own. A part without states costs little as it is.
+        rest the model's own; loads the whole part where that is what serves: one without states
+        costs little as it is.
         """
         if self._again is None or not self.whole.states:
+            _ = self.whole.subsystem
             return
         fixed = {
             n: settings.get(n, v)
@@ -84,8 +86,11 @@ class Pieces:
             if n not in moving and not n.startswith("solver.")
         }
         key = frozenset(fixed.items())
+        if not fixed:
+            _ = self.whole.subsystem
+            return
         with self._lock:
-            if not fixed or key in self._tried:
+            if key in self._tried:
                 return
             self._tried.add(key)
         unusual = {n: v for n, v in fixed.items() if v != self.defaults[n]}

@@ -191,12 +191,24 @@ class Reduced:
 
     def solved(self, prior: Array) -> Answer:
         """Least squares under a prior; prior: precision of the coefficients (n, n)."""
-        factor = np.linalg.cholesky(self.square + prior)
+        factor = _factor(self.square, prior)
         half = np.linalg.solve(factor, self.pull)
         inverse = np.linalg.solve(factor, np.eye(len(half)))
         occam = 2 * float(np.log(np.diag(factor)).sum()) - float(np.linalg.slogdet(prior)[1])
         covariance = inverse.T @ inverse
         return Answer(inverse.T @ half, covariance, self.cost - float(half @ half) + occam)
+
+
+def _factor(square: Array, prior: Array) -> Array:
+    """Cholesky's factor of a square (n, n) and a prior. Where two large products have left a square
+    that is none by their rounding, whatever it says no more of counts as much as that error.
+    """
+    try:
+        return np.asarray(np.linalg.cholesky(square + prior))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh((square + square.T) / 2)
+        lifted = (vectors * np.maximum(values, abs(values[0]))) @ vectors.T
+        return np.asarray(np.linalg.cholesky(lifted + prior))
 
 
 @dataclass(frozen=True, eq=False)

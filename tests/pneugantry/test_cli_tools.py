@@ -10,6 +10,7 @@ import pytest
 
 from pneugantry.cli import main
 
+ROOT = Path(__file__).parents[2]
 Capture = pytest.CaptureFixture[str]
 SCENARIO = (
     'workpiece = "straight"\nstart = { x = 0.95, z = 0.038 }\nphases = { contact = [0.0, '
@@ -42,6 +43,20 @@ def test_a_controller_with_arrays_is_refused_in_one_line(capsys: Capture, tmp_pa
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "holds ndarray nn.v" in said
+
+
+def test_the_parts_of_a_diagnosis_are_compiled_once(
+    capsys: Capture, tmp_path: Path, keeps_to_schema: Callable[[dict], None]
+) -> None:
+    motor = str(ROOT / "examples/motor/plant.toml")
+    result(capsys, "build", "--parts", motor)
+    again = result(capsys, "build", "--parts", motor)
+    keeps_to_schema(again)
+    assert again["parts"] == 0
+    assert main(["build", "--parts", "--controller", "pi_fv"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "--controller: is not for --parts" in said
 
 
 def test_bench_writes_the_rows_that_cli_md_promises(

@@ -12,7 +12,7 @@ from pneugantry.engine.descent import Weighing
 from pneugantry.engine.fit import Fit
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.simulation import Point
-from pneugantry.learn.linear import Base, response_of, trial_of
+from pneugantry.learn.linear import Base, Reduced, response_of, trial_of
 from pneugantry.learn.reply import means
 
 ROWS, BLOCK, CELLS = 240, 4, (("view", "one"), ("view", "two"))
@@ -95,3 +95,17 @@ def test_a_term_that_is_there_foretells_what_it_has_not_seen() -> None:
 def base_like(of: Base) -> Base:
     """The same without what was summed before its residuals changed."""
     return Base(of.fit, of.weighing, of.roots, of.white, of.columns, of.folds)
+
+
+def test_what_rounding_has_left_of_a_square_is_solved_all_the_same() -> None:
+    """A difference of large products with an eigenvalue of -1e-6 where it has none."""
+    vectors = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
+    square = (vectors * np.array([-1e-6, 0.0, 2.0, 5.0])) @ vectors.T
+    exact = (vectors * np.array([0.0, 0.0, 2.0, 5.0])) @ vectors.T
+    pull, prior = vectors @ np.array([0.0, 0.0, 4.0, 5.0]), 1e-8 * np.eye(4)
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.cholesky(square + prior)
+    found = Reduced(square, pull, 0.0).solved(prior)
+    wanted = Reduced(exact, pull, 0.0).solved(prior)
+    assert found.coefficients == pytest.approx(wanted.coefficients, abs=1e-6)
+    assert np.linalg.eigvalsh(found.covariance)[0] > 0

@@ -1,0 +1,48 @@
+"""What a diagnosis runs, compiled ahead of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from test_search import CATALOGUE, PERIOD, SIGMA, parts, plant, record
+
+from pneugantry.engine.parts import compile_parts
+from pneugantry.engine.plant import Data, Plant
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import Task, run
+from pneugantry.engine.views import build_views
+from pneugantry.plants.gantry.any_campaign import any_campaign
+from pneugantry.plants.gantry.describe import data_of
+from pneugantry.truth.setups import campaign_setups
+from pyfmi_runner.campaign import LogSetup
+from pyfmi_runner.plant import plant_parameters
+
+__all__ = ["parts", "plant"]  # fixtures
+
+
+def test_a_diagnosis_compiles_nothing_that_was_made_ahead(plant: Plant, tmp_path: Path) -> None:
+    rules, few = Rules(), {k: CATALOGUE[k] for k in ("drag", "leak", "current_bias")}
+    views = build_views(plant, list(SIGMA), tmp_path, PERIOD, rules)
+    data = Data((record("one", 1, drag=2.0), record("two", 2, drag=2.0)), record("held", 3))
+    task = Task(plant, views, data, few, tmp_path)
+    made = compile_parts(task, rules)
+    libraries = sorted(tmp_path.glob("*/part.so"))
+    assert made == len(libraries) > len(few)
+    assert compile_parts(task, rules) == 0
+    again = replace(task, views=build_views(plant, list(SIGMA), tmp_path, PERIOD, rules))
+    assert run(again, rules).diagnosis.causes[0].key == "drag"
+    assert sorted(tmp_path.glob("*/part.so")) == libraries
+
+
+def test_the_parts_of_the_gantry_are_those_of_the_usual_experiments() -> None:
+    """A parameter that logs set is open in the parts of all of them."""
+    usual = {
+        name
+        for setup in campaign_setups().values()
+        for name in plant_parameters(
+            LogSetup(start_x=setup.start[0], start_z=setup.start[1], workpiece=setup.workpiece)
+        )
+    }
+    fitted = data_of(any_campaign(), Rules()).fitted
+    assert {name for record in fitted for name in record.parameters} == usual
