@@ -16,7 +16,8 @@ from examples.emps import closed_loop, idim
 from pneugantry.engine.confirm import values_on
 from pneugantry.engine.fit import Fit
 from pneugantry.engine.result import to_json
-from pneugantry.engine.run import Found, Task, run
+from pneugantry.engine.run import Found, run
+from pneugantry.engine.task import Task
 from pneugantry.learn.learn import learn, wanted
 from pneugantry.learn.learned import Learned
 from pneugantry.learn.result import to_json as learned_json

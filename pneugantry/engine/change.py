@@ -31,9 +31,10 @@ from pneugantry.engine.fit import Fit
 from pneugantry.engine.plant import Array, Data, Epoch, Plant, Record
 from pneugantry.engine.result import NORMAL, Answer, Change, Changes, Moved
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, Task
+from pneugantry.engine.run import Found
 from pneugantry.engine.sensors import PREFIX
 from pneugantry.engine.sensors import neutral as neutral_of_sensor
+from pneugantry.engine.task import Task
 from pneugantry.engine.views import Run, View
 
 __all__ = ["AFTER", "BEFORE", "EpochView", "changes_of", "gap_on", "joined", "with_changes"]

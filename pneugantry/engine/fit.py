@@ -18,6 +18,7 @@ __all__ = [
     "Fit",
     "Lead",
     "as_of",
+    "borne",
     "deviations",
     "fallen",
     "known_beside",
@@ -146,6 +147,12 @@ def deviations(point: Point) -> dict[str, float]:
     """Deviations that tolerance is to explain, in spreads of the rig's tolerance."""
     pairs = zip(point.coordinates, point.theta, strict=True)
     return {c.name: float(theta) / c.spread for c, theta in pairs if c.scales}
+
+
+def borne(point: Point) -> float:
+    """-2 log prior of what every rig has somewhat off."""
+    pairs = zip(point.coordinates, point.theta, strict=True)
+    return sum(float(theta / c.spread) ** 2 for c, theta in pairs if not c.effect)
 
 
 def scaled(point: Point, scale: float) -> Point:

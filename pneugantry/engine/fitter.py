@@ -28,6 +28,7 @@ from pneugantry.engine.fit import (
     Fit,
     Lead,
     as_of,
+    borne,
     deviations,
     known_beside,
     occam,
@@ -610,7 +611,7 @@ class Fitter:
             c: self.noise.stretches(c, r, colour[c]) for c, r in solution.residuals.items()
         }
         cost = known.cost(point.theta)
-        cost += (self.rules.tolerated - 1) * sum(x**2 for x in deviations(point).values())
+        cost += (self.rules.tolerated - 1) * borne(point)
         if base is not None:
             left = {v: p for v, p in base.parabolas.items() if v not in parabolas}
             at = dict(zip((c.name for c in base.point.coordinates), base.point.theta, strict=True))

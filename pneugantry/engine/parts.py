@@ -16,7 +16,7 @@ from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Task
+from pneugantry.engine.task import Task
 
 __all__ = ["compile_parts"]
 

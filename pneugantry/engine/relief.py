@@ -50,7 +50,7 @@ class Reliefs:
         at = dict(zip(base.point.coordinates, base.point.theta, strict=True))
         self.theta = np.array([at[c] for c in self.own])
         spread = np.array([c.spread for c in self.own])
-        worth = np.array([fitter.rules.tolerated if c.scales else 1.0 for c in self.own])
+        worth = np.array([1.0 if c.effect else fitter.rules.tolerated for c in self.own])
         self.weight = worth / spread**2
         drawn = np.random.default_rng(0).standard_normal(len(self.own))
         theta = self.theta + BESIDE * spread * drawn

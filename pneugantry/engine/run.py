@@ -7,12 +7,10 @@ where, and how far the gap shrinks.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from modelica_fmu.errors import RunError
-from pneugantry.engine.catalogue import Effect
 from pneugantry.engine.confirm import (
     Gap,
     Replay,
@@ -23,43 +21,25 @@ from pneugantry.engine.confirm import (
     replays,
     values_on,
 )
-from pneugantry.engine.decide import Chances, Decision, Evidence, decide, outstanding
+from pneugantry.engine.decide import Decision, Evidence, decide, outstanding
+from pneugantry.engine.evidence import evidence_of, likeliest, vouched
 from pneugantry.engine.excess import Excess, excess_of, floors_of
 from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.location import where
-from pneugantry.engine.plant import Data, Epoch, Plant
-from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import Diagnosis, answer_set, causes_of
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.search import Search, resumed, search
+from pneugantry.engine.task import Task
 from pneugantry.engine.threads import one_blas_thread
-from pneugantry.engine.views import View
 
-__all__ = ["Found", "Task", "run"]
+__all__ = ["Found", "run"]
 
 Say = Callable[[str], None]
 CUT = "the search was cut short: trying everything beside everything would take minutes"
 LEFT_OPEN = "; nothing that was tried explains all that stands out"
-Keys = tuple[str, ...]  # effects of a hypothesis, sorted
 BLAMED = 1.1  # times the gap with tolerance alone from which on effects make it worse
 NOTABLE = 2.0  # times the floor from which on a gap is more than noise
-RIVALS = 4  # likeliest hypotheses that are also judged by the record that no fit saw
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """What a diagnosis is made of."""
-
-    plant: Plant
-    views: Sequence[View]
-    data: Data
-    catalogue: Mapping[str, Effect]
-    cache: Path  # of the parts of the model
-    chances: Chances = field(default_factory=Chances)
-    notes: tuple[str, ...] = ()
-    limits: tuple[str, ...] = ()  # what the records cannot show
-    epoch: Epoch | None = None  # the campaign whose plant is told, where there are two
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +82,10 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
         found = search(fitter, null, task.catalogue)
         clock.lap("search")
         say("held-out record")
-        evidence = _evidence(fitter, task, found)
+        evidence = evidence_of(fitter, task, found)
         clock.lap("held-out record")
         say("confirmation")
-        confirmed = _confirmed(fitter, task, found.null, _likeliest(evidence, task))
+        confirmed = _confirmed(fitter, task, found.null, likeliest(evidence, task))
         if confirmed.lost and task.data.held_out:
             clock.lap("confirmation")
             say("search again")
@@ -113,13 +93,13 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
             clock.lap("search")
             if further is not found:
                 say("held-out record")
-                found, evidence = further, _evidence(fitter, task, further)
+                found, evidence = further, evidence_of(fitter, task, further)
                 clock.lap("held-out record")
                 say("confirmation")
-                confirmed = _confirmed(fitter, task, found.null, _likeliest(evidence, task))
-        if confirmed.lost and (vouched := _vouched(fitter, task, found, evidence, confirmed)):
-            evidence = [*evidence, *vouched]
-            confirmed = _confirmed(fitter, task, found.null, _likeliest(evidence, task))
+                confirmed = _confirmed(fitter, task, found.null, likeliest(evidence, task))
+        if confirmed.lost and (more := vouched(fitter, task, found, evidence, confirmed.pair)):
+            evidence = [*evidence, *more]
+            confirmed = _confirmed(fitter, task, found.null, likeliest(evidence, task))
         return _answer(fitter, task, found, evidence, confirmed, clock)
     finally:
         fitter.close()
@@ -142,121 +122,6 @@ class _Clock:
         return time.perf_counter() - self.start
 
 
-def _evidence(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
-    """All that was tried; the likeliest few with what the held-out record says of them, beside the
-    nuisances alone, the others with what it says of the most that they contain.
-
-    Where that record turns the order round of two hypotheses of which one has an effect less, this
-    one is fitted again from the other's optimum: it may have been in a worse one, of the same
-    evidence in the records that were fitted.
-    """
-    fits = _compared(fitter, (*found.tried, found.null, found.best))
-    costs = _judged(fitter, task, fits, found.null)
-    for fewer, more in _turned(_costs(fits, fitter.rules), costs):
-        (gone,) = set(more) - set(fewer)
-        other = fitter.again(fitter.explore(fits[more].hypothesis.without(gone), fits[more]))
-        tried = _judged(fitter, task, {**fits, fewer: other}, found.null)
-        if tried[fewer] < costs[fewer]:
-            fits, costs = {**fits, fewer: other}, tried
-    return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
-
-
-def _compared(fitter: Fitter, tried: Iterable[Fit]) -> dict[Keys, Fit]:
-    """The best fit of each hypothesis' effects. Of the likeliest one in which all views were fitted
-    together: what was fitted beside parabolas of other views has tens of -2 log evidence too much
-    where it moved what they share.
-    """
-    by_keys: dict[Keys, list[Fit]] = {}
-    for fit in tried:
-        by_keys.setdefault(tuple(sorted(fit.keys)), []).append(fit)
-    fits = {k: min(own, key=lambda f: f.evidence) for k, own in by_keys.items()}
-    whole: set[Keys] = set()
-    while new := [k for k in _rivals(_costs(fits, fitter.rules), fitter.rules) if k not in whole]:
-        rough = [fits[k] for k in new if not fits[k].whole]
-        for made in fitter.together(fitter.again, rough, [f.hypothesis for f in rough]):
-            k = tuple(sorted(made.keys))
-            exact = (f for f in by_keys[k] if f.whole)
-            fits[k] = min((made, *exact), key=lambda f: f.evidence)
-        whole.update(new)
-    return fits
-
-
-def _rivals(costs: Mapping[Keys, float], rules: Rules) -> list[Keys]:
-    """The likeliest, but for what is hopelessly far behind."""
-    ranked = sorted(costs, key=lambda k: costs[k])[:RIVALS]
-    return [k for k in ranked if costs[k] < costs[ranked[0]] + rules.hopeless]
-
-
-def _judged(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> dict[Keys, float]:
-    """Costs of fits, with what records say of them that none has seen: of the likeliest, but for
-    what is hopelessly far behind.
-    """
-    costs = before = _costs(fits, fitter.rules)
-    judged: dict[Keys, float] = {(): 0.0}
-    while new := [k for k in _rivals(costs, fitter.rules) if k not in judged]:
-        judged = _foretold(fitter, task, {k: fits[k] for k in (*judged, *new)}, null)
-        costs = {k: before[k] - judged[_most(k, judged)] for k in before}
-    return costs
-
-
-def _turned(before: Mapping[Keys, float], after: Mapping[Keys, float]) -> list[tuple[Keys, Keys]]:
-    """The likeliest hypothesis, and each that has one of its effects less and was likelier before
-    the held-out record: the fewer effects first.
-    """
-    more = min(after, key=lambda k: after[k])
-    fewer = [k for k in after if len(k) == len(more) - 1 and set(k) < set(more)]
-    return [(k, more) for k in fewer if k and before[k] < before[more]]
-
-
-def _foretold(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> dict[Keys, float]:
-    """How much better each fit foretells the records that none saw than the nuisances alone."""
-    found = dict.fromkeys(fits, 0.0)
-    own = sorted((k for k in fits if k), key=lambda k: fits[k].evidence)
-    for held in task.data.unseen if own else ():
-        foretelling = Foretelling(fitter, task.views, held)
-        try:
-            gains = foretelling.gains([fits[k] for k in own], null)
-        finally:
-            foretelling.close()
-        for k, gain in zip(own, gains, strict=True):
-            found[k] += gain
-    return found
-
-
-def _most(keys: Keys, judged: Collection[Keys]) -> Keys:
-    """The most effects among these that were judged together."""
-    return max((k for k in judged if set(k) <= set(keys)), key=len)
-
-
-def _bring(keys: Keys, costs: Mapping[Keys, float]) -> bool:
-    """Whether effects bring anything beside fewer of them: else how many are tried would tell how
-    likely none is.
-    """
-    return all(costs[keys] < cost for k, cost in costs.items() if set(k) < set(keys))
-
-
-def _costs(fits: Mapping[Keys, Fit], rules: Rules) -> dict[Keys, float]:
-    """Less what effects bring. The best of as many effects is held against the likeliest that has
-    one of its effects less, else against none at all; the others of as many against that best:
-    over a detour each would be doubted for more than what tells it from its rival.
-    """
-    costs: dict[Keys, float] = {(): 0.0}
-    for count in sorted({len(k) for k in fits} - {0}):
-        level = [k for k in fits if len(k) == count]
-        best = min(level, key=lambda k: fits[k].evidence)
-        fewer = [k for k in costs if len(k) == count - 1 and set(k) < set(best)]
-        base = min(fewer, key=lambda k: costs[k], default=())
-        costs[best] = costs[base] - fits[best].gain(fits[base], rules)
-        for k in level:
-            costs[k] = costs[best] + (fits[best].gain(fits[k], rules) if k != best else 0.0)
-    return costs
-
-
-def _likeliest(evidence: Sequence[Evidence], task: Task) -> Fit:
-    """What is answered where nothing stands out."""
-    return decide(evidence, 0.0, task.chances).best
-
-
 def _answer(
     fitter: Fitter,
     task: Task,
@@ -265,11 +130,11 @@ def _answer(
     c: _Confirmed,
     clock: _Clock,
 ) -> Found:
-    likeliest = _likeliest(evidence, task)
-    excess = excess_of(fitter, likeliest, floors_of(fitter, likeliest))
-    worse = bool(likeliest.keys) and c.gap is not None and _worse(c.gap, c.plain)
+    best = likeliest(evidence, task)
+    excess = excess_of(fitter, best, floors_of(fitter, best))
+    worse = bool(best.keys) and c.gap is not None and _worse(c.gap, c.plain)
     seen = c.gap if task.data.held_out else None
-    left = outstanding(excess, task.chances, seen, likeliest)
+    left = outstanding(excess, task.chances, seen, best)
     doubtful = _read_by(fitter, evidence, None if worse or not left.channel else left.channel[0])
     decision = decide(evidence, left.score, task.chances, worse=worse, doubtful=doubtful)
     claimed = decision.best if not worse else found.null
@@ -334,48 +199,17 @@ class _Confirmed:
     notes: tuple[str, ...] = ()
 
     @property
+    def pair(self) -> tuple[Replay, Gap] | None:
+        """The nominal replay, and the gap; None where the record could not be replayed."""
+        return (self.nominal, self.gap) if self.nominal and self.gap else None
+
+    @property
     def lost(self) -> bool:
         """Whether the augmented replay leaves the record for good, and with it the replay under
         each draw of what the fit leaves open: an event that the answer misses.
         """
         gap = self.gap
         return gap is not None and gap.parted is not None and gap.leaving >= 1
-
-
-def _vouched(
-    fitter: Fitter,
-    task: Task,
-    found: Search,
-    evidence: Sequence[Evidence],
-    lost: _Confirmed,
-) -> list[Evidence]:
-    """Where the answer's replay has left the record that no fit saw: what was tried, brings enough
-    but for its doubt, and replays that record to its end as well as the answer did before it left.
-    What few stretches carry is doubted, for it may not be there again; here it is.
-    """
-    record, answer = task.data.held_out, _likeliest(evidence, task)
-    if record is None or lost.gap is None or lost.gap.early is None or lost.nominal is None:
-        return []
-    bar, rivals = fitter.rules.effect, dict[Keys, Fit]()
-    for fit in sorted(found.tried, key=lambda f: f.evidence):
-        more = max(len(fit.keys) - len(answer.keys), 1)
-        if answer.evidence - fit.evidence > bar * more:
-            rivals.setdefault(tuple(sorted(fit.keys)), fit)
-    few = list(rivals.values())[:RIVALS]
-    if not few:
-        return []
-    few = fitter.together(
-        lambda f: f if f.whole else fitter.again(f), few, [f.hypothesis for f in few]
-    )
-    made = replays(task.plant, record, [values_on(f, record) for f in few], task.cache)
-    kept, cost = [], next(e.cost for e in evidence if e.fit is answer)
-    for fit, replayed in zip(few, made, strict=True):
-        own = replayed and gap_of(
-            lost.nominal, replayed, fitter.rules, record.period, floor=lost.gap.floor
-        )
-        if own and own.parted is None and own.augmented < NOTABLE * lost.gap.early.augmented:
-            kept.append(Evidence(fit, cost - (answer.evidence - fit.evidence)))
-    return kept
 
 
 def _worse(gap: Gap, plain: Replay | None) -> bool:

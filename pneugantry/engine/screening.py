@@ -374,7 +374,7 @@ class _Test:
         self.theta = point.theta
         self.precision = np.array([1 / c.spread**2 for c in point.coordinates])
         self.worth = np.array(
-            [fitter.rules.tolerated if c.scales else 1 for c in point.coordinates]
+            [1 if c.effect else fitter.rules.tolerated for c in point.coordinates]
         )
         normal, gradient = self.weighing.normal(point, base.residuals, base.columns)
         self.inverse = np.linalg.inv(normal + np.diag(self.precision))

@@ -13,7 +13,7 @@ from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Task
+from pneugantry.engine.task import Task
 from pneugantry.engine.views import SubsystemView, View
 from pneugantry.learn.learned import Tried
 from pneugantry.learn.places import place_of

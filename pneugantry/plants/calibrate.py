@@ -19,7 +19,8 @@ from pneugantry.engine.decide import Chances
 from pneugantry.engine.draws import Source, drawn
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Task, run
+from pneugantry.engine.run import run
+from pneugantry.engine.task import Task
 from pyfmi_runner.scenario import parse_toml
 
 __all__ = [

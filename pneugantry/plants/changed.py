@@ -10,7 +10,8 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.change import gap_on, joined, with_changes
 from pneugantry.engine.describe import Described
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, Task, run
+from pneugantry.engine.run import Found, run
+from pneugantry.engine.task import Task
 from pneugantry.plants.calibrate import chances_of
 from pneugantry.plants.described import described_task
 from pyfmi_runner.scenario import parse_toml

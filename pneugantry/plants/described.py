@@ -16,8 +16,9 @@ from pneugantry.engine.accuracy import accurate
 from pneugantry.engine.describe import Described, described, views_of
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, Task, run
+from pneugantry.engine.run import Found, run
 from pneugantry.engine.sensors import PREFIX
+from pneugantry.engine.task import Task
 from pneugantry.engine.views import View
 from pneugantry.plants.calibrate import chances_of
 from pneugantry.plants.modelica import Extension, write_extension

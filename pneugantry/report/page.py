@@ -16,7 +16,8 @@ import jinja2
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, Task
+from pneugantry.engine.run import Found
+from pneugantry.engine.task import Task
 from pneugantry.report.headline import (
     chance,
     change_words,

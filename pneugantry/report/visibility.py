@@ -21,8 +21,8 @@ from pneugantry.engine.information import (
     sizes,
 )
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Task
 from pneugantry.engine.synthetic import noisy
+from pneugantry.engine.task import Task
 from pneugantry.report.headline import number
 
 __all__ = ["Row", "Visibility", "visibility"]

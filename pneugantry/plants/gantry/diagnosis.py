@@ -20,7 +20,8 @@ from pneugantry.engine.location import Place
 from pneugantry.engine.plant import Data, Plant, Record
 from pneugantry.engine.result import Cause, Diagnosis, Size
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, Task, run
+from pneugantry.engine.run import Found, run
+from pneugantry.engine.task import Task
 from pneugantry.engine.views import View
 from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of, check_names
 from pneugantry.plants.gantry.closed_loop import left_out, rerun

@@ -14,7 +14,7 @@ from modelica_fmu.errors import InputError, RunError
 from pneugantry.engine.confirm import replays
 from pneugantry.engine.decide import UNKNOWN, Decision
 from pneugantry.engine.plant import thinned
-from pneugantry.engine.run import Task
+from pneugantry.engine.task import Task
 from pneugantry.plants.gantry.closed_loop import augmented_of
 from pneugantry.plants.gantry.describe import record_of
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup, scenario_setup

@@ -10,7 +10,8 @@ from test_search import CATALOGUE, PERIOD, SIGMA, parts, plant, record
 from pneugantry.engine.parts import compile_parts
 from pneugantry.engine.plant import Data, Plant
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Task, run
+from pneugantry.engine.run import run
+from pneugantry.engine.task import Task
 from pneugantry.engine.views import build_views
 from pneugantry.plants.gantry.any_campaign import any_campaign
 from pneugantry.plants.gantry.describe import data_of

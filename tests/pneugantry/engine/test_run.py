@@ -15,6 +15,7 @@ from pneugantry.engine.autoregression import quoted
 from pneugantry.engine.confirm import Gap
 from pneugantry.engine.decide import Chances, Decision, Evidence, decide, outstanding
 from pneugantry.engine.descent import Problem, Solution, Weighing, prior, probed
+from pneugantry.engine.evidence import _compared, _costs, _turned, evidence_of, vouched
 from pneugantry.engine.excess import Excess
 from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
@@ -23,21 +24,10 @@ from pneugantry.engine.plant import Data, Plant, Record, Signal
 from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import (
-    Found,
-    Task,
-    _compared,
-    _Confirmed,
-    _confirmed,
-    _costs,
-    _cut_short,
-    _evidence,
-    _turned,
-    _vouched,
-    run,
-)
+from pneugantry.engine.run import Found, _Confirmed, _confirmed, _cut_short, run
 from pneugantry.engine.search import Search, search
 from pneugantry.engine.simulation import Point
+from pneugantry.engine.task import Task
 from pneugantry.engine.views import build_views
 
 __all__ = ["parts", "plant"]  # fixtures
@@ -208,7 +198,7 @@ def test_what_a_held_out_record_turns_round_is_fitted_again_from_there(
     wrong = replace(right, point=right.point.moved(theta), settled=False)
     data = Data(tuple(fitter.simulation.records.values()), record("held", 3, drag=2.0))
     task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
-    found = _evidence(fitter, task, Search(null, wrong, (), (wrong, pair)))
+    found = evidence_of(fitter, task, Search(null, wrong, (), (wrong, pair)))
     fitter.close()
     costs = {e.fit.keys: e.cost for e in found}
     own = next(e.fit for e in found if e.fit.keys == ("drag",))
@@ -332,13 +322,14 @@ def test_what_is_doubted_counts_where_it_alone_keeps_the_unseen_record(
     none = [Evidence(found.null, 0.0)]
     confirmed = _confirmed(fitter, task, found.null, found.null)
     assert confirmed.gap is not None
-    assert _vouched(fitter, task, found, none, confirmed) == []  # the answer keeps it as well
+    assert vouched(fitter, task, found, none, confirmed.pair) == []  # the answer keeps it as well
     early = replace(confirmed.gap, augmented=1.2)
     left = replace(confirmed.gap, parted=1.0, leaving=1.0, early=early)
-    vouched = _vouched(fitter, task, found, none, replace(confirmed, gap=left))
+    assert confirmed.nominal is not None
+    kept = vouched(fitter, task, found, none, (confirmed.nominal, left))
     fitter.close()
-    assert [v.fit.keys for v in vouched][:1] == ([("drag",)] if keeps else [])
-    assert all(v.cost < -fitter.rules.effect for v in vouched)
+    assert [v.fit.keys for v in kept][:1] == ([("drag",)] if keeps else [])
+    assert all(v.cost < -fitter.rules.effect for v in kept)
 
 
 def test_effects_that_share_a_parameter_fit_it_once(plant: Plant, parts: Path) -> None:

@@ -12,7 +12,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from pneugantry.engine.plant import Data, Plant
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Task, run
+from pneugantry.engine.run import run
+from pneugantry.engine.task import Task
 from pneugantry.engine.threads import one_blas_thread
 from pneugantry.engine.views import build_views
 

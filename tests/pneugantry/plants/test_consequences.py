@@ -18,8 +18,8 @@ from pneugantry.engine.fit import Fit
 from pneugantry.engine.hypothesis import Hypothesis
 from pneugantry.engine.plant import Data
 from pneugantry.engine.result import Answer
-from pneugantry.engine.run import Task
 from pneugantry.engine.simulation import Point
+from pneugantry.engine.task import Task
 from pneugantry.plants.gantry.augmented import (
     augmented_model,
     outside_the_plant,
