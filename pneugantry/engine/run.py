@@ -81,28 +81,33 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
         say("search")
         found = search(fitter, null, task.catalogue)
         clock.lap("search")
-        say("held-out record")
-        evidence = evidence_of(fitter, task, found)
-        clock.lap("held-out record")
-        say("confirmation")
-        confirmed = _confirmed(fitter, task, found.null, likeliest(evidence, task))
+        evidence, confirmed = _judged(fitter, task, found, clock, say)
         if confirmed.lost and task.data.held_out:
-            clock.lap("confirmation")
             say("search again")
             further = resumed(fitter, found, task.catalogue)
             clock.lap("search")
             if further is not found:
-                say("held-out record")
-                found, evidence = further, evidence_of(fitter, task, further)
-                clock.lap("held-out record")
-                say("confirmation")
-                confirmed = _confirmed(fitter, task, found.null, likeliest(evidence, task))
+                found = further
+                evidence, confirmed = _judged(fitter, task, found, clock, say)
         if confirmed.lost and (more := vouched(fitter, task, found, evidence, confirmed.pair)):
             evidence = [*evidence, *more]
             confirmed = _confirmed(fitter, task, found.null, likeliest(evidence, task))
         return _answer(fitter, task, found, evidence, confirmed, clock)
     finally:
         fitter.close()
+
+
+def _judged(
+    fitter: Fitter, task: Task, found: Search, clock: _Clock, say: Say
+) -> tuple[list[Evidence], _Confirmed]:
+    """What a search has found, beside the record that no fit saw."""
+    say("held-out record")
+    evidence = evidence_of(fitter, task, found)
+    clock.lap("held-out record")
+    say("confirmation")
+    confirmed = _confirmed(fitter, task, found.null, likeliest(evidence, task))
+    clock.lap("confirmation")
+    return evidence, confirmed
 
 
 class _Clock:
