@@ -13,8 +13,6 @@ from pneugantry.options import out_folder
 from pneugantry.progress import Stages
 from pyfmi_runner.plant import DEFAULT_CLASS
 
-GANTRY = "gantry"  # what --parts is for where nothing is named
-
 HELP = """Compile a Modelica class, or a controller, to an FMU (co-simulation and model exchange
 in one).
 
@@ -73,7 +71,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--parts",
         nargs="?",
-        const=GANTRY,
+        const="",
         metavar="CAMPAIGN_OR_PLANT",
         help="compile the parts of the model that a diagnosis runs, too (default: of the gantry "
         "with all its channels); else the first one that needs a part makes it",
@@ -90,11 +88,11 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _parts(source: str) -> int:
-    """Parts that were made."""
+    """Parts that were made; of the gantry where no source is named."""
     from pneugantry.api.diagnosis import compile_parts
 
     with Stages("build", "parts") as say:
-        return compile_parts(None if source == GANTRY else source, say=say)
+        return compile_parts(source or None, say=say)
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:

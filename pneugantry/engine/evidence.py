@@ -46,9 +46,7 @@ def _compared(fitter: Fitter, tried: Iterable[Fit]) -> dict[Keys, Fit]:
     together: what was fitted beside parabolas of other views has tens of -2 log evidence too much
     where it moved what they share.
     """
-    by_keys: dict[Keys, list[Fit]] = {}
-    for fit in tried:
-        by_keys.setdefault(tuple(sorted(fit.keys)), []).append(fit)
+    by_keys = _by_keys(tried)
     fits = {k: min(own, key=lambda f: f.evidence) for k, own in by_keys.items()}
     whole: set[Keys] = set()
     while new := [k for k in _rivals(_costs(fits, fitter.rules), fitter.rules) if k not in whole]:
@@ -59,6 +57,14 @@ def _compared(fitter: Fitter, tried: Iterable[Fit]) -> dict[Keys, Fit]:
             fits[k] = min((made, *exact), key=lambda f: f.evidence)
         whole.update(new)
     return fits
+
+
+def _by_keys(tried: Iterable[Fit]) -> dict[Keys, list[Fit]]:
+    """Fits of each hypothesis' effects, in whichever forms."""
+    found: dict[Keys, list[Fit]] = {}
+    for fit in tried:
+        found.setdefault(tuple(sorted(fit.keys)), []).append(fit)
+    return found
 
 
 def _rivals(costs: Mapping[Keys, float], rules: Rules) -> list[Keys]:
@@ -145,26 +151,18 @@ def vouched(
     lost: tuple[Replay, Gap] | None,
 ) -> list[Evidence]:
     """Where the answer's replay has left the record that no fit saw (lost: the nominal replay, and
-    the answer's gap): what was tried, brings enough
-    but for its doubt, and replays that record to its end as well as the answer did before it left.
-    What few stretches carry is doubted, for it may not be there again; here it is.
+    the answer's gap): what was tried, brings enough but for its doubt, and replays that record to
+    its end as well as the answer did before it left. What few stretches carry is doubted, for it
+    may not be there again; here it is.
     """
     record, answer = task.data.held_out, likeliest(evidence, task)
     if record is None or lost is None or lost[1].early is None:
         return []
-    nominal, gap = lost
-    as_well = AS_WELL * lost[1].early.augmented
-    bar, rivals = fitter.rules.effect, dict[Keys, Fit]()
-    for fit in sorted(found.tried, key=lambda f: f.evidence):
-        more = max(len(fit.keys) - len(answer.keys), 1)
-        if answer.evidence - fit.evidence > bar * more:
-            rivals.setdefault(tuple(sorted(fit.keys)), fit)
-    few = list(rivals.values())[:RIVALS]
+    few = _whole(fitter, _doubted(found, answer, fitter.rules)[:RIVALS])
     if not few:
         return []
-    few = fitter.together(
-        lambda f: f if f.whole else fitter.again(f), few, [f.hypothesis for f in few]
-    )
+    nominal, gap = lost
+    as_well = AS_WELL * lost[1].early.augmented
     made = replays(task.plant, record, [values_on(f, record) for f in few], task.cache)
     kept, cost = [], next(e.cost for e in evidence if e.fit is answer)
     for fit, replayed in zip(few, made, strict=True):
@@ -172,3 +170,26 @@ def vouched(
         if own and own.parted is None and own.augmented < as_well:
             kept.append(Evidence(fit, cost - (answer.evidence - fit.evidence)))
     return kept
+
+
+def _doubted(found: Search, answer: Fit, rules: Rules) -> list[Fit]:
+    """The best fit of each hypothesis that brings enough over an answer but for its doubt, the best
+    of all first.
+    """
+    best = (min(own, key=lambda f: f.evidence) for own in _by_keys(found.tried).values())
+    return sorted(
+        (f for f in best if answer.evidence - f.evidence > rules.effect * _more(f, answer)),
+        key=lambda f: f.evidence,
+    )
+
+
+def _more(fit: Fit, answer: Fit) -> int:
+    """Effects that a fit has more than an answer, at least one."""
+    return max(len(fit.keys) - len(answer.keys), 1)
+
+
+def _whole(fitter: Fitter, fits: Sequence[Fit]) -> list[Fit]:
+    """Fits with all views fitted together."""
+    return fitter.together(
+        lambda f: f if f.whole else fitter.again(f), fits, [f.hypothesis for f in fits]
+    )

@@ -25,7 +25,7 @@ class Rules:
     effect_prior: float = 2.0  # spread of an effect's size, in usual sizes
     tolerance: float = 1.5  # a rig's deviations at first, in units of what its description gives
     tolerance_weight: float = 8.0  # parameters that the description's own spread is worth
-    tolerated: float = 2.5  # worth of -2 log prior of a deviation in -2 log likelihood (0115)
+    tolerated: float = 2.5  # worth of -2 log prior of a deviation in -2 log likelihood (0152)
     iterations: int = 14  # Gauss-Newton steps of a fit, at most
     turns: int = 4  # of probing about the end of a fit, at most
     renewals: int = 4  # of colour and columns at the end of a fit, at most

@@ -46,7 +46,7 @@ def test_a_controller_with_arrays_is_refused_in_one_line(capsys: Capture, tmp_pa
 
 
 def test_the_parts_of_a_diagnosis_are_compiled_once(
-    capsys: Capture, tmp_path: Path, keeps_to_schema: Callable[[dict], None]
+    capsys: Capture, keeps_to_schema: Callable[[dict], None]
 ) -> None:
     motor = str(ROOT / "examples/motor/plant.toml")
     result(capsys, "build", "--parts", motor)

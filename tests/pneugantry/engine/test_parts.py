@@ -7,6 +7,7 @@ from pathlib import Path
 
 from test_search import CATALOGUE, PERIOD, SIGMA, parts, plant, record
 
+from modelica_fmu.toolchain import host_platform
 from pneugantry.engine.parts import compile_parts
 from pneugantry.engine.plant import Data, Plant
 from pneugantry.engine.rules import Rules
@@ -28,12 +29,13 @@ def test_a_diagnosis_compiles_nothing_that_was_made_ahead(plant: Plant, tmp_path
     data = Data((record("one", 1, drag=2.0), record("two", 2, drag=2.0)), record("held", 3))
     task = Task(plant, views, data, few, tmp_path)
     made = compile_parts(task, rules)
-    libraries = sorted(tmp_path.glob("*/part.so"))
+    library = f"*/part{host_platform().extension}"
+    libraries = sorted(tmp_path.glob(library))
     assert made == len(libraries) > len(few)
     assert compile_parts(task, rules) == 0
     again = replace(task, views=build_views(plant, list(SIGMA), tmp_path, PERIOD, rules))
     assert run(again, rules).diagnosis.causes[0].key == "drag"
-    assert sorted(tmp_path.glob("*/part.so")) == libraries
+    assert sorted(tmp_path.glob(library)) == libraries
 
 
 def test_the_parts_of_the_gantry_are_those_of_the_usual_experiments() -> None:
