@@ -11,14 +11,16 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from tqdm import tqdm
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
-from pyfmi_runner.build import cache_folder
-from pyfmi_runner.loop import Progress
+from pyfmi_runner.cache import cache_folder
+
+if TYPE_CHECKING:
+    from pyfmi_runner.loop import Progress
 
 __all__ = ["Stages", "bar", "counter", "loop_progress"]
 

@@ -5,11 +5,13 @@ model's names.
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from modelica_fmu.errors import InputError
-from pyfmi_runner.fmu_file import FmuFile
-from pyfmi_runner.workpiece import Profile, workpiece
+
+if TYPE_CHECKING:
+    from pyfmi_runner.fmu_file import FmuFile
+    from pyfmi_runner.workpiece import Profile
 
 __all__ = [
     "CLAMPS",
@@ -79,6 +81,8 @@ def own_profile(setup: PlantSetup) -> Profile | None:
     """
     if setup.workpiece == "none" or setup.workpiece in SHAPES:
         return None
+    from pyfmi_runner.workpiece import workpiece  # takes a second to import
+
     return workpiece(setup.workpiece, surface_finish=setup.surface_finish)
 
 

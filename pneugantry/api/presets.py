@@ -8,20 +8,14 @@ from typing import NamedTuple
 
 from modelica_fmu.errors import InputError
 from pneugantry.analysis.metrics import Metrics, tracking_metrics
+from pneugantry.api.preset_names import PRESETS
 from pneugantry.thesis.conditions import CHOICE, Run, scenario_of
 from pneugantry.thesis.scores import score_log
 from pneugantry.thesis.settings import CONVERTER
 from pyfmi_runner.log import Log
 from pyfmi_runner.scenario import Scenario
 
-__all__ = ["PRESETS", "Conditions", "conditions"]
-
-PRESETS = {
-    "campaign": "as the measuring campaigns contour: the plant's own parameters, 9 s of contour",
-    "thesis": "as the leaderboard of `pneugantry thesis`: contact of 5e4 N/m, DDFM friction on z, "
-    "surface finish, scored over the thesis' window",
-    "thesis_converter": "as thesis, read through the rig's converter: 12 bits over +-10 V",
-}
+__all__ = ["Conditions", "conditions"]
 
 
 class Conditions(NamedTuple):

@@ -8,8 +8,6 @@ from typing import Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.progress import bar
-from pyfmi_runner.build import build_fmu
-from pyfmi_runner.fmu import FmuFile
 
 HELP = """Speed of every path that steps the FMU, side by side in one run, and what a run costs.
 
@@ -35,6 +33,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    from pneugantry.api.inputs import fmu_from
     from pneugantry.speed.costs import against_cores, against_effects, against_runs, against_time
     from pneugantry.speed.measure import machine, measure_paths, path_rows
     from pneugantry.speed.paths import PATHS, Experiment
@@ -44,7 +43,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         raise InputError(
             f"is {options.rounds}, expected >= 1", field="--rounds", hint="repeat at least once"
         )
-    file = FmuFile.read(options.fmu or build_fmu().path)
+    file = fmu_from(options.fmu)
     measured = measure_paths(Experiment.of(file), options.rounds)
     rows, missing = path_rows(bar(measured, options.rounds * len(PATHS), "paths"))
     print(f"{'path':<38} {'us a step':>9} {'/ C':>7} {'least':>8}")

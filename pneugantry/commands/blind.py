@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.blind.check import diagnose_cases, draw_cases, unseal
-from pneugantry.blind.score import TARGETS, score
-from pneugantry.blind.sets import SETS, named_set, write_cases
+from pneugantry.blind.set_names import SETS
 from pneugantry.options import out_folder
 from pneugantry.progress import bar
 
@@ -66,6 +64,10 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    from pneugantry.blind.check import diagnose_cases, draw_cases, unseal
+    from pneugantry.blind.score import TARGETS, score
+    from pneugantry.blind.sets import named_set
+
     if options.cases < 1:
         raise InputError(
             f"is {options.cases}, expected >= 1", field="--cases", hint="draw at least one case"
@@ -111,6 +113,8 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 
 def _written(options: argparse.Namespace) -> dict[str, Any]:
     """Campaigns and truths on disk."""
+    from pneugantry.blind.sets import named_set, write_cases
+
     counter = bar(range(options.cases), options.cases, "write")
     folder = options.write / options.set
     seeds = range(options.seed, options.seed + options.cases)

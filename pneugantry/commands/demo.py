@@ -5,19 +5,16 @@ from __future__ import annotations
 import argparse
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import RunError
-from pneugantry.analysis.metrics import tracking_metrics
 from pneugantry.commands.diagnose import print_diagnosis
 from pneugantry.options import out_folder
 from pneugantry.progress import Stages, bar, loop_progress
-from pyfmi_runner.build import build_fmu
-from pyfmi_runner.campaign import DRIVEN, read_campaign
-from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import write_log
-from pyfmi_runner.run import RunResult, run_scenario
-from pyfmi_runner.scenario import Scenario
+
+if TYPE_CHECKING:
+    from pyfmi_runner.fmu import FmuFile
+    from pyfmi_runner.run import RunResult
 
 HELP = """The main job, from nothing: build the FMU, track the edges, diagnose a rig that does
 not match the model, write a report.
@@ -47,8 +44,13 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    from pneugantry.analysis.metrics import tracking_metrics
     from pneugantry.analysis.plots import save, tracking_figure
     from pneugantry.api.diagnosis import diagnose
+    from pyfmi_runner.build import build_fmu
+    from pyfmi_runner.campaign import DRIVEN, read_campaign
+    from pyfmi_runner.fmu import FmuFile
+    from pyfmi_runner.log import write_log
 
     built = build_fmu()
     print(f"FMU: {built.path} ({'built' if built.rebuilt else 'up to date'})")
@@ -99,6 +101,9 @@ def _drawn(seed: int, folder: Path) -> list[dict[str, Any]]:
 
 
 def _tracked(fmu: FmuFile, workpiece: str) -> RunResult:
+    from pyfmi_runner.run import run_scenario
+    from pyfmi_runner.scenario import Scenario
+
     result = run_scenario(
         Scenario(name=workpiece, workpiece=workpiece, seed=1),
         fmu,

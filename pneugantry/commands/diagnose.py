@@ -21,8 +21,6 @@ from pneugantry.report.headline import (
     shrinkable,
     verdict_word,
 )
-from pyfmi_runner.build import build_fmu
-from pyfmi_runner.fmu import FmuFile
 
 if TYPE_CHECKING:
     from pneugantry.api.diagnosis import Diagnosis
@@ -169,6 +167,7 @@ def _kind(source: Path) -> str:
 
 def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     """A folder of campaigns, in worker processes."""
+    from pneugantry.api.inputs import fmu_from
     from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
     from pneugantry.plants.gantry.catalogue import catalogue_of
 
@@ -180,7 +179,7 @@ def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dic
                 hint="leave it out; each campaign gets a diagnosis.html beside it",
             )
     catalogue_of(options.catalogue)  # refused here, not by every worker
-    gantry = FmuFile.read(options.fmu or build_fmu().path)
+    gantry = fmu_from(options.fmu)
     counter = bar(range(len(folders)), len(folders), "diagnose")
     results = diagnose_campaigns(
         folders,

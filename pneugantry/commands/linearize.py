@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 from modelica_fmu.errors import InputError
 from pneugantry.commands.run import parse_settings
 from pneugantry.options import out_file
-from pyfmi_runner.build import build_fmu
-from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.plant import COMMANDS, OUTPUTS, TASK
 
 if TYPE_CHECKING:
     from pneugantry.analysis.operating_point import OperatingPoint
+    from pyfmi_runner.fmu import FmuFile
 
 HELP = """State space of the FMU at an operating point, from its own directional derivatives.
 
@@ -95,12 +94,13 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         sampled,
     )  # python-control loads only when something is linearised
     from pneugantry.analysis.point_file import point_table, write_point
+    from pneugantry.api.inputs import fmu_from
 
     if not 0.0 <= options.delay <= 1.0:
         raise InputError(
             f"is {options.delay:g}, expected 0..1 s", field="--delay", hint="give seconds within it"
         )
-    file = FmuFile.read(options.fmu or build_fmu().path)
+    file = fmu_from(options.fmu)
     inputs, outputs = (_names(getattr(options, key), key, file) for key in ("inputs", "outputs"))
     point = _point(options, file)
     model = linearise(file, point, inputs, outputs)

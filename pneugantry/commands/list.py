@@ -14,7 +14,7 @@ HELP = """Names that the other commands take, with what they mean.
       of the plant, those whose names hold a text: value, unit, meaning
   pneugantry list effects                what a diagnosis can find
   pneugantry list gains                  gain tables of the thesis
-  pneugantry list workpieces, presets, columns"""
+  pneugantry list workpieces, presets, sets, columns"""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -101,9 +101,15 @@ def _workpieces(_: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _presets(_: argparse.Namespace) -> list[dict[str, Any]]:
-    from pneugantry.api.presets import PRESETS
+    from pneugantry.api.preset_names import PRESETS
 
     return [{"name": name, "about": about} for name, about in PRESETS.items()]
+
+
+def _sets(_: argparse.Namespace) -> list[dict[str, Any]]:
+    from pneugantry.blind.set_names import SETS
+
+    return [{"name": name, "about": about} for name, about in SETS.items()]
 
 
 def _columns(_: argparse.Namespace) -> list[dict[str, Any]]:
@@ -127,5 +133,6 @@ LISTS: dict[str, Callable[[argparse.Namespace], list[dict[str, Any]]]] = {
     "gains": _gains,
     "workpieces": _workpieces,
     "presets": _presets,
+    "sets": _sets,
     "columns": _columns,
 }

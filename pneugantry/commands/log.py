@@ -9,9 +9,6 @@ from typing import Any
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
 from pneugantry.options import log_target, out_file
-from pyfmi_runner.campaign import read_campaign, setup_table
-from pyfmi_runner.log import log_warnings, read_table, write_log
-from pyfmi_runner.log_template import guessed_columns, template
 
 HELP = """A recorder's own log made usable: columns, units, rate, and how it was taken.
 
@@ -44,6 +41,9 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 
 
 def _init(path: Path, out: Path | None, force: bool) -> dict[str, Any]:
+    from pyfmi_runner.log import read_table
+    from pyfmi_runner.log_template import guessed_columns, template
+
     target = out or path.with_suffix(".toml")
     if target.exists() and not force:
         raise InputError("is there already", file=target, hint="edit it, or give --force")
@@ -62,6 +62,9 @@ def _init(path: Path, out: Path | None, force: bool) -> dict[str, Any]:
 
 
 def _read(path: Path, out: Path | None) -> dict[str, Any]:
+    from pyfmi_runner.campaign import read_campaign, setup_table
+    from pyfmi_runner.log import log_warnings, write_log
+
     campaign = read_campaign(path)
     run = next(iter(campaign))
     warnings = log_warnings(run.log)

@@ -6,9 +6,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from pyfmi_runner.blocks import BLOCKS
-from pyfmi_runner.log import MEASURED
-
 HELP = """Measured log against the FMU: gap per log, channel and block; 1 is the noise floor.
 
 A log's gap: the whole plant driven by the recorded commands, RMS of (measured - simulated)/sigma
@@ -39,6 +36,9 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
 
 
 def print_replay(logs: dict[str, dict[str, Any]]) -> None:
+    from pyfmi_runner.blocks import BLOCKS
+    from pyfmi_runner.log import MEASURED
+
     width = max(len(name) for name in logs)
     print(f"{'log':<{width}}  {'gap':>7} " + " ".join(f"{c:>7}" for c in MEASURED))
     for name, entry in logs.items():

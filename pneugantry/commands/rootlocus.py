@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 from modelica_fmu.errors import InputError
 from pneugantry.commands.run import parse_settings
 from pneugantry.options import picture_target
-from pyfmi_runner.build import build_fmu
-from pyfmi_runner.fmu import FmuFile
 
 if TYPE_CHECKING:
     from pneugantry.analysis.force_loop import ForceLoop
@@ -83,9 +81,10 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
         force_loop,
     )  # python-control loads only when something is linearised
     from pneugantry.analysis.root_locus import root_locus
+    from pneugantry.api.inputs import fmu_from
 
     _check(options)
-    file = FmuFile.read(options.fmu or build_fmu().path)
+    file = fmu_from(options.fmu)
     angle = None if options.angle is None else math.radians(options.angle)
     shared: dict[str, Any] = {
         "delay": options.delay,

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.api.presets import PRESETS
+from pneugantry.api.preset_names import PRESETS
 from pneugantry.listening import logged
 from pneugantry.options import log_target, picture_target
 from pneugantry.progress import Stages
-from pyfmi_runner.workpiece import WORKPIECES
+from pyfmi_runner.plant import SHAPES
 
 HELP = """Track an edge in closed loop at 1 ms; print RMSE and maximum error of f_n and v_t over
 the contouring phase.
@@ -35,7 +35,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="scenario file (default: as the campaigns contour)",
     )
     command.add_argument(
-        "--workpiece", metavar="NAME|FILE.csv", help=f"{', '.join(WORKPIECES)} or a CSV of x, z_w"
+        "--workpiece", metavar="NAME|FILE.csv", help=f"{', '.join(SHAPES)} or a CSV of x, z_w"
     )
     command.add_argument(
         "--controller",

@@ -7,16 +7,15 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.jobs.job import Ended
 from pneugantry.options import out_folder
 from pneugantry.progress import bar
-from pneugantry.sweep.spec import read_spec
-from pneugantry.sweep.study import Swept, run_sweep
-from pyfmi_runner.build import build_fmu
-from pyfmi_runner.fmu import FmuFile
+
+if TYPE_CHECKING:
+    from pneugantry.jobs.job import Ended
+    from pneugantry.sweep.study import Swept
 
 HELP = """Parameter studies: every combination of a grid, or a Latin hypercube or Sobol sample,
 resumable, here or on a Dask cluster.
@@ -68,6 +67,10 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
+    from pneugantry.api.inputs import fmu_from
+    from pneugantry.sweep.spec import read_spec
+    from pneugantry.sweep.study import run_sweep
+
     if options.workers < 1:
         raise InputError(
             f"is {options.workers}, expected >= 1", field="--workers", hint="give at least one"
@@ -75,7 +78,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     spec = read_spec(options.spec)
     for note in spec.notes:
         print(f"note: {note}")
-    fmu = FmuFile.read(options.fmu or build_fmu().path)
+    fmu = fmu_from(options.fmu)
     out = options.out or Path("out/sweep") / spec.name
 
     def watch(ends: Iterable[Ended], total: int) -> Iterator[Ended]:

@@ -8,15 +8,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.options import out_folder
 from pneugantry.progress import counter
-from pneugantry.thesis.run_store import RunStore
-from pneugantry.thesis.runner import Tell
-from pyfmi_runner.build import build_fmu
-from pyfmi_runner.fmu import FmuFile
+
+if TYPE_CHECKING:
+    from pneugantry.thesis.run_store import RunStore
+    from pneugantry.thesis.runner import Tell
+    from pyfmi_runner.fmu import FmuFile
 
 HELP = """Run every table and conclusion of the thesis: ours beside the printed, which
 conclusion holds, and the leaderboard.
@@ -124,10 +125,18 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     return found, code
 
 
+def _gantry() -> FmuFile:
+    from pneugantry.api.inputs import fmu_from
+
+    return fmu_from()
+
+
 @contextmanager
-def _store(options: argparse.Namespace, fmu: Path) -> Iterator[RunStore]:
+def _store(options: argparse.Namespace, fmu: FmuFile) -> Iterator[RunStore]:
     """Says afterwards how much of the answer was there before."""
-    store = RunStore(options.runs or options.out / "runs.sqlite", FmuFile.read(fmu).sha256)
+    from pneugantry.thesis.run_store import RunStore
+
+    store = RunStore(options.runs or options.out / "runs.sqlite", fmu.sha256)
     try:
         yield store
     finally:
@@ -144,10 +153,10 @@ def _study(options: argparse.Namespace, tell: Tell) -> Answer:
     from pneugantry.thesis.study import run_study
     from pneugantry.thesis.tables import met_share
 
-    fmu = build_fmu().path
+    fmu = _gantry()
     with _store(options, fmu) as store:
         study = run_study(
-            fmu,
+            fmu.path,
             workers=max(options.workers, 1),
             tell=tell,
             plants=max(options.plants, 0),
@@ -158,7 +167,7 @@ def _study(options: argparse.Namespace, tell: Tell) -> Answer:
     if not options.no_figures:
         from pneugantry.thesis.figures import draw_figures
 
-        drawn = draw_figures(study, FmuFile.read(fmu), options.out)
+        drawn = draw_figures(study, fmu, options.out)
         lines.append(f"{len(drawn)} figures: {options.out}")
     held = sum(v.holds for v in study.verdicts)
     lines.append(
@@ -174,9 +183,9 @@ def _gap(options: argparse.Namespace, tell: Tell) -> Answer:
     from pneugantry.thesis.gap_report import draw_gap, gap_lines, gap_report
 
     draws = min(max(options.draws, 2), DRAWS)
-    fmu, workers = build_fmu().path, max(options.workers, 1)
+    fmu, workers = _gantry(), max(options.workers, 1)
     with _store(options, fmu) as store:
-        gap = run_gap(fmu, workers=workers, tell=tell, draws=draws, store=store)
+        gap = run_gap(fmu.path, workers=workers, tell=tell, draws=draws, store=store)
     lines = list(gap_lines(gap))
     if not options.no_figures:
         lines.append(f"picture: {draw_gap(gap, options.out)}")
@@ -201,10 +210,10 @@ def _board(options: argparse.Namespace, tell: Tell) -> Answer:
         [*dict.fromkeys([*names, *JUDGED])] if names else (),
         not options.no_margins,
     )
-    fmu = build_fmu().path
+    fmu = _gantry()
     with _store(options, fmu) as store:
         board = run_board(
-            fmu,
+            fmu.path,
             wanted,
             workers=max(options.workers, 1),
             tell=tell,
@@ -216,10 +225,10 @@ def _board(options: argparse.Namespace, tell: Tell) -> Answer:
 def _variants(options: argparse.Namespace, tell: Tell) -> Answer:
     from pneugantry.thesis.variants import run_variants, variant_lines, variant_report
 
-    fmu = build_fmu().path
+    fmu = _gantry()
     workers, draws = max(options.workers, 1), max(options.draws, 1)
     with _store(options, fmu) as store:
-        found = run_variants(fmu, workers=workers, tell=tell, draws=draws, store=store)
+        found = run_variants(fmu.path, workers=workers, tell=tell, draws=draws, store=store)
     return variant_report(found), list(variant_lines(found)), 0
 
 
@@ -227,7 +236,7 @@ def _tuning(options: argparse.Namespace, tell: Tell) -> Answer:
     from pneugantry.thesis.tuning import run_tuning
     from pneugantry.thesis.tuning_report import draw_tuning, tuning_lines, tuning_report
 
-    tuning = run_tuning(FmuFile.read(build_fmu().path))
+    tuning = run_tuning(_gantry())
     lines = list(tuning_lines(tuning))
     if not options.no_figures:
         lines.append(f"{len(draw_tuning(tuning, options.out))} figures: {options.out}")

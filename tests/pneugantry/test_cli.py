@@ -245,11 +245,13 @@ def test_help_is_printed_and_names_the_command(command: str, capsys: Capture) ->
 HEAVY = {"numpy", "scipy", "pandas", "numba", "casadi", "control", "matplotlib", "rumoca", "fmpy"}
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["fly"], []])
-def test_the_list_of_commands_imports_no_library(arguments: list[str]) -> None:
+@pytest.mark.parametrize(
+    "calls", [[["--help"]], [["--version"]], [["fly"]], [[]], [[c, "--help"] for c in COMMANDS]]
+)
+def test_the_list_of_commands_and_help_import_no_library(calls: list[list[str]]) -> None:
     code = (
         "import sys; from pneugantry.cli import main; "
-        f"main({arguments}); print(*sys.modules, file=sys.stderr)"
+        f"[main(call) for call in {calls}]; print(*sys.modules, file=sys.stderr)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {name.split(".")[0] for name in done.stderr.split()}

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneugantry.blind import check, sets
 from pneugantry.blind.score import TARGETS, calibration_error, judged, score
 from pneugantry.cli import main
-from pneugantry.commands import blind
 
 Z = {"effect": "presliding", "axis": "z", "block": "friction_z", "known": True}
 X = {"effect": "valve_lag", "axis": "x", "block": "valve_x", "known": True}
@@ -137,10 +137,10 @@ def test_the_commands_results_keep_to_their_schemas(
     """With cases that nobody simulates and answers that nobody computes."""
     cases = {"1": truth("one", Z), "2": truth("none")}
     answers = {"1": answer("identified", (Z, 0.9)), "2": answer("identified", (X, 0.8))}
-    monkeypatch.setattr(blind, "draw_cases", lambda *_: "5ea1")
-    monkeypatch.setattr(blind, "diagnose_cases", lambda *_: answers)
-    monkeypatch.setattr(blind, "unseal", lambda *_: cases)
-    monkeypatch.setattr(blind, "write_cases", lambda *_: None)
+    monkeypatch.setattr(check, "draw_cases", lambda *_: "5ea1")
+    monkeypatch.setattr(check, "diagnose_cases", lambda *_: answers)
+    monkeypatch.setattr(check, "unseal", lambda *_: cases)
+    monkeypatch.setattr(sets, "write_cases", lambda *_: None)
     capsys.readouterr()
     assert main(["blind", "--cases", "2", "--out", str(tmp_path), "--json", "-"]) == 0
     found = json.loads(capsys.readouterr().out)

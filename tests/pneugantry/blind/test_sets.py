@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from modelica_fmu.errors import InputError
+from pneugantry.blind import set_names
 from pneugantry.blind.sets import SETS, TRUTH, named_set, write_case
 from pneugantry.cli import main
 from pneugantry.truth.case import CaseSet
@@ -89,3 +90,7 @@ def test_an_unknown_set_is_refused_in_one_line(capsys: pytest.CaptureFixture[str
         named_set("ordinary")
     assert main(["blind", "--set", "ordinary"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_help_names_every_set_and_no_other() -> None:
+    assert list(set_names.SETS) == list(SETS)
