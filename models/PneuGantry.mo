@@ -144,7 +144,8 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Boolean stick "Inside the stick band";
   protected
     Ratio xi, shape, bumpy, uneven, loaded, rested;
-    Ratio below, above "Nodes beyond both ends, on the cubics through the last three";
+    Real coarse, fine "Place among the nodes of each table, 0 at the first";
+    Ratio nodes[23] = cat(1, {3*position_fine[1] - 3*position_fine[2] + position_fine[3]}, position_fine, {3*position_fine[21] - 3*position_fine[20] + position_fine[19]}) "With one beyond each end, on the parabola through the last three";
     discrete Time stuck_since(start = 0, fixed = true) "Since when it has been in the stick band";
     Force up, down, curve, F_limit, F_pre_limit, F_soft_limit, F_cap;
     Ratio toward "Sign of v, frozen between reversals";
@@ -154,10 +155,16 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     banded = law == FrictionLaw.vdfm or law == FrictionLaw.stribeck;
     bristled = law == FrictionLaw.ddfm or law == FrictionLaw.lugre;
     xi = 2*(s - s_low)/(s_high - s_low) - 1;
-    bumpy = noEvent(if sum(abs(position_table[i]) for i in 1:11) > 0 then sum(position_table[i]*max(1 - abs(5*(xi + 1) - (i - 1)), 0) for i in 1:11) else 0);
-    below = 3*position_fine[1] - 3*position_fine[2] + position_fine[3];
-    above = 3*position_fine[21] - 3*position_fine[20] + position_fine[19];
-    uneven = noEvent(if sum(abs(position_fine[i]) for i in 1:21) > 0 then max(sum(position_fine[i]*cubic_weight(abs(10*(xi + 1) - (i - 1))) for i in 1:21) + below*cubic_weight(10*(xi + 1) + 1) + above*cubic_weight(abs(10*(xi + 1) - 21)), -0.95) else 0);
+    // a table is the curve of one interval and what changes at each node: its coefficients are found once for all positions
+    coarse = noEvent(min(max(5*(xi + 1), 0), 10));
+    fine = noEvent(min(max(10*(xi + 1), 0), 20));
+    bumpy = noEvent(if sum(abs(position_table[i]) for i in 1:11) > 0 then
+        position_table[1] + (position_table[2] - position_table[1])*coarse
+        + sum((position_table[i - 1] - 2*position_table[i] + position_table[i + 1])*max(coarse - (i - 1), 0) for i in 2:10) else 0);
+    uneven = noEvent(if sum(abs(position_fine[i]) for i in 1:21) > 0 then max(
+        nodes[12] + (fine - 10)*(nodes[13] - nodes[11] + (fine - 10)*(2*nodes[11] - 5*nodes[12] + 4*nodes[13] - nodes[14] + (fine - 10)*(3*(nodes[12] - nodes[13]) + nodes[14] - nodes[11])))/2
+        + sum(kink(i - 2 - fine, -(nodes[i - 2] - 2*nodes[i - 1] + 2*nodes[i + 1] - nodes[i + 2])/2, (nodes[i - 2] - 4*nodes[i - 1] + 6*nodes[i] - 4*nodes[i + 1] + nodes[i + 2])/2) for i in 3:12)
+        + sum(kink(fine - (i - 2), (nodes[i - 2] - 2*nodes[i - 1] + 2*nodes[i + 1] - nodes[i + 2])/2, (nodes[i - 2] - 4*nodes[i - 1] + 6*nodes[i] - 4*nodes[i + 1] + nodes[i + 2])/2) for i in 13:21), -0.95) else 0);
     loaded = noEvent(if load_share > 0 then load_share*(if load_exponent == 1 then f_load/10 else (max(f_load, 0)/10 + 1e-12)^load_exponent) else 0);
     der(heat) = noEvent(if abs(warm) > 0 then warm_rate + warm_work*abs(F*v) else 0);
     shape = level*(1 + position_slope*xi + position_bow*xi^2 + bumpy + uneven)*(1 + loaded)*(1 - noEvent(if abs(warm) > 0 then warm*(1 - exp(-heat)) else 0));
@@ -246,16 +253,16 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     assert(s_high > s_low, "the upper end stop must lie above the lower one");
   end Cylinder;
 
-  function cubic_weight "Weight of a table's node between nodes: cubic convolution (Keys 1981), exact for parabolas"
-    input Real away "Distance, in nodes";
-    output Real weight;
+  function kink "What changes behind a node of cubics that join there without a jump of slope"
+    input Real beyond "Distance behind the node";
+    input Real square, cube "Changes of the coefficients of its powers";
+    output Real change;
   protected
-    Real wide "2 less the distance, or 0", close "1 less the distance, or 0";
+    Real u "0 ahead of the node";
   algorithm
-    wide := max(2 - away, 0);
-    close := max(1 - away, 0);
-    weight := wide^2*(wide - 1)/2 + close^2*(1 - 2*close);
-  end cubic_weight;
+    u := max(beyond, 0);
+    change := u^2*(square + cube*u);
+  end kink;
 
   function bump "Rise of an edge whose angle is amplitude*sin(pi*s)^2, per unit length, from s = 0"
     input Ratio s "Position within the bump, 0..1";
@@ -305,6 +312,8 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Boolean rough "Any surface finish";
     Boolean uneven "Any unevenness";
     Real node "Place among the nodes, 0 at the first";
+    Position wide[69] = cat(1, zeros(4), rise, zeros(4));
+    Position jump[65] = {wide[i] - 4*wide[i + 1] + 6*wide[i + 2] - 4*wide[i + 3] + wide[i + 4] for i in 1:65} "Of the third derivative, at each node from the second ahead of the first on";
     Position h_uneven;
     Ratio t_uneven;
     Ratio s_rise "Position within the 50 deg bump, 0..1";
@@ -327,9 +336,9 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     h_finish = noEvent(if rough then sum(A[i]*sin(2*pi*x/lambda[i] + phi[i]) for i in 1:8) else 0);
     t_finish = noEvent(if rough then sum(A[i]*2*pi/lambda[i]*cos(2*pi*x/lambda[i] + phi[i]) for i in 1:8) else 0);
     uneven = noEvent(sum(abs(rise[i]) for i in 1:61) > 0);
-    node = 60*(x - x_low)/(x_high - x_low);
-    h_uneven = noEvent(if uneven then sum(rise[i]*(max(2 - abs(node - i + 1), 0)^3 - 4*max(1 - abs(node - i + 1), 0)^3) for i in 1:61)/6 else 0);
-    t_uneven = noEvent(if uneven then sum(rise[i]*sign(node - i + 1)*(4*max(1 - abs(node - i + 1), 0)^2 - max(2 - abs(node - i + 1), 0)^2) for i in 1:61)*30/(x_high - x_low) else 0);
+    node = noEvent(min(max(60*(x - x_low)/(x_high - x_low), -2), 62));
+    h_uneven = noEvent(if uneven then sum(jump[i]*max(node - i + 3, 0)^3 for i in 1:65)/6 else 0);
+    t_uneven = noEvent(if uneven then sum(jump[i]*max(node - i + 3, 0)^2 for i in 1:65)*30/(x_high - x_low) else 0);
     d = x - profile_at;
     height = h_shape + h_finish + h_uneven + (tan(extra_angle) + extra_bow*(x - x_0)/2)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
     slope = t_shape + t_finish + t_uneven + tan(extra_angle) + extra_bow*(x - x_0) + profile_slope + d*profile_curvature;
