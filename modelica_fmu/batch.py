@@ -44,9 +44,13 @@ __all__ = [
 # Of a row, after which each mode holds for as large a share of it: nothing of a row's inside is
 # read, and a part that chatters would cost as much as a hundred that do not.
 EVENTS = 8
+# Internal steps of a row, which is short, after which stiffness is looked for, and how many of them
+# at the limit of stability tell it.
+STIFF = (8, 4)
 # Functions of a model that lanes call, of one without states and of others.
 LANED_STILL = ("observed", "conditions")
 LANED = ("rates", "outputs", "conditions")
+CLOCKED = ("updates",)  # and of one with clocks
 PART_FLAGS = ("-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math")  # no bit changes
 STILL_FLAGS = ("-O1",)  # without states: more takes the compiler twice as long and gains nothing
 
@@ -318,7 +322,7 @@ def part_key(model: Path, what: str) -> str:
     """Hash of what decides a part: sources, compiler, flags, processor, outputs and known
     variables.
     """
-    key = source_key([model], f"{what}, {EVENTS} events, {processor()}", "batch", None)
+    key = source_key([model], f"{what}, {EVENTS} events, stiff {STIFF}, {processor()}", "batch", None)
     return hashlib.sha256(key.encode()).hexdigest()[:24]
 
 
@@ -328,11 +332,15 @@ def _write(compiled: CompiledModel, folder: Path) -> None:
     sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in core}
     for name in ("batch.c", "elementary.h", "lanes.h"):
         sources[name] = (CSRC / "batch" / name).read_text(encoding="utf-8")
-    sources["core.c"] = f"#define MAX_EVENTS {EVENTS}\n{sources['core.c']}"
+    limits = {"MAX_EVENTS": EVENTS, "STIFF_WATCH": STIFF[0], "STIFF_STEPS": STIFF[1]}
+    defines = "".join(f"#define {name} {value}\n" for name, value in limits.items())
+    sources["core.c"] = defines + sources["core.c"]
     sources |= dict(compiled.sources)
     sources["model.c"] = with_elementary(compiled.sources["model.c"])
     model, kinds = compiled.sources["model.c"], {v.kind for v in compiled.variables}
-    sources["model_lanes.h"] = in_lanes(model, LANED if "state" in kinds else LANED_STILL)
+    functions = LANED if "state" in kinds else LANED_STILL
+    functions += () if "#define N_SAMPLES 0\n" in compiled.sources["model.h"] else CLOCKED
+    sources["model_lanes.h"] = in_lanes(model, functions)
     (folder / SOURCES).write_text(json.dumps(sources), encoding="utf-8")
     keys = ("name", "kind", "type", "start", "unit", "min", "max")
     variables = [{k: v for k, v in asdict(x).items() if k in keys} for x in compiled.variables]

@@ -18,7 +18,7 @@ static inline double model_max(double a, double b) { return a > b ? a : b; }
 ELEMENTARY = re.compile(r"\b(exp|log|pow|sin|cos|tanh)\(")  # those of elementary.h
 CALLS = re.compile(r"\b(?!model_|vector_|fabs|sqrt)[a-z]\w*\(")  # no vector instruction
 NAME = re.compile(r"\bw\d+\b")
-HELD = re.compile(r"q->(?:x|u|p|h|m|d|pre)\[\d+\]")
+HELD = re.compile(r"q->(?:x|u|p|h|m|d|pre|fired|tick)\[\d+\]")
 CONSTANT = re.compile(r"q->[ph]\[\d+\]")  # parameters, and what depends on them alone
 
 

@@ -15,9 +15,13 @@
 #else
 #define RARELY
 #endif
+#ifndef STIFF_WATCH
 #define STIFF_WATCH 100 /* internal steps within one communication step, after which stiffness is looked for */
+#endif
 #define STIFF_LIMIT 2.0 /* of h |df/dx|: Runge and Kutta's steps are unstable beyond 2.8 */
-#define STIFF_STEPS 15  /* at that limit, one after the other */
+#ifndef STIFF_STEPS
+#define STIFF_STEPS 15 /* at that limit, one after the other */
+#endif
 
 static const double RODAS_C[6] = {0, 0.386, 0.21, 0.63, 1, 1};
 static const double RODAS_G[6] = {0.25, -0.1043, 0.1035, -0.0362, 0, 0};

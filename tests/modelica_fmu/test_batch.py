@@ -205,6 +205,66 @@ def test_rows_that_are_steady_are_stepped_as_those_beside_them(cart: Subsystem) 
         np.testing.assert_array_equal(run, alone)
 
 
+CLOCKED = """package Toy
+  model Backlash "A lag behind a play that is read by a clock; its reversals are counted, too"
+    parameter Real play = 0.1;
+    parameter Real period = 1e-3 "s";
+    parameter Real tau = 0.02 "s";
+    input Real u;
+    output Real y(start = 0, fixed = true);
+    output Real read, count, wide;
+  protected
+    discrete Real held(start = 0, fixed = true);
+    discrete Real turns(start = 0, fixed = true);
+    discrete Boolean rising(start = false, fixed = true);
+  equation
+    when sample(0, period) then
+      held = max(min(pre(held), u + play), u - play);
+      rising = held > pre(held);
+    end when;
+    when rising then
+      turns = pre(turns) + 1;
+    end when;
+    read = held;
+    count = turns;
+    der(y) = (held - y) / tau;
+    wide = if y > 0.5 then 2 * y else y;
+  end Backlash;
+end Toy;
+"""
+
+
+@pytest.mark.parametrize("outputs", [["y"], ["y", "read", "count", "wide"]])
+def test_clocks_tick_in_lanes_as_without_them(tmp_path: Path, outputs: list[str]) -> None:
+    """Plays that are read every row, more rarely and more often than rows; memories that follow
+    from what a clock has set. The same bits as without lanes; where a clock ticks at the rows, as
+    the recursion by hand.
+    """
+    (tmp_path / "Toy.mo").write_text(CLOCKED, encoding="utf-8")
+    compiled = cut(tmp_path / "Toy.mo", "Toy.Backlash", outputs)
+    part = Subsystem(build_part(compiled, tmp_path, "clocked"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(batch, "PART_FLAGS", (*batch.PART_FLAGS, "-DLANED=0"))
+        plain = Subsystem(build_part(compiled, tmp_path, "plain clocked"))
+    rows = PERIOD * np.arange(700)
+    drives = [Drive({"u": np.sin(7 * rows + k) + 0.1 * k}) for k in range(2)]
+    values = np.column_stack([np.linspace(0.02, 0.4, 12), np.tile([1e-3, 4e-3, 1.5e-3, 4e-4], 3)])
+    values[::4, 1] = PERIOD
+    which = [k % 2 for k in range(12)]
+    found = part.runs(["play", "period"], values, drives, outputs, PERIOD, which)
+    for k, run in enumerate(found):
+        one = values[k : k + 1], drives[which[k]], outputs, PERIOD
+        np.testing.assert_array_equal(run, part.run(["play", "period"], *one)[0])
+        np.testing.assert_array_equal(run, plain.run(["play", "period"], *one)[0])
+    for k in range(0, 12, 4):
+        y = held = 0.0
+        for n, u in enumerate(drives[which[k]].inputs["u"].at):
+            held = max(min(held, u + values[k, 0]), u - values[k, 0])
+            told = [y, held][: len(outputs)]
+            np.testing.assert_allclose(found[k][n, : len(told)], told, atol=1e-6)
+            y = held + (y - held) * np.exp(-PERIOD / 0.02)
+
+
 PAD = """package Toy
   model Pad "Touch on a bumpy pad: relations, but no state"
     parameter Real k = 100.0;

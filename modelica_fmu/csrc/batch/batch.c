@@ -19,9 +19,10 @@
 #define STEPS_AT_FIRST 2000
 #define STEPS_PER_ROW 100
 
-/* A model for lanes: nothing but states, relations and memories. */
+/* A model for lanes: nothing but states, relations, memories and clocks that set these. */
 #ifndef LANED
-#define LANED (N_DELAYS + N_SAMPLES + N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS + N_ASSERTIONS == 0)
+#define CLOCKED (N_SAMPLES > 0 && N_STATES > 0 && !CHAINED)
+#define LANED (N_DELAYS + N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS + N_ASSERTIONS == 0 && (N_SAMPLES == 0 || CLOCKED))
 #endif
 
 typedef struct {

@@ -18,10 +18,11 @@ typedef double Lane[LANES] WIDE;
 typedef int64_t Whole[LANES] WIDE; /* as wide: no vector is split */
 
 typedef struct {
-    double time, initial, path, fired[AT_LEAST_1(N_BRANCHES)]; /* of all lanes */
-    int n;                                                     /* lanes in use */
+    double time, initial, path; /* of all lanes */
+    int n;                      /* lanes in use */
     Lane u[AT_LEAST_1(N_INPUTS)], x[AT_LEAST_1(N_STATES)], p[AT_LEAST_1(N_PARAMETERS + N_CALCULATED)], h[AT_LEAST_1(N_HOISTED)];
     Lane m[AT_LEAST_1(N_RELATIONS)], d[AT_LEAST_1(N_MEMORIES)], pre[AT_LEAST_1(N_MEMORIES)];
+    Lane fired[AT_LEAST_1(N_BRANCHES)], tick[AT_LEAST_1(N_SAMPLES)];
 } LaneData;
 
 #include "elementary.h"
@@ -32,7 +33,10 @@ typedef struct {
     Lane dx[AT_LEAST_1(N_STATES)], z[AT_LEAST_1(N_RELATIONS)], y[AT_LEAST_1(N_OUTPUTS)];
     Lane condition[AT_LEAST_1(N_BRANCHES)]; /* of when-clauses, after the last event */
     Lane x0[AT_LEAST_1(N_STATES)], m0[AT_LEAST_1(N_RELATIONS)], condition0[AT_LEAST_1(N_BRANCHES)]; /* where the row began */
-    int kept;       /* m0 and condition0 are set: relations have changed since */
+    Lane d0[AT_LEAST_1(N_MEMORIES)], ticks0[AT_LEAST_1(N_SAMPLES)];
+    int kept;       /* these but x0 are set: relations, memories or clocks have changed since */
+    Lane ticks[AT_LEAST_1(N_SAMPLES)]; /* of each clock, already taken */
+    Lane begins[AT_LEAST_1(N_SAMPLES)], interval[AT_LEAST_1(N_SAMPLES)]; /* s, of each clock */
     Lane allowed;   /* s, step that each run's error allows; 0: an implicit one, which is core.c's alone */
     Lane off;       /* not 0: lanes that leave this row to core.c */
     Lane over;      /* 1: lanes without a run, or whose run is over */
@@ -72,6 +76,16 @@ static inline int any(const double *lanes) {
     return found != 0;
 }
 
+/* What may change within a row, as it was at its beginning. */
+static inline void keep_lanes(Lanes *w) {
+    if (w->kept) return;
+    memcpy(w->m0, w->q.m, sizeof w->m0);
+    memcpy(w->condition0, w->condition, sizeof w->condition0);
+    memcpy(w->d0, w->q.d, sizeof w->d0);
+    memcpy(w->ticks0, w->ticks, sizeof w->ticks0);
+    w->kept = 1;
+}
+
 /* Conditions under new relations; a lane in which one rises is off: its when-clause fires. */
 static inline void condition_lanes(Lanes *w, const double *changed) {
     Lane now[AT_LEAST_1(N_BRANCHES)];
@@ -92,19 +106,88 @@ static inline void evaluate_lanes(Lanes *w) {
 #endif
 }
 
+#if N_SAMPLES > 0 && LANED
+/* Of a clock, when it ticks next. */
+static inline double tick_after(const Lanes *w, int i, int l) {
+    return w->begins[i][l] + w->ticks[i][l] * w->interval[i][l];
+}
+
+/* Clocks that tick by now, as take_due_ticks of core.c; whether any does. */
+static inline int due_lanes(Lanes *w) {
+    const double now = w->q.time + time_slack(w->q.time);
+    int found = 0;
+    for (int i = 0; i < N_SAMPLES; i++)
+        for (int l = 0; l < LANES; l++) {
+            w->q.tick[i][l] = w->over[l] == 0 && tick_after(w, i, l) <= now ? 1 : 0;
+            found |= w->q.tick[i][l] != 0;
+        }
+    if (!found) return 0;
+    keep_lanes(w);
+    for (int i = 0; i < N_SAMPLES; i++)
+        for (int l = 0; l < LANES; l++)
+            while (w->over[l] == 0 && tick_after(w, i, l) <= now) w->ticks[i][l] += 1;
+    return 1;
+}
+
+/* What fires, and what that sets, as update of core.c; lanes in which anything is new. */
+static inline void update_lanes(Lanes *w, double *restrict new) {
+    Lane now[AT_LEAST_1(N_BRANCHES)], d[AT_LEAST_1(N_MEMORIES)], x[AT_LEAST_1(N_STATES)], chain = {0};
+    lanes_conditions(&w->q, now);
+    for (int i = 0; i < N_BRANCHES; i++)
+        for (int l = 0; l < LANES; l++) {
+            const int before = i > 0 && model_chain[i] == model_chain[i - 1] && chain[l] != 0;
+            w->q.fired[i][l] = now[i][l] != 0 && w->condition[i][l] == 0 && !before ? 1 : 0;
+            chain[l] = before || w->q.fired[i][l] != 0;
+            new[l] += w->q.fired[i][l];
+            w->condition[i][l] = now[i][l];
+        }
+    memcpy(x, w->q.x, sizeof x);
+    lanes_updates(&w->q, d, x);
+    for (int i = 0; i < N_MEMORIES; i++)
+        for (int l = 0; l < LANES; l++) {
+            new[l] += d[i][l] != w->q.d[i][l] ? 1 : 0;
+            w->q.d[i][l] = w->q.pre[i][l] = d[i][l];
+        }
+    memcpy(w->q.x, x, sizeof x);
+    memset(w->q.fired, 0, sizeof w->q.fired);
+}
+
+/* Clocks that are due, as iterate_events of core.c: what they set, once. A lane in which that brings anything further is off. */
+static inline void tick_lanes(Lanes *w) {
+    Lane new = {0}, odd = {0};
+    if (!due_lanes(w)) return;
+    evaluate_lanes(w);
+    contradict(&w->q, w->z, odd);
+    update_lanes(w, new);
+    evaluate_lanes(w);
+    contradict(&w->q, w->z, odd);
+    memset(new, 0, sizeof new);
+    update_lanes(w, new);
+    for (int l = 0; l < LANES; l++) w->off[l] += odd[l] + new[l];
+    memset(w->q.tick, 0, sizeof w->q.tick);
+    lanes_conditions(&w->q, w->condition);
+}
+
+/* A lane is off whose clock ticks on the way to `end`. */
+static inline void refuse_ticks(Lanes *w, double end) {
+    for (int i = 0; i < N_SAMPLES; i++)
+        for (int l = 0; l < LANES; l++) w->off[l] += w->over[l] == 0 && tick_after(w, i, l) < end - time_slack(end) ? 1 : 0;
+}
+#else
+static inline void tick_lanes(Lanes *w) { (void)w; }
+static inline void refuse_ticks(Lanes *w, double end) { (void)w, (void)end; }
+#endif
+
 /* Relations as they are now, and rates under them, as iterate_events of core.c finds them. */
 static inline void settle_lanes(Lanes *w) {
     Lane changed = {0}, odd = {0};
+    tick_lanes(w);
     for (int round = 0; round < ROUNDS; round++) {
         memset(odd, 0, sizeof odd);
         evaluate_lanes(w);
         contradict(&w->q, w->z, odd);
         if (!any(odd)) break;
-        if (!w->kept) {
-            memcpy(w->m0, w->q.m, sizeof w->m0);
-            memcpy(w->condition0, w->condition, sizeof w->condition0);
-            w->kept = 1;
-        }
+        keep_lanes(w);
         for (int l = 0; l < LANES; l++) changed[l] += odd[l];
         for (int i = 0; i < N_RELATIONS; i++) {
             const int inclusive = model_inclusive[i];
@@ -202,6 +285,7 @@ static inline void pass_lanes(Lanes *w, double time, double length) {
     for (int l = 0; l < LANES; l++) w->off[l] += w->allowed[l] < usual ? 1 : 0;
     w->q.time = time;
     settle_lanes(w);
+    refuse_ticks(w, end);
     for (int last = 0; !last;) {
         const double left = end - w->q.time, pieces = ceil(left / longest * (1 - 1e-9));
         last = pieces <= 1;
@@ -265,6 +349,7 @@ static void lane_of_run(Lanes *w, int l) {
     for (int i = 0; i < N_STATES; i++) w->q.x[i][l] = c->q.x[i];
     for (int i = 0; i < N_RELATIONS; i++) w->q.m[i][l] = c->q.m[i];
     for (int i = 0; i < N_MEMORIES; i++) w->q.d[i][l] = c->q.d[i], w->q.pre[i][l] = c->q.pre[i];
+    for (int i = 0; i < N_SAMPLES; i++) w->ticks[i][l] = (double)c->tick_count[i];
     for (int i = 0; i < N_BRANCHES; i++) w->condition[i][l] = c->condition[i];
     w->allowed[l] = c->implicit || c->q.p[P_MAX_STEP] != w->run[0]->c.q.p[P_MAX_STEP] ? 0 : c->step;
 }
@@ -273,6 +358,10 @@ static void parameters_of_run(Lanes *w, int l) {
     const ModelData *from = &w->run[l]->c.q;
     for (int i = 0; i < N_PARAMETERS + N_CALCULATED; i++) w->q.p[i][l] = from->p[i];
     for (int i = 0; i < N_HOISTED; i++) w->q.h[i][l] = from->h[i];
+    for (int i = 0; i < N_SAMPLES; i++) {
+        w->begins[i][l] = w->run[l]->c.tick_start[i];
+        w->interval[i][l] = w->run[l]->c.tick_interval[i];
+    }
 }
 
 /* Of the row's beginning. */
@@ -281,6 +370,8 @@ static void run_of_lane(const Lanes *w, int l) {
     for (int i = 0; i < N_STATES; i++) c->q.x[i] = w->x0[i][l];
     for (int i = 0; i < N_RELATIONS; i++) c->q.m[i] = (w->kept ? w->m0 : w->q.m)[i][l];
     for (int i = 0; i < N_BRANCHES; i++) c->condition[i] = (w->kept ? w->condition0 : w->condition)[i][l];
+    for (int i = 0; i < N_MEMORIES; i++) c->q.d[i] = c->q.pre[i] = (w->kept ? w->d0 : w->q.d)[i][l];
+    for (int i = 0; i < N_SAMPLES; i++) c->tick_count[i] = (int64_t)(w->kept ? w->ticks0 : w->ticks)[i][l];
     invalidate(w->run[l]);
 }
 
