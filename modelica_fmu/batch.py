@@ -322,7 +322,8 @@ def part_key(model: Path, what: str) -> str:
     """Hash of what decides a part: sources, compiler, flags, processor, outputs and known
     variables.
     """
-    key = source_key([model], f"{what}, {EVENTS} events, stiff {STIFF}, {processor()}", "batch", None)
+    how = f"{what}, {EVENTS} events, stiff {STIFF}, {processor()}"
+    key = source_key([model], how, "batch", None)
     return hashlib.sha256(key.encode()).hexdigest()[:24]
 
 
@@ -338,7 +339,7 @@ def _write(compiled: CompiledModel, folder: Path) -> None:
     sources |= dict(compiled.sources)
     sources["model.c"] = with_elementary(compiled.sources["model.c"])
     model, kinds = compiled.sources["model.c"], {v.kind for v in compiled.variables}
-    functions = LANED if "state" in kinds else LANED_STILL
+    functions: tuple[str, ...] = LANED if "state" in kinds else LANED_STILL
     functions += () if "#define N_SAMPLES 0\n" in compiled.sources["model.h"] else CLOCKED
     sources["model_lanes.h"] = in_lanes(model, functions)
     (folder / SOURCES).write_text(json.dumps(sources), encoding="utf-8")

@@ -79,6 +79,8 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if name and (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(ROOT / name, folder / name)
+    # once, not by each block: where no process may write bytecode
+    subprocess.run([sys.executable, "-m", "compileall", "-q", str(folder)], check=False)
     program = folder / ".bin" / "pneugantry"
     program.parent.mkdir()
     program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pneugantry "$@"\n')

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 
 import pytest
 
@@ -18,7 +17,7 @@ from pyfmi_runner.build import build_fmu
 
 @cache
 def real_fmu(fmi: str) -> Path:
-    return build_fmu(fmi=fmi, out=Path(mkdtemp(prefix="real-fmu-"))).path
+    return build_fmu(fmi=fmi).path
 
 
 @pytest.fixture(params=["2.0", "3.0"])

@@ -44,9 +44,8 @@ SHORT = (  # log, law on z, seconds, changes of mode that must occur
 
 
 @pytest.fixture(scope="module")
-def fmus(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("solver")
-    return {fmi: build_fmu(fmi=fmi, out=folder).path for fmi in ("2.0", "3.0")}
+def fmus():
+    return {fmi: build_fmu(fmi=fmi).path for fmi in ("2.0", "3.0")}
 
 
 @pytest.fixture(scope="module")

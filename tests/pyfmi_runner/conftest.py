@@ -1,6 +1,4 @@
-"""The gantry's FMU, built once where the tests may write."""
-
-from pathlib import Path
+"""The gantry's FMU."""
 
 import pytest
 
@@ -9,6 +7,5 @@ from pyfmi_runner.fmu import FmuFile
 
 
 @pytest.fixture(scope="session")
-def gantry(tmp_path_factory: pytest.TempPathFactory) -> FmuFile:
-    folder: Path = tmp_path_factory.mktemp("gantry")
-    return FmuFile.read(build_fmu(out=folder).path)
+def gantry() -> FmuFile:
+    return FmuFile.read(build_fmu().path)
