@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-PACKAGES := pneugantry pyfmi_runner modelica_fmu controllers benchmarks
+SOURCES := pneugantry pyfmi_runner modelica_fmu controllers benchmarks examples
 
 .PHONY: demo test test-slow lint docs wheel lock clean
 .DELETE_ON_ERROR:
@@ -12,7 +12,7 @@ demo: $(READY)
 	$(BIN)/pneugantry demo
 
 test: lint ## on two to four cores; tests/conftest.py says what stays together
-	$(BIN)/python -m compileall -q $(PACKAGES)
+	$(BIN)/python -m compileall -q $(SOURCES) # else each process does, where PYTHONDONTWRITEBYTECODE is set
 	$(BIN)/python -m pytest -m "not slow" --numprocesses logical --maxprocesses 4 --dist loadgroup
 
 test-slow: lint

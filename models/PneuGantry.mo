@@ -704,6 +704,78 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
       friction.f_load = 0;
       error = friction.F - 15*(1 + (2*friction.s - 1)^2);
     end FineTable;
+
+    model FineNodes "Single nodes: the weights of cubic convolution; beyond its ends a table holds"
+      Friction friction(position_fine = {if i == 1 then 0.3 elseif i == 6 or i == 16 then 1 elseif i == 21 then -0.2 else 0 for i in 1:21});
+      parameter Real tolerance = 3e-12;
+      output Force error;
+    protected
+      Real u "Place among the nodes";
+    equation
+      friction.v = 0.5;
+      friction.s = 1.05 - 0.9*time;
+      friction.f_net = 0;
+      friction.f_load = 0;
+      u = min(max(20*friction.s, 0), 20);
+      error = friction.F - 15*(1 + 0.3*keys(u) + 0.9*keys(u + 1) + keys(u - 5) + keys(u - 15) - 0.2*keys(u - 20) - 0.6*keys(u - 21));
+    end FineNodes;
+
+    function keys "Weight of a node at this distance"
+      input Real apart;
+      output Real weight;
+    protected
+      Real wide "2 less the distance, or 0", close "1 less the distance, or 0";
+    algorithm
+      wide := max(2 - abs(apart), 0);
+      close := max(1 - abs(apart), 0);
+      weight := wide^2*(wide - 1)/2 + close^2*(1 - 2*close);
+    end keys;
+
+    model CoarseNodes "Straight between the nodes of a table; beyond its ends it holds"
+      Friction friction(position_table = {if i == 1 then 0.5 elseif i == 4 then 1 elseif i == 11 then -0.5 else 0 for i in 1:11});
+      parameter Real tolerance = 1e-12;
+      output Force error;
+    protected
+      Real u "Place among the nodes";
+    equation
+      friction.v = 0.5;
+      friction.s = 1.05 - 0.9*time;
+      friction.f_net = 0;
+      friction.f_load = 0;
+      u = min(max(10*friction.s, 0), 10);
+      error = friction.F - 15*(1 + 0.5*max(1 - u, 0) + max(1 - abs(u - 3), 0) - 0.5*max(u - 9, 0));
+    end CoarseNodes;
+
+    model EdgeNodes "Single coefficients of an edge: B-splines, and their slopes"
+      Workpiece workpiece(rise = {if i == 1 or i == 20 or i == 45 then 1e-3 else 0 for i in 1:61});
+      parameter Real tolerance = 1e-12;
+      output Real error;
+    protected
+      Real u "Place among the nodes";
+    equation
+      workpiece.x = 1.05 - 0.6*time;
+      workpiece.profile_at = 0;
+      workpiece.profile_height = 0;
+      workpiece.profile_slope = 0;
+      workpiece.profile_curvature = 0;
+      u = (workpiece.x - 0.4)/0.01;
+      error = abs(workpiece.height - 1e-3*(spline(u) + spline(u - 19) + spline(u - 44)))
+        + abs(workpiece.slope - 0.1*(spline_slope(u) + spline_slope(u - 19) + spline_slope(u - 44)));
+    end EdgeNodes;
+
+    function spline "Cubic B-spline about 0"
+      input Real apart;
+      output Real height;
+    algorithm
+      height := (max(2 - abs(apart), 0)^3 - 4*max(1 - abs(apart), 0)^3)/6;
+    end spline;
+
+    function spline_slope "Its derivative"
+      input Real apart;
+      output Real slope;
+    algorithm
+      slope := sign(apart)*(4*max(1 - abs(apart), 0)^2 - max(2 - abs(apart), 0)^2)/2;
+    end spline_slope;
   end Validation;
   annotation(version = "0.1.0", versionDate = "2026-11-21",
     __FMU(author = "The PneuGantry developers", license = "MIT", copyright = "The PneuGantry developers"));

@@ -20,6 +20,7 @@ __all__ = [
     "MANUAL",
     "OUTPUTS",
     "PROFILE",
+    "SHAPES",
     "TASK",
     "PlantSetup",
     "check_gantry",

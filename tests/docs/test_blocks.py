@@ -79,7 +79,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if name and (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(ROOT / name, folder / name)
-    # once, not by each block: where no process may write bytecode
+    # once: with PYTHONDONTWRITEBYTECODE each block would compile them anew
     subprocess.run([sys.executable, "-m", "compileall", "-q", str(folder)], check=False)
     program = folder / ".bin" / "pneugantry"
     program.parent.mkdir()

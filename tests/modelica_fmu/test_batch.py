@@ -206,9 +206,11 @@ def test_rows_that_are_steady_are_stepped_as_those_beside_them(cart: Subsystem) 
 
 
 CLOCKED = """package Toy
-  model Backlash "A lag behind a play that is read by a clock; its reversals are counted, too"
+  model Backlash "A lag behind a play that is read by a clock; another one drains it"
     parameter Real play = 0.1;
     parameter Real period = 1e-3 "s";
+    parameter Real slack = 1e9 "s, of a clock that lets the play go";
+    parameter Real drain = 1e9 "s, of a clock that empties the lag by half";
     parameter Real tau = 0.02 "s";
     input Real u;
     output Real y(start = 0, fixed = true);
@@ -221,6 +223,12 @@ CLOCKED = """package Toy
     when sample(0, period) then
       held = max(min(pre(held), u + play), u - play);
       rising = held > pre(held);
+    elsewhen sample(0, slack) then
+      held = u;
+      rising = false;
+    end when;
+    when sample(drain, drain) then
+      reinit(y, 0.5 * pre(y));
     end when;
     when rising then
       turns = pre(turns) + 1;
@@ -232,30 +240,41 @@ CLOCKED = """package Toy
   end Backlash;
 end Toy;
 """
+# a when-clause that follows from what a clock has set has no lanes
+TOLD = [(["y"], False), (["y", "read", "wide"], False), (["y", "read", "count", "wide"], True)]
 
 
-@pytest.mark.parametrize("outputs", [["y"], ["y", "read", "count", "wide"]])
-def test_clocks_tick_in_lanes_as_without_them(tmp_path: Path, outputs: list[str]) -> None:
-    """Plays that are read every row, more rarely and more often than rows; memories that follow
-    from what a clock has set. The same bits as without lanes; where a clock ticks at the rows, as
-    the recursion by hand.
+@pytest.mark.parametrize(("outputs", "chained"), TOLD)
+def test_clocks_tick_in_lanes_as_without_them(
+    tmp_path: Path, outputs: list[str], chained: bool
+) -> None:
+    """Plays that are read every row, more rarely, and within rows; two clocks of one clause, and
+    one that sets a state; beside each other, for not all lanes tick at once. The same bits as alone
+    and as without lanes; where one clock ticks at each row, as the recursion by hand.
     """
     (tmp_path / "Toy.mo").write_text(CLOCKED, encoding="utf-8")
     compiled = cut(tmp_path / "Toy.mo", "Toy.Backlash", outputs)
+    assert f"#define CHAINED {int(chained)}\n" in compiled.sources["model.h"]
     part = Subsystem(build_part(compiled, tmp_path, "clocked"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(batch, "PART_FLAGS", (*batch.PART_FLAGS, "-DLANED=0"))
         plain = Subsystem(build_part(compiled, tmp_path, "plain clocked"))
     rows = PERIOD * np.arange(700)
     drives = [Drive({"u": np.sin(7 * rows + k) + 0.1 * k}) for k in range(2)]
-    values = np.column_stack([np.linspace(0.02, 0.4, 12), np.tile([1e-3, 4e-3, 1.5e-3, 4e-4], 3)])
-    values[::4, 1] = PERIOD
+    names = ["play", "period", "slack", "drain"]
+    clocks = [
+        [PERIOD, 1e9, 1e9],
+        [4 * PERIOD, 2 * PERIOD, 1e9],
+        [3 * PERIOD, 1e9, 50 * PERIOD],
+        [1.5 * PERIOD, 7 * PERIOD, 33.3 * PERIOD],
+    ]
+    values = np.column_stack([np.linspace(0.02, 0.4, 12), np.tile(clocks, (3, 1))])
     which = [k % 2 for k in range(12)]
-    found = part.runs(["play", "period"], values, drives, outputs, PERIOD, which)
+    found = part.runs(names, values, drives, outputs, PERIOD, which)
     for k, run in enumerate(found):
         one = values[k : k + 1], drives[which[k]], outputs, PERIOD
-        np.testing.assert_array_equal(run, part.run(["play", "period"], *one)[0])
-        np.testing.assert_array_equal(run, plain.run(["play", "period"], *one)[0])
+        np.testing.assert_array_equal(run, part.run(names, *one)[0])
+        np.testing.assert_array_equal(run, plain.run(names, *one)[0])
     for k in range(0, 12, 4):
         y = held = 0.0
         for n, u in enumerate(drives[which[k]].inputs["u"].at):
@@ -263,6 +282,7 @@ def test_clocks_tick_in_lanes_as_without_them(tmp_path: Path, outputs: list[str]
             told = [y, held][: len(outputs)]
             np.testing.assert_allclose(found[k][n, : len(told)], told, atol=1e-6)
             y = held + (y - held) * np.exp(-PERIOD / 0.02)
+    assert np.ptp(found[1][:, 0] - found[0][:, 0]) > 0.01
 
 
 PAD = """package Toy

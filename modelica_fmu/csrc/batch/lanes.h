@@ -1,7 +1,7 @@
 /* Several runs of a model side by side: the same step for all of them, each in a lane of its own (SIMD).
  *
- * A lane does what core.c does in most rows: new relations where the inputs or the correction ask for them, then one Runge-Kutta step
- * with the modes that hold. Where a when-clause fires, a relation changes on the way, the error is not small or a value is not finite,
+ * A lane does what core.c does in most rows: new relations and ticks of clocks where they are due, then one Runge-Kutta step with the
+ * modes that hold. Where any other when-clause fires, a clock ticks within a step, a relation changes on the way, the error is not small or a value is not finite,
  * the lane is off: core.c does that row for its run alone, from where it began. So a run's result does not depend on what runs beside
  * it. model_lanes.h holds the model's own functions as loops over the lanes.
  */
@@ -106,19 +106,20 @@ static inline void evaluate_lanes(Lanes *w) {
 #endif
 }
 
-#if N_SAMPLES > 0 && LANED
+#if N_SAMPLES > 0
 /* Of a clock, when it ticks next. */
 static inline double tick_after(const Lanes *w, int i, int l) {
     return w->begins[i][l] + w->ticks[i][l] * w->interval[i][l];
 }
 
-/* Clocks that tick by now, as take_due_ticks of core.c; whether any does. */
-static inline int due_lanes(Lanes *w) {
+/* Clocks that tick by now, as take_due_ticks of core.c; `due`: lanes in which any does. Whether there are such. */
+static inline int due_lanes(Lanes *w, double *restrict due) {
     const double now = w->q.time + time_slack(w->q.time);
     int found = 0;
     for (int i = 0; i < N_SAMPLES; i++)
         for (int l = 0; l < LANES; l++) {
             w->q.tick[i][l] = w->over[l] == 0 && tick_after(w, i, l) <= now ? 1 : 0;
+            due[l] += w->q.tick[i][l];
             found |= w->q.tick[i][l] != 0;
         }
     if (!found) return 0;
@@ -129,43 +130,52 @@ static inline int due_lanes(Lanes *w) {
     return 1;
 }
 
-/* What fires, and what that sets, as update of core.c; lanes in which anything is new. */
-static inline void update_lanes(Lanes *w, double *restrict new) {
+/* Conditions of lanes in which a clock was due; the others keep theirs. */
+static inline void conditions_of(Lanes *w, const double *due) {
+    Lane now[AT_LEAST_1(N_BRANCHES)];
+    lanes_conditions(&w->q, now);
+    for (int i = 0; i < N_BRANCHES; i++)
+        for (int l = 0; l < LANES; l++) w->condition[i][l] = due[l] != 0 ? now[i][l] : w->condition[i][l];
+}
+
+/* What fires where a clock was due, and what that sets, as update of core.c; `new`: lanes in which anything is. */
+static inline void update_lanes(Lanes *w, const double *due, double *restrict new) {
     Lane now[AT_LEAST_1(N_BRANCHES)], d[AT_LEAST_1(N_MEMORIES)], x[AT_LEAST_1(N_STATES)], chain = {0};
     lanes_conditions(&w->q, now);
     for (int i = 0; i < N_BRANCHES; i++)
         for (int l = 0; l < LANES; l++) {
             const int before = i > 0 && model_chain[i] == model_chain[i - 1] && chain[l] != 0;
-            w->q.fired[i][l] = now[i][l] != 0 && w->condition[i][l] == 0 && !before ? 1 : 0;
+            w->q.fired[i][l] = due[l] != 0 && now[i][l] != 0 && w->condition[i][l] == 0 && !before ? 1 : 0;
             chain[l] = before || w->q.fired[i][l] != 0;
             new[l] += w->q.fired[i][l];
-            w->condition[i][l] = now[i][l];
+            w->condition[i][l] = due[l] != 0 ? now[i][l] : w->condition[i][l];
         }
     memcpy(x, w->q.x, sizeof x);
     lanes_updates(&w->q, d, x);
     for (int i = 0; i < N_MEMORIES; i++)
         for (int l = 0; l < LANES; l++) {
-            new[l] += d[i][l] != w->q.d[i][l] ? 1 : 0;
-            w->q.d[i][l] = w->q.pre[i][l] = d[i][l];
+            new[l] += due[l] != 0 && d[i][l] != w->q.d[i][l] ? 1 : 0;
+            w->q.d[i][l] = w->q.pre[i][l] = due[l] != 0 ? d[i][l] : w->q.d[i][l];
         }
-    memcpy(w->q.x, x, sizeof x);
+    for (int i = 0; i < N_STATES; i++)
+        for (int l = 0; l < LANES; l++) w->q.x[i][l] = due[l] != 0 ? x[i][l] : w->q.x[i][l];
     memset(w->q.fired, 0, sizeof w->q.fired);
 }
 
 /* Clocks that are due, as iterate_events of core.c: what they set, once. A lane in which that brings anything further is off. */
 static inline void tick_lanes(Lanes *w) {
-    Lane new = {0}, odd = {0};
-    if (!due_lanes(w)) return;
+    Lane due = {0}, new = {0}, odd = {0};
+    if (!due_lanes(w, due)) return;
     evaluate_lanes(w);
     contradict(&w->q, w->z, odd);
-    update_lanes(w, new);
+    update_lanes(w, due, new);
     evaluate_lanes(w);
     contradict(&w->q, w->z, odd);
     memset(new, 0, sizeof new);
-    update_lanes(w, new);
-    for (int l = 0; l < LANES; l++) w->off[l] += odd[l] + new[l];
+    update_lanes(w, due, new);
+    for (int l = 0; l < LANES; l++) w->off[l] += new[l] + (due[l] != 0 ? odd[l] : 0);
     memset(w->q.tick, 0, sizeof w->q.tick);
-    lanes_conditions(&w->q, w->condition);
+    conditions_of(w, due);
 }
 
 /* A lane is off whose clock ticks on the way to `end`. */

@@ -17,6 +17,8 @@ from pneugantry.cli import main
 from pneugantry.truth.case import CaseSet
 from pneugantry.truth.odd_rigs import ODD_RIGS, OddRigs
 from pneugantry.truth.parameters import CHANNELS
+from pyfmi_runner.plant import SHAPES
+from pyfmi_runner.workpiece import WORKPIECES
 
 QUICK = CaseSet("quick", {"one": 1.0}, logs=("contact_steps",), missing=("f_ax",))
 
@@ -92,5 +94,6 @@ def test_an_unknown_set_is_refused_in_one_line(capsys: pytest.CaptureFixture[str
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_help_names_every_set_and_no_other() -> None:
+def test_help_names_every_set_and_every_workpiece_and_no_other() -> None:
     assert list(set_names.SETS) == list(SETS)
+    assert tuple(SHAPES) == WORKPIECES
