@@ -44,8 +44,8 @@ __all__ = [
 # Of a row, after which each mode holds for as large a share of it: nothing of a row's inside is
 # read, and a part that chatters would cost as much as a hundred that do not.
 EVENTS = 8
-# Internal steps of a row, which is short, after which stiffness is looked for, and how many of them
-# at the limit of stability tell it.
+# Internal steps of a row, or of a part of one, after which stiffness is looked for, and how many at
+# the limit of stability tell it: a row is too short for the hundred that an FMU waits for.
 STIFF = (8, 4)
 # Functions of a model that lanes call, of one without states and of others.
 LANED_STILL = ("observed", "conditions")

@@ -146,6 +146,8 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Ratio xi, shape, bumpy, uneven, loaded, rested;
     Real coarse, fine "Place among the nodes of each table, 0 at the first";
     Ratio nodes[23] = cat(1, {3*position_fine[1] - 3*position_fine[2] + position_fine[3]}, position_fine, {3*position_fine[21] - 3*position_fine[20] + position_fine[19]}) "With one beyond each end, on the parabola through the last three";
+    Ratio square[19] = {(nodes[i] - 2*nodes[i + 1] + 2*nodes[i + 3] - nodes[i + 4])/2 for i in 1:19} "Changes of a cubic's coefficients at each inner node";
+    Ratio cube[19] = {(nodes[i] - 4*nodes[i + 1] + 6*nodes[i + 2] - 4*nodes[i + 3] + nodes[i + 4])/2 for i in 1:19};
     discrete Time stuck_since(start = 0, fixed = true) "Since when it has been in the stick band";
     Force up, down, curve, F_limit, F_pre_limit, F_soft_limit, F_cap;
     Ratio toward "Sign of v, frozen between reversals";
@@ -163,8 +165,8 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
         + sum((position_table[i - 1] - 2*position_table[i] + position_table[i + 1])*max(coarse - (i - 1), 0) for i in 2:10) else 0);
     uneven = noEvent(if sum(abs(position_fine[i]) for i in 1:21) > 0 then max(
         nodes[12] + (fine - 10)*(nodes[13] - nodes[11] + (fine - 10)*(2*nodes[11] - 5*nodes[12] + 4*nodes[13] - nodes[14] + (fine - 10)*(3*(nodes[12] - nodes[13]) + nodes[14] - nodes[11])))/2
-        + sum(kink(i - 2 - fine, -(nodes[i - 2] - 2*nodes[i - 1] + 2*nodes[i + 1] - nodes[i + 2])/2, (nodes[i - 2] - 4*nodes[i - 1] + 6*nodes[i] - 4*nodes[i + 1] + nodes[i + 2])/2) for i in 3:12)
-        + sum(kink(fine - (i - 2), (nodes[i - 2] - 2*nodes[i - 1] + 2*nodes[i + 1] - nodes[i + 2])/2, (nodes[i - 2] - 4*nodes[i - 1] + 6*nodes[i] - 4*nodes[i + 1] + nodes[i + 2])/2) for i in 13:21), -0.95) else 0);
+        + sum(kink(i - fine, -square[i], cube[i]) for i in 1:10)
+        + sum(kink(fine - i, square[i], cube[i]) for i in 11:19), -0.95) else 0);
     loaded = noEvent(if load_share > 0 then load_share*(if load_exponent == 1 then f_load/10 else (max(f_load, 0)/10 + 1e-12)^load_exponent) else 0);
     der(heat) = noEvent(if abs(warm) > 0 then warm_rate + warm_work*abs(F*v) else 0);
     shape = level*(1 + position_slope*xi + position_bow*xi^2 + bumpy + uneven)*(1 + loaded)*(1 - noEvent(if abs(warm) > 0 then warm*(1 - exp(-heat)) else 0));

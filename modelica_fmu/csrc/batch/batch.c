@@ -21,8 +21,8 @@
 
 /* A model for lanes: nothing but states, relations, memories and clocks that set these. */
 #ifndef LANED
-#define CLOCKED (N_SAMPLES > 0 && N_STATES > 0 && !CHAINED)
-#define LANED (N_DELAYS + N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS + N_ASSERTIONS == 0 && (N_SAMPLES == 0 || CLOCKED))
+#define CLOCKS_LANED (N_SAMPLES == 0 || (N_STATES > 0 && !CHAINED))
+#define LANED (N_DELAYS + N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS + N_ASSERTIONS == 0 && CLOCKS_LANED)
 #endif
 
 typedef struct {

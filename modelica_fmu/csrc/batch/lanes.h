@@ -1,9 +1,9 @@
 /* Several runs of a model side by side: the same step for all of them, each in a lane of its own (SIMD).
  *
- * A lane does what core.c does in most rows: new relations and ticks of clocks where they are due, then one Runge-Kutta step with the
- * modes that hold. Where any other when-clause fires, a clock ticks within a step, a relation changes on the way, the error is not small or a value is not finite,
- * the lane is off: core.c does that row for its run alone, from where it began. So a run's result does not depend on what runs beside
- * it. model_lanes.h holds the model's own functions as loops over the lanes.
+ * A lane does what core.c does in most rows: ticks of clocks that are due and new relations, then one Runge-Kutta step with the modes
+ * that hold. Where any other when-clause fires, a clock ticks within a step, a relation changes on the way, the error is not small or a
+ * value is not finite, the lane is off: core.c does that row for its run alone, from where it began. So a run's result does not depend
+ * on what runs beside it. model_lanes.h holds the model's own functions as loops over the lanes.
  */
 #define LANES 8
 #define ROUNDS 6    /* of settling relations; core.c tries more */
@@ -108,7 +108,7 @@ static inline void evaluate_lanes(Lanes *w) {
 
 #if N_SAMPLES > 0
 /* Of a clock, when it ticks next. */
-static inline double tick_after(const Lanes *w, int i, int l) {
+static inline double next_tick_of(const Lanes *w, int i, int l) {
     return w->begins[i][l] + w->ticks[i][l] * w->interval[i][l];
 }
 
@@ -118,7 +118,7 @@ static inline int due_lanes(Lanes *w, double *restrict due) {
     int found = 0;
     for (int i = 0; i < N_SAMPLES; i++)
         for (int l = 0; l < LANES; l++) {
-            w->q.tick[i][l] = w->over[l] == 0 && tick_after(w, i, l) <= now ? 1 : 0;
+            w->q.tick[i][l] = w->over[l] == 0 && next_tick_of(w, i, l) <= now ? 1 : 0;
             due[l] += w->q.tick[i][l];
             found |= w->q.tick[i][l] != 0;
         }
@@ -126,16 +126,8 @@ static inline int due_lanes(Lanes *w, double *restrict due) {
     keep_lanes(w);
     for (int i = 0; i < N_SAMPLES; i++)
         for (int l = 0; l < LANES; l++)
-            while (w->over[l] == 0 && tick_after(w, i, l) <= now) w->ticks[i][l] += 1;
+            while (w->over[l] == 0 && next_tick_of(w, i, l) <= now) w->ticks[i][l] += 1;
     return 1;
-}
-
-/* Conditions of lanes in which a clock was due; the others keep theirs. */
-static inline void conditions_of(Lanes *w, const double *due) {
-    Lane now[AT_LEAST_1(N_BRANCHES)];
-    lanes_conditions(&w->q, now);
-    for (int i = 0; i < N_BRANCHES; i++)
-        for (int l = 0; l < LANES; l++) w->condition[i][l] = due[l] != 0 ? now[i][l] : w->condition[i][l];
 }
 
 /* What fires where a clock was due, and what that sets, as update of core.c; `new`: lanes in which anything is. */
@@ -162,26 +154,25 @@ static inline void update_lanes(Lanes *w, const double *due, double *restrict ne
     memset(w->q.fired, 0, sizeof w->q.fired);
 }
 
-/* Clocks that are due, as iterate_events of core.c: what they set, once. A lane in which that brings anything further is off. */
+/* Clocks that are due, as iterate_events of core.c: what they set, once. A lane in which that brings anything further is off; whether
+ * it changes relations is found when these are settled. */
 static inline void tick_lanes(Lanes *w) {
     Lane due = {0}, new = {0}, odd = {0};
     if (!due_lanes(w, due)) return;
     evaluate_lanes(w);
     contradict(&w->q, w->z, odd);
     update_lanes(w, due, new);
-    evaluate_lanes(w);
-    contradict(&w->q, w->z, odd);
     memset(new, 0, sizeof new);
     update_lanes(w, due, new);
     for (int l = 0; l < LANES; l++) w->off[l] += new[l] + (due[l] != 0 ? odd[l] : 0);
     memset(w->q.tick, 0, sizeof w->q.tick);
-    conditions_of(w, due);
+    condition_lanes(w, due);
 }
 
 /* A lane is off whose clock ticks on the way to `end`. */
 static inline void refuse_ticks(Lanes *w, double end) {
     for (int i = 0; i < N_SAMPLES; i++)
-        for (int l = 0; l < LANES; l++) w->off[l] += w->over[l] == 0 && tick_after(w, i, l) < end - time_slack(end) ? 1 : 0;
+        for (int l = 0; l < LANES; l++) w->off[l] += w->over[l] == 0 && next_tick_of(w, i, l) < end - time_slack(end) ? 1 : 0;
 }
 #else
 static inline void tick_lanes(Lanes *w) { (void)w; }
