@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.missing_terms import print_sums
+from modelica_fmu.cut import structure
 from pneugantry.api.diagnosis import Diagnosis, diagnose
 from pneugantry.blind.sets import SETS
 from pneugantry.learn.learned import Learned
@@ -42,8 +43,10 @@ FORMS = {  # formula of the truth -> forms that are it
     "r|r|": {"signed square"},
     "|r|": {"magnitude"},
     "sin": {"sine"},
-    "periodic": {"sine"},
+    "periodic": {"sine", "periodic"},
     "1-exp(-r)": {"exponential"},
+    "play": {"play"},
+    "resonance": {"resonance"},
 }
 # where the variable keeps its sign
 ONE_SIGNED = {"r|r|": {"square"}, "r^2": {"signed square"}, "|r|": {"linear"}}
@@ -84,11 +87,24 @@ def same_variable(learned: Learned, regressor: str, truth: str) -> bool:
             other = np.concatenate([values[r.name] for r in task.data.fitted])
             if abs(float(np.corrcoef(own, other)[0, 1])) > SAME:
                 return True
-    record = task.data.fitted[0]
-    if truth in record.signals:
-        other = np.concatenate([r.signals[truth] for r in task.data.fitted])
+    if all(truth in {**r.signals, **r.inputs} for r in task.data.fitted):
+        other = np.concatenate([{**r.signals, **r.inputs}[truth] for r in task.data.fitted])
         return abs(float(np.corrcoef(own, other)[0, 1])) > SAME
     return False
+
+
+def _of_acceleration(learned: Learned, answer: Mapping[str, Any]) -> str:
+    """What an answer is a function of: z less its resonance is the resonance of its acceleration,
+    but for the square of the natural frequency.
+    """
+    label = str(answer["regressor"])
+    if answer["form"] != "resonance":
+        return label
+    task = learned.before.task
+    shape = structure(task.plant.model, task.plant.class_name)
+    acceleration = shape.rates.get(shape.rates.get(shape.roots.get(label, ""), ""), "")
+    same = (r.label for r in learned.screen.series if shape.roots.get(r.label) == acceleration)
+    return next(same, label)
 
 
 def judged(cause: Mapping[str, Any], learned: Learned, told: Mapping[str, Any]) -> dict[str, Any]:
@@ -96,7 +112,8 @@ def judged(cause: Mapping[str, Any], learned: Learned, told: Mapping[str, Any]) 
     term, gap = told["term"], told["gap"]
     formula, truths = cause["formula"], cause["regressors"]
     answers = told["answer_set"]
-    right = [any(same_variable(learned, a["regressor"], t) for t in truths) for a in answers]
+    told_of = [_of_acceleration(learned, a) for a in answers]
+    right = [any(same_variable(learned, r, t) for t in truths) for r in told_of]
     form = right[0] and form_is(formula, term["form"], term["range"])
     found: dict[str, Any] = {
         "term": f"{term['formula']} in {term['block']}: {term['equation'][:40]}",

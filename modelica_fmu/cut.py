@@ -24,6 +24,7 @@ from modelica_fmu.compiler import compile_system
 from modelica_fmu.errors import InputError
 from modelica_fmu.frontend import FlatVariable, flatten
 from modelica_fmu.hybrid import HybridSystem, build_system
+from modelica_fmu.initialisation import is_free_parameter
 from modelica_fmu.symbols import Scalar
 
 __all__ = ["Structure", "cut", "structure"]
@@ -150,6 +151,7 @@ def cut(
     part = _needed(graph, outputs, ends)
     _keep_equations(system, part)
     _keep_events(system, part)
+    _keep_beginning(system)
     _keep_scalars(system, part, outputs)
     return compile_system(system, part=True)
 
@@ -171,10 +173,12 @@ def _fix(system: HybridSystem, fixed: Mapping[str, float]) -> None:
             s.symbol.name(): _with(s.value, values)
             for s in scalars.values()
             if s.kind == "calculated" and s.value is not None and s.symbol.name() not in values
+            if not is_free_parameter(s)
         }
         found = {n: v for n, v in follow.items() if v.is_constant()}
         values |= found
     system.residuals = [(_with(r, values), place) for r, place in system.residuals]
+    system.initial_residuals = [(_with(r, values), node) for r, node in system.initial_residuals]
     for relation in system.relations:
         relation.indicator = _with(relation.indicator, values)
     for delay in system.delays:
@@ -231,7 +235,7 @@ def _needed(graph: _Graph, outputs: Sequence[str], known: set[str]) -> _Needed:
 
 def _leads(system: HybridSystem) -> dict[str, list[str]]:
     """Name -> names that it depends on other than through its equation: indicators of relations,
-    delayed values, derivatives, memories, assignments and restarts at events.
+    delayed values, derivatives, memories, assignments and restarts at events, initial equations.
     """
     leads: dict[str, list[str]] = {}
 
@@ -250,7 +254,21 @@ def _leads(system: HybridSystem) -> dict[str, list[str]]:
     for branch in system.branches:
         for name, value in (*branch.assigns.items(), *branch.reinits.items()):
             add(name, value, branch.condition)
+    for residual, _ in system.initial_residuals:
+        for name in _begun(system, residual):
+            add(name, residual)
     return leads
+
+
+def _begun(system: HybridSystem, residual: ca.SX) -> list[str]:
+    """States and memories that an initial equation is about, by themselves or by their rate."""
+    found = [_bare(v.name()) for v in ca.symvar(residual)]
+    return [n for n in found if n in system.derivatives or n in system.pre]
+
+
+def _bare(name: str) -> str:
+    """A variable's name without der() or pre()."""
+    return name[4:-1] if name.startswith(("der(", "pre(")) else name
 
 
 def _keep_equations(system: HybridSystem, part: _Needed) -> None:
@@ -262,6 +280,29 @@ def _keep_equations(system: HybridSystem, part: _Needed) -> None:
     system.memories = [s for s in system.memories if s.name in part.names]
     system.pre = {n: s for n, s in system.pre.items() if n in part.names}
     system.assertions = []
+
+
+def _keep_beginning(system: HybridSystem) -> None:
+    """Leaves the initial equations of a part's states and memories, and those that give parameters
+    that the part reads, in place.
+    """
+    every = system.initial_residuals
+    kept = {i for i, (residual, _) in enumerate(every) if _begun(system, residual)}
+    while True:
+        system.initial_residuals = [every[i] for i in sorted(kept)]
+        read = _parameters_of(system)
+        more = kept | {i for i, (r, _) in enumerate(every) if _given(system, r) & read}
+        if more == kept:
+            return
+        kept = more
+
+
+def _given(system: HybridSystem, residual: ca.SX) -> set[str]:
+    """Parameters that an initial equation of parameters alone gives."""
+    scalars = [system.table.scalars.get(_bare(v.name())) for v in ca.symvar(residual)]
+    if not all(s and s.kind in ("parameter", "calculated", "constant") for s in scalars):
+        return set()
+    return {s.name for s in scalars if s and is_free_parameter(s)}
 
 
 def _keep_events(system: HybridSystem, part: _Needed) -> None:
@@ -300,7 +341,8 @@ def _keep_scalars(system: HybridSystem, part: _Needed, outputs: Sequence[str]) -
 
 def _parameters_of(system: HybridSystem) -> set[str]:
     """Names of all that the system's expressions mention, start values and bindings included."""
-    expressions = [r for r, _ in system.residuals] + [r.indicator for r in system.relations]
+    expressions = [r for r, _ in (*system.residuals, *system.initial_residuals)]
+    expressions += [r.indicator for r in system.relations]
     for delay in system.delays:
         expressions += [delay.expression, delay.time, delay.maximum]
     for branch in system.branches:

@@ -106,6 +106,7 @@ class SubsystemView:
     observer: float  # s, time constant of the correction
     cut_at: tuple[str, ...] | None = None  # variables; None: it is not cut again
     subsystem: Subsystem | None = None  # None: that of the part
+    memory: bool | None = None  # whether it remembers; None: whether the part has states
 
     def __post_init__(self) -> None:
         whole = Piece(self.part, subsystem=self.subsystem)
@@ -138,7 +139,7 @@ class SubsystemView:
 
     @property
     def remembers(self) -> bool:
-        return bool(self.part.of("state"))
+        return bool(self.part.of("state")) if self.memory is None else self.memory
 
     def shows(self, record: Record) -> bool:
         if not self._all <= set(record.signals):

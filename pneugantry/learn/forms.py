@@ -9,10 +9,13 @@ import numpy as np
 
 from pneugantry.engine.plant import Array
 from pneugantry.learn.curve import Knots, Wave
+from pneugantry.learn.memory import MEMORIES, Memory, Remembered
 from pneugantry.learn.screen import Candidate
 
 __all__ = [
     "FORMS",
+    "PERIODIC",
+    "REMEMBERING",
     "Distilled",
     "FormLaw",
     "FreeCurve",
@@ -20,7 +23,9 @@ __all__ = [
     "distilled",
     "doubted",
     "free_curve",
+    "memory_of",
     "wave_of",
+    "with_harmonics",
 ]
 
 Law = Callable[[Array, Sequence[float]], Array]
@@ -35,6 +40,12 @@ class FormLaw:
     law: Law  # of z and (p1, p2, ...)
     shapes: tuple[str, ...] = ()  # of p2, ...: "width" (> 0), "place", or "size" as p1
     tables: tuple[tuple[str, Array], ...] = ()  # further parameters by name, not fitted
+    memory: Memory | None = None  # whose state the text reads
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it is periodic in z."""
+        return self.name in ("sine", "periodic")
 
 
 def _sine(z: Array, p: Sequence[float]) -> Array:
@@ -91,12 +102,38 @@ FORMS = (
         ("size", "size"),
     ),
 )
+HARMONICS = 5  # of a wave that is no sine
+
+
+def _periodic(z: Array, p: Sequence[float]) -> Array:
+    w = 2 * np.pi * (z - p[-1]) / p[1]
+    found = p[0] * np.sin(w)
+    for k in range(2, HARMONICS + 1):
+        found = found + p[2 * k - 2] * np.sin(k * w) + p[2 * k - 1] * np.cos(k * w)
+    return np.asarray(found)
+
+
+PERIODIC = FormLaw(
+    "periodic",
+    " + ".join(
+        [
+            "p1*sin({w})",
+            *(
+                f"p{2 * k - 1}*sin({k}*{{w}}) + p{2 * k}*cos({k}*{{w}})"
+                for k in range(2, HARMONICS + 1)
+            ),
+        ]
+    ).format(w=f"2*3.141592653589793*(z - p{2 * HARMONICS + 1})/p2"),
+    _periodic,
+    ("width", *("size",) * (2 * HARMONICS - 2), "place"),
+)  # what repeats in another shape than a sine's
 SHAPES = 7  # of a free curve
 STARTS = {
     "width": (0.01, 0.03, 0.1, 0.25, 0.5, 1.0),
     "place": tuple(np.linspace(0.05, 0.95, 19)),
 }  # shares of the range
 REFINED = 2  # starts of a form that are followed
+SWEEP = 8.0  # times of a memory in which its variable goes over its range and back
 PRICE = 2.2  # -2 log evidence of a parameter at a knot's share of the rows, about log 9
 
 
@@ -211,6 +248,32 @@ class _Fit:
         both = self.root.T @ np.column_stack([*columns, self.others])
         found, *_ = np.linalg.lstsq(both, self.curve, rcond=None)
         return np.asarray(found), np.asarray(self.curve - both @ found)
+
+
+def _remembering(memory: Memory) -> FormLaw:
+    """A memory as a form. Its law is told of rows of z that last a few of its own times."""
+
+    def law(z: Array, p: Sequence[float]) -> Array:
+        period = SWEEP * p[1] / len(z)
+        return p[0] * memory.walk(np.asarray(z, dtype=float), period, p[1:])
+
+    shapes = ("width",) * memory.shapes
+    return FormLaw(memory.name, "p1*(z - s)", law, shapes, memory=memory)
+
+
+REMEMBERING = tuple(map(_remembering, MEMORIES))
+
+
+def memory_of(candidate: Candidate, basis: Remembered) -> Distilled:
+    """The memory of a candidate as a form."""
+    law = next(f for f in REMEMBERING if f.memory is basis.memory)
+    values = (float(candidate.answer.coefficients[0]), *basis.values)
+    return Distilled(law, values, PRICE * len(values))
+
+
+def with_harmonics(values: Sequence[float]) -> tuple[float, ...]:
+    """Values of `PERIODIC` that make it the sine of some values."""
+    return (*values[:2], *(0.0,) * (2 * HARMONICS - 2), *values[2:])
 
 
 def wave_of(candidate: Candidate, wave: Wave) -> Distilled:

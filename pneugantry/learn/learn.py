@@ -19,16 +19,28 @@ from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.plant import Data
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.threads import on_threads, one_blas_thread
+from pneugantry.learn.calibrated import calibrated, read_by
 from pneugantry.learn.composite import composites
 from pneugantry.learn.curve import Knots, Wave
 from pneugantry.learn.experiments import Experiment, Rival, telling
-from pneugantry.learn.forms import FORMS, Distilled, distilled, free_curve, wave_of
+from pneugantry.learn.forms import (
+    FORMS,
+    PERIODIC,
+    Distilled,
+    distilled,
+    free_curve,
+    memory_of,
+    wave_of,
+    with_harmonics,
+)
 from pneugantry.learn.joint import TermFits
 from pneugantry.learn.judge import Judge
 from pneugantry.learn.learned import Learned, Tried
+from pneugantry.learn.memory import Remembered
 from pneugantry.learn.points import Opened, opened
 from pneugantry.learn.rivals import Rivals
 from pneugantry.learn.screen import Candidate, Screen, Screening
@@ -119,6 +131,7 @@ class _Learning:
                     screens.append(self._screening(fit).singles())
                     tried += self._fitted(screens[-1], 1)
         tried += self._plainer(min(tried, key=lambda t: t.cost), screens)
+        tried += self._harmonics(min(tried, key=lambda t: t.cost))
         tried.sort(key=lambda t: t.cost)
         answers = Rivals(self.fits).answers(tried)
         after = self._diagnosed(answers[0])
@@ -151,19 +164,19 @@ class _Learning:
         return Screening(self.apart, fit, of_views, task.data.fitted, self.rules, blamed)
 
     def _worth_fitting(self, screen: Screen) -> list[Candidate]:
-        """The best curve and the best wave of each variable in each block. Of equations that do as
+        """The best curve, wave and memory of each variable in each block. Of equations that do as
         well one comes first in which the variable stands already, and a balance.
         """
         least = self.rules.entry
         if screen.candidates:
             least = max(least, WORTH * screen.candidates[0].gain)
-        families: dict[tuple[str, str, str, str, bool], list[Candidate]] = {}
+        families: dict[tuple[object, ...], list[Candidate]] = {}
         for c in screen.candidates:
             root = self.apart.shape.roots.get(c.regressor.label, c.regressor.plain.label)
             if c.regressor.speed:
                 root = self.apart.shape.roots.get(c.regressor.plain.label, root)
-            wave = isinstance(c.basis, Wave)
-            key = self.apart.block(c.point), root, c.regressor.speed, c.regressor.times, wave
+            where = self.apart.block(c.point), c.point.shared is not None
+            key = *where, root, c.regressor.speed, c.regressor.times, _kind(c)
             if c.gain > least:
                 families.setdefault(key, []).append(c)
         found: list[Candidate] = []
@@ -242,12 +255,13 @@ class _Learning:
 
     def _fitted(self, screen: Screen, count: int) -> list[Tried]:
         """The best candidates of a screen as waves and free curves; those that explain about as
-        much as the best one also in the forms that are closest to their curve. A wave may be worth
-        more than it looks, where what it does is no longer linear: it is fitted beside a curve.
+        much as the best one also in the forms that are closest to their curve. A wave or a memory
+        may be worth more than it looks, where what it does is no longer linear: it is fitted beside
+        a curve.
         """
         base, worth = screen.fit, self._worth_fitting(screen)[:count]
-        waves = [w for c in worth for w in self._waves_beside(screen, c) if w not in worth]
-        first = [self._free(base, c) for c in (*worth, *waves)]
+        shaped = [s for c in worth for s in self._shaped_beside(screen, c) if s not in worth]
+        first = [self._free(base, c) for c in (*worth, *shaped)]
         fall = max((base.evidence - t.fit.evidence for t in first), default=0.0)
         found = list(first)
         for t in first:
@@ -255,18 +269,22 @@ class _Learning:
                 found += self._forms(base, t)
         return found
 
-    def _waves_beside(self, screen: Screen, curve: Candidate) -> list[Candidate]:
-        """The best wave of a curve's variable in its equation."""
-        own = (curve.point, curve.regressor)
-        waves = [
-            c
-            for c in screen.candidates
-            if isinstance(c.basis, Wave) and (c.point, c.regressor) == own
-        ]
-        return [c for c in waves[:1] if c.gain > self.rules.entry]
+    def _shaped_beside(self, screen: Screen, curve: Candidate) -> list[Candidate]:
+        """The best wave and the best memory of a curve's variable in its equation."""
+        least = max(self.rules.entry, WORTH * curve.gain)
+        found: dict[bool, Candidate] = {}
+        for c in screen.candidates:
+            same = (c.point, c.regressor) == (curve.point, curve.regressor)
+            wave = isinstance(c.basis, Wave)
+            if same and not isinstance(c.basis, Knots) and (c.gain > least or wave):
+                found.setdefault(wave, c)
+        return [c for c in found.values() if c.gain > self.rules.entry]
 
     def _free(self, base: Fit, candidate: Candidate) -> Tried:
-        """A candidate as a wave, or as a free curve."""
+        """A candidate as a wave, a memory or a free curve."""
+        if isinstance(candidate.basis, Remembered):
+            made = memory_of(candidate, candidate.basis)
+            return self.fits.joint(base, self._term(candidate, made))
         if isinstance(candidate.basis, Wave):
             return self.fits.joint(base, self._term(candidate, wave_of(candidate, candidate.basis)))
         assert isinstance(candidate.basis, Knots)
@@ -291,7 +309,8 @@ class _Learning:
         """
         law, base = best.term.law, best.base
         plain = [f for f in FORMS if not f.shapes]
-        if base is None or best.free is not None or best.term.places or law in plain:
+        bare = best.free is not None or best.term.places or law.memory is not None
+        if base is None or bare or law in plain:
             return []
         variable = best.term.regressor.plain  # each screen keeps one of what is one beside its fit
         series = next(s.series[variable] for s in screens if variable in s.series)
@@ -308,22 +327,47 @@ class _Learning:
                 found.append(self.fits.joint(base, term))
         return found
 
+    def _harmonics(self, best: Tried) -> list[Tried]:
+        """A sine that leaves more than noise, with its harmonics."""
+        if best.term.law.name != "sine" or best.base is None or self._enough(best):
+            return []
+        values, spreads = with_harmonics(best.term.values), with_harmonics(best.term.spreads)
+        size = abs(values[0])
+        own = replace(
+            best.term,
+            law=PERIODIC,
+            values=values,
+            spreads=tuple(s or size for s in spreads),
+        )
+        return [self.fits.joint(best.base, own)]
+
     def _diagnosed(self, best: Tried) -> Found:
         """The plant with the term in it, its values open as far as their fit leaves them, diagnosed
-        as before: what the catalogue has beside it.
+        as before: what the catalogue has beside it. An error of a sensor is taken out of what it
+        has read instead.
         """
         self.say("missing term: diagnosis with it")
         task, term = self.found.task, best.term
         plant = with_term(task.plant, term, task.cache)
-        plant = replace(
-            plant,
-            parameters={**plant.parameters, **term.starts},
-            nuisances=(*plant.nuisances, *best.nuisances),
-        )
-        views = self.fits.recut(plant, term)
-        data = task.data.each(term.within)
+        plant = replace(plant, parameters={**plant.parameters, **term.starts})
+        data = self._calibrated(term)
+        if data is not None:
+            made = run(replace(task, data=data), self.rules, self.say)
+            return self.finish(replace(made, task=replace(task, plant=plant)))
+        plant = replace(plant, nuisances=(*plant.nuisances, *best.nuisances))
+        views, data = self.fits.recut(plant, term), task.data.each(term.within)
         made = run(replace(task, plant=plant, views=views, data=data), self.rules, self.say)
         return self.finish(made)
+
+    def _calibrated(self, term: Term) -> Data | None:
+        """The records without a sensor's error; None: the term is none, or cannot be taken out."""
+        data, signal = self.found.task.data, read_by(self.found.task.plant, term)
+        if signal is None:
+            return None
+        each = {r: calibrated(r, signal, term) for r in (*data.fitted, *data.unseen)}
+        if any(r is None for r in each.values()):
+            return None
+        return data.each(lambda r: each[r] or r)
 
 
 def _main(screens: Sequence[Screen]) -> Screen:
@@ -341,6 +385,14 @@ def _blamed(found: Found) -> frozenset[str] | None:
     return frozenset(named) if most > 1 and named else None
 
 
+def _kind(candidate: Candidate) -> str:
+    """Curve, wave, or which memory."""
+    basis = candidate.basis
+    if isinstance(basis, Remembered):
+        return basis.memory.name
+    return "wave" if isinstance(basis, Wave) else "curve"
+
+
 NOTHING = "no variable of any component foretells what is left of a log that its curve has not seen"
 
 
@@ -353,6 +405,8 @@ def _unlikely(candidate: Candidate) -> tuple[bool, bool]:
 def _spreads(d: Distilled, candidate: Candidate) -> tuple[float, ...]:
     """Usual sizes of a form's parameters; of a width the share by which it may be off."""
     basis = candidate.basis
+    if isinstance(basis, Remembered):
+        return (abs(d.values[0]), *(0.5 for _ in basis.values))
     if d.law.tables:
         return (0.5,) * len(d.values)  # an effect's prior is two usual sizes wide
     span = float(np.ptp(basis.at)) if isinstance(basis, Knots) else d.values[1]

@@ -43,7 +43,7 @@ class Tried:
     @property
     def drifts(self) -> bool:
         """Whether it is a function of time that does not repeat: what follows any state does."""
-        return self.term.regressor.name == TIME and self.term.law.name != "sine"
+        return self.term.regressor.name == TIME and not self.term.law.repeats
 
     @property
     def nuisances(self) -> list[Nuisance]:

@@ -18,7 +18,16 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
 from pneugantry.learn.reply import Reply, means
 
-__all__ = ["Answer", "Base", "Response", "Trial", "base_of", "response_of", "trial_of"]
+__all__ = [
+    "Answer",
+    "Base",
+    "Response",
+    "Trial",
+    "base_of",
+    "response_of",
+    "trial_of",
+    "trial_over",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,6 +278,36 @@ def response_of(base: Base, replies: Mapping[Cell, Reply]) -> Response:
 
 
 @dataclass(frozen=True, eq=False)
+class _Scaled:
+    """A reply so many times as large."""
+
+    reply: Reply
+    factor: float
+
+    @property
+    def matrix(self) -> Array:
+        """See `Reply`."""
+        return self.factor * self.reply.matrix
+
+    @property
+    def block(self) -> int:
+        """See `Reply`."""
+        return self.reply.block
+
+
+def together(responses: Sequence[Response]) -> Response:
+    """Of one addend that does what several do, each in cells of its own."""
+    replies: dict[Cell, Reply] = {}
+    products: dict[Cell, Mapping[str, Products]] = {}
+    for r in responses:
+        replies |= {c: _Scaled(reply, r.factor) for c, reply in r.replies.items()}
+        products |= {
+            c: {fold: p.times(r.factor) for fold, p in own.items()} for c, own in r.products.items()
+        }
+    return Response(responses[0].base, replies, products)
+
+
+@dataclass(frozen=True, eq=False)
 class Trial:
     """Shapes in an addend: what is known of their coefficients, by fold."""
 
@@ -284,6 +323,13 @@ class Trial:
         cross = np.linalg.solve(kept.factor, total.cross)
         pull = -total.pull - cross.T @ kept.pull
         return Reduced(total.square - cross.T @ cross, pull, kept.cost)
+
+    @property
+    def falls(self) -> Array:
+        """By which -2 log likelihood falls with each shape by itself (n,)."""
+        reduced = self.reduced()
+        size = np.diag(reduced.square)
+        return np.asarray(np.where(size > 0, reduced.pull**2 / np.maximum(size, 1e-300), 0.0))
 
     def solved(self, prior: Array, left_out: str = "") -> Answer:
         """Joint least squares with the fit's coordinates under priors; prior: precision (n, n)."""
@@ -303,9 +349,14 @@ class Trial:
 
 def trial_of(response: Response, series: Mapping[str, Array]) -> Trial:
     """Of shapes over each record (rows, n)."""
+    return trial_over(response, {c: response.shapes(c, series) for c in response.products})
+
+
+def trial_over(response: Response, shapes: Mapping[Cell, Array]) -> Trial:
+    """Of shapes over the blocks of each cell (blocks, n)."""
     found: dict[str, Products] = {}
     for cell, own in response.products.items():
-        s = response.shapes(cell, series)
+        s = shapes[cell]
         for fold, p in own.items():
             made = Products(s.T @ p.square @ s, p.cross @ s, s.T @ p.pull).times(response.factor)
             found[fold] = found[fold] + made if fold in found else made

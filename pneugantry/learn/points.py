@@ -23,13 +23,15 @@ from pneugantry.engine.sensors import PREFIX
 from pneugantry.engine.views import RATE, SubsystemView, View, part_of
 from pneugantry.learn.sources import (
     Addition,
+    Declared,
     EquationText,
     components_of,
+    declared_in,
     equations_of,
     with_additions,
 )
 
-__all__ = ["Opened", "Point", "opened", "recut", "written"]
+__all__ = ["Opened", "Point", "Shared", "opened", "recut", "written"]
 
 Values = Mapping[str, float]
 Series = Mapping[str, Array]
@@ -37,12 +39,24 @@ NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")
 
 
 @dataclass(frozen=True)
+class Shared:
+    """The same equation of several components of the plant's own class, which a common cause
+    reaches: what is added is one and the same.
+    """
+
+    components: tuple[str, ...]
+    declared: tuple[Declared, ...]
+    section: int  # of the plant's own equations: offset into the file's text
+
+
+@dataclass(frozen=True)
 class Point:
-    """An equation of one component."""
+    """An equation of one component, or of several with a common cause."""
 
     component: str  # path of the component; "" for the plant's own class
     equation: EquationText
     sensor: bool = False  # whether it says what a sensor reads
+    shared: Shared | None = None  # by the first component and others
 
     @property
     def name(self) -> str:
@@ -58,6 +72,13 @@ class Point:
     def variable(self) -> str:
         """The addend in the whole plant."""
         return self.prefix + self.name
+
+    @property
+    def members(self) -> tuple[Point, ...]:
+        """It for each of its components."""
+        if self.shared is None:
+            return (self,)
+        return tuple(replace(self, component=c, shared=None) for c in self.shared.components)
 
     @property
     def scope(self) -> str:
@@ -135,6 +156,7 @@ class Opened:
     shape: Structure
     deciders: Mapping[str, frozenset[str]]  # of each variable, no state between
     cache: Path
+    shared: tuple[Point, ...] = ()  # equations that several components have
 
     def decides(self, point: Point, variable: str) -> bool:
         """Whether what an equation lacks decides a variable at once: as a function of that it would
@@ -144,7 +166,8 @@ class Opened:
 
     def readers(self, point: Point) -> list[OpenedView]:
         """Views that an addend reaches."""
-        return [v for v in self.views if point.variable in v.part.of("input")]
+        own = {p.variable for p in point.members}
+        return [v for v in self.views if own.intersection(v.part.of("input"))]
 
     def block(self, point: Point) -> str:
         """Block of the answer that a point lies in."""
@@ -233,7 +256,7 @@ def opened(plant: Plant, views: Sequence[View], cache: Path) -> Opened:
         _opened_view(v, made, names, cache) for v in views if isinstance(v, SubsystemView)
     )
     decided = deciders(model, plant.class_name)
-    return Opened(made, points, cut_views, shape, decided, cache)
+    return Opened(made, points, cut_views, shape, decided, cache, tuple(_shared(plant, points)))
 
 
 def _open(point: Point) -> Addition:
@@ -243,13 +266,16 @@ def _open(point: Point) -> Addition:
 def recut(
     view: SubsystemView, plant: Plant, cache: Path, further: Sequence[str] = ()
 ) -> SubsystemView:
-    """A view cut from another plant's model at the same variables, and at further ones."""
+    """A view cut from another plant's model at the same variables, and at further ones. It shows
+    the same records, whatever the other model remembers besides.
+    """
     known = [n for n, source in view.sources.items() if source not in plant.inputs]
     outputs = [next(s.variable for s in plant.signals if s.name == n) for n in view.signals]
     cut_at = tuple(sorted([*known, *further]))
     part = part_of(plant, outputs, cut_at, cache)
     sources = {n: view.sources.get(n, n) for n in part.of("input")}
-    return replace(view, plant=plant, part=part, sources=sources, cut_at=cut_at)
+    same = replace(view, memory=view.remembers)
+    return replace(same, plant=plant, part=part, sources=sources, cut_at=cut_at)
 
 
 def _opened_view(
@@ -272,6 +298,25 @@ def _points(plant: Plant, shape: Structure) -> list[Point]:
                 found.append(Point(component, e))
             elif not component and e.left in read and NAME.match(e.right.strip()):
                 found.append(Point(component, e, sensor=True))
+    return found
+
+
+def _shared(plant: Plant, points: Sequence[Point]) -> list[Point]:
+    """Equations that several components of the plant's own class have."""
+    of_plant = tuple(plant.class_name.split("."))
+    section = next((e.section for e in equations_of(plant.model) if e.of_class == of_plant), None)
+    if section is None:
+        return []
+    declared = declared_in(plant.model, plant.class_name, {p.component for p in points})
+    same: dict[EquationText, list[Point]] = {}
+    for point in points:
+        if point.component in declared:
+            same.setdefault(point.equation, []).append(point)
+    found = []
+    for members in (m for m in same.values() if len(m) > 1):
+        paths = tuple(p.component for p in members)
+        shared = Shared(paths, tuple(declared[c] for c in paths), section)
+        found.append(replace(members[0], shared=shared))
     return found
 
 

@@ -121,6 +121,8 @@ def _short(tried: Tried) -> dict[str, Any]:
 def _term(learned: Learned, tried: Tried) -> dict[str, Any]:
     low, high = covered(learned, tried)
     z = np.linspace(low, high, POINTS)
+    if tried.term.law.memory is not None:  # there, back and there again
+        z = np.concatenate([z, z[-2::-1], z[1:]])
     value, sigma = band(tried, z)
     return {
         **_short(tried),

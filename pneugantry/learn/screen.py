@@ -7,7 +7,7 @@ curves and waves are then linear algebra.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -20,7 +20,17 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
 from pneugantry.engine.threads import on_threads
 from pneugantry.learn.curve import SIZES, Basis, Wave, finer, knots_over
-from pneugantry.learn.linear import Answer, Base, Response, base_of, response_of, trial_of
+from pneugantry.learn.linear import (
+    Answer,
+    Base,
+    Response,
+    base_of,
+    response_of,
+    together,
+    trial_of,
+    trial_over,
+)
+from pneugantry.learn.memory import MEMORIES, Remembered, Walks
 from pneugantry.learn.points import Opened, OpenedView, Point
 from pneugantry.learn.regressors import TIME, Regressor, products_of, regressors_of
 from pneugantry.learn.reply import Pulses, Reply, blocks_of, reply_of
@@ -49,10 +59,14 @@ class Course:
 
     values: Mapping[str, Array]
     factors: Mapping[str, Array] | None  # by which its term is multiplied
+    periods: Mapping[str, float] = field(default_factory=dict)  # of rows, s
 
-    def shapes(self, basis: Basis) -> dict[str, Array]:
+    def shapes(self, basis: Basis | Remembered) -> dict[str, Array]:
         """Shapes (rows, coefficients) of each record."""
-        found = {r: basis.shapes(v) for r, v in self.values.items()}
+        if isinstance(basis, Remembered):
+            found = {r: basis.walked(v, self.periods[r]) for r, v in self.values.items()}
+        else:
+            found = {r: basis.shapes(v) for r, v in self.values.items()}
         if isinstance(basis, Wave) and basis.phases > 1:
             found = {r: _among(s, k, basis.phases) for k, (r, s) in enumerate(found.items())}
         own = self.factors
@@ -65,7 +79,7 @@ class Candidate:
 
     point: Point
     regressor: Regressor
-    basis: Basis
+    basis: Basis | Remembered
     answer: Answer  # coefficients of the curve, in the addend's unit
     gain: float  # of -2 log density of logs left out
     unit: float  # of the addend: the size that changes residuals by one noise level
@@ -142,13 +156,15 @@ class Screening:
     noise: Noise
     records: Sequence[Record]
     rules: Rules
-    views: Collection[str] | None = None
+    views: frozenset[str] | None = None
     _zero: dict[Cell, Array] = field(default_factory=dict)
+    _walks: Walks = field(default_factory=Walks)
 
     def __post_init__(self) -> None:
         self.base = base_of(self.fit, self.noise, self.rules)
         self.values = {r.name: self.fit.values(r.name) for r in self.records}
         self.quiet = {r.name: self.opened.quiet(r) for r in self.records}
+        self.periods = {r.name: r.period for r in self.records}
         self.of_name = {v.name: v for v in self.opened.views}
 
     def singles(self) -> Screen:
@@ -160,7 +176,8 @@ class Screening:
         return self._screen(products_of(self._series))
 
     def _screen(self, tried: Mapping[Regressor, Mapping[str, Array]]) -> Screen:
-        found = [c for g, r in self._responses for c in self._of_group(g, r, tried)]
+        told = [*self._responses, *self._in_common]
+        found = [c for g, r in told for c in self._of_group(g, r, tried)]
         ordered = tuple(sorted(found, key=lambda c: -c.gain))
         return Screen(self.fit, ordered, self._series, len(found))
 
@@ -185,6 +202,22 @@ class Screening:
                 found.append((group, response_of(self.base, known)))
         return found
 
+    @cached_property
+    def _in_common(self) -> list[tuple[_Group, Response]]:
+        """What several components have in common, where each one answers in cells of its own."""
+        found: list[tuple[_Group, Response]] = []
+        for point in self.opened.shared:
+            own = [(g, r.times(g.factor(p))) for p in point.members for g, r in self._of_point(p)]
+            cells = [c for _, r in own for c in r.replies]
+            if len(own) == len(point.members) and len(cells) == len(set(cells)):
+                first = own[0][0].of(point.members[0])
+                group = _Group([point], tuple(cells), first.answer, first.unit, [1.0])
+                found.append((group, together([r for _, r in own])))
+        return found
+
+    def _of_point(self, point: Point) -> list[tuple[_Group, Response]]:
+        return [(g, r) for g, r in self._responses if point in g.points]
+
     def _asked(self, group: _Group) -> list[tuple[str, Record]]:
         return [(v, r) for v, name in group.cells for r in self.records if r.name == name]
 
@@ -203,12 +236,14 @@ class Screening:
             for regressor, values in tried.items():
                 head = group.head(first, regressor.times or regressor.name)
                 once = regressor.name == TIME and not regressor.times
-                if once and first != heads[0]:
+                if (once and first != heads[0]) or (first.shared and not once):
                     continue
                 if regressor.within(head) and not self._circular(head, regressor):
                     own = response.times(group.factor(head))
-                    course = Course(values, regressor.factors(self._series))
-                    found += self._of_pair(group.of(head), own, regressor, course)
+                    course = Course(values, regressor.factors(self._series), self.periods)
+                    bases = self._bases(own, regressor, course)
+                    pair = group.of(head), own, regressor
+                    found += [self._candidate(*pair, b, course) for b in bases]
         return found
 
     def _circular(self, point: Point, regressor: Regressor) -> bool:
@@ -224,11 +259,11 @@ class Screening:
         groups: list[_Group] = []
         for point in sorted(self.opened.points, key=lambda p: not p.balance):
             reached = {v.name for v in self.opened.readers(point)}
-            if self.views is not None and not reached & set(self.views):
+            if self.views is not None and not reached & self.views:
                 continue  # no need to simulate
             group = self._probed(point)
             answers = {c[0] for c in group.cells} if group else set()
-            if group is None or (self.views is not None and not answers & set(self.views)):
+            if group is None or (self.views is not None and not answers & self.views):
                 continue
             for other in groups:
                 same = group.cells == other.cells and len(group.answer) == len(other.answer)
@@ -309,16 +344,16 @@ class Screening:
 
     # -- variables
 
-    def _of_pair(
-        self, group: _Group, response: Response, regressor: Regressor, course: Course
-    ) -> list[Candidate]:
+    def _bases(
+        self, response: Response, regressor: Regressor, course: Course
+    ) -> list[Basis | Remembered]:
         """Curves of a variable in an equation: smooth, and along a state or time also with narrow
-        features, and waves.
+        features, and waves; and what memories make of it.
         """
         knots = knots_over(np.concatenate(list(course.values.values())))
         if knots is None:
             return []
-        bases: list[Basis] = [knots]
+        bases: list[Basis | Remembered] = [knots, *self._memories(response, regressor, course)]
         if regressor.name == TIME:
             periods = periods_of(response, course.values, course.factors)
             phases = sorted({1, len(course.values)})
@@ -328,7 +363,29 @@ class Screening:
         elif not regressor.times and self._moves(regressor):
             bases.append(finer(knots))
             bases += [Wave(p) for p in self._lines(response, course)]
-        return [self._candidate(group, response, regressor, b, course) for b in bases]
+        return bases
+
+    def _memories(
+        self, response: Response, regressor: Regressor, course: Course
+    ) -> list[Remembered]:
+        """Each memory of a variable, with the parameters that do best."""
+        if regressor.name == TIME or regressor.plain != regressor or regressor.travelled:
+            return []
+        over = {c: response.shapes(c, course.values)[:, 0] for c in response.replies}
+        step = {c: response.replies[c].block * self.periods[c[1]] for c in over}
+        low, high = np.quantile(np.concatenate(list(over.values())), (0.005, 0.995))
+        length = max(step[c] * len(v) for c, v in over.items())
+        found = []
+        for memory in MEMORIES:
+            tried = memory.tried(float(high - low), max(step.values()), length)
+            if tried:
+                made = {
+                    c: self._walks.of((regressor.label, c[1]), memory, tried, v, step[c])
+                    for c, v in over.items()
+                }
+                falls = trial_over(response, made).falls
+                found.append(Remembered(memory, tried[int(np.argmax(falls))]))
+        return found
 
     def _moves(self, regressor: Regressor) -> bool:
         """Whether a variable is a state, along which something may be narrow or repeat."""
@@ -358,7 +415,7 @@ class Screening:
         group: _Group,
         response: Response,
         regressor: Regressor,
-        basis: Basis,
+        basis: Basis | Remembered,
         course: Course,
     ) -> Candidate:
         unit = group.unit

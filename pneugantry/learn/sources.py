@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,7 +10,15 @@ from modelica_fmu.modelica.grammar import parse
 from modelica_fmu.modelica.lexer import TOKEN
 from modelica_fmu.modelica.syntax import ClassDef, Component, Extends, Ref
 
-__all__ = ["Addition", "EquationText", "components_of", "equations_of", "with_additions"]
+__all__ = [
+    "Addition",
+    "Declared",
+    "EquationText",
+    "components_of",
+    "declared_in",
+    "equations_of",
+    "with_additions",
+]
 
 ClassPath = tuple[str, ...]
 SECTIONS = ("algorithm", "public", "protected", "initial", "external", "annotation")
@@ -38,6 +46,19 @@ class Addition:
     declared: str  # elements of the class, whole lines
     term: str  # added to the right-hand side
     equations: str  # further equations of the class, whole lines
+    elsewhere: tuple[tuple[int, str], ...] = ()  # further text, by offsets into the file's
+
+
+@dataclass(frozen=True)
+class Declared:
+    """Where a component of a class may be given one more modifier."""
+
+    at: int  # offset into the file's text
+    alone: bool  # whether it has none yet
+
+    def with_modifier(self, text: str) -> tuple[int, str]:
+        """What is to be inserted where."""
+        return self.at, f"({text})" if self.alone else f"{text}, "
 
 
 @dataclass(frozen=True)
@@ -76,6 +97,7 @@ def with_additions(text: str, additions: Mapping[EquationText, Addition]) -> str
         pieces.append((equation.start, "("))
         pieces.append((equation.end, f") + {added.term}"))
         pieces.append((_after(text, equation.end), f"\n{added.equations}"))
+        pieces += added.elsewhere
     for at, piece in sorted(pieces, key=lambda p: -p[0]):
         text = text[:at] + piece + text[at:]
     return text
@@ -100,6 +122,27 @@ def components_of(model: Path, class_name: str) -> dict[str, list[ClassPath]]:
             elif isinstance(element, Component) and not element.dims:
                 name = f"{prefix}.{element.name}" if prefix else element.name
                 waiting.append((name, _resolved(element.type, path, known)))
+    return found
+
+
+def declared_in(model: Path, class_name: str, components: Collection[str]) -> dict[str, Declared]:
+    """Where those of a class's own components that are declared one by one may be modified."""
+    text = model.read_text(encoding="utf-8")
+    known = dict(_classes(parse(text, model)[1], ()))
+    made = known.get(tuple(class_name.split(".")))
+    if made is None:
+        return {}
+    own = {e.name for e in made.elements if isinstance(e, Component) and not e.dims}
+    words = [w for w in _words(text) if made.place.line <= w.line <= made.end_line]
+    found: dict[str, Declared] = {}
+    for before, word, behind in zip(words, words[1:], words[2:], strict=False):
+        if word.text == "equation":
+            break
+        wanted = word.text in own and word.text in components and word.text not in found
+        if wanted and before.kind == word.kind and behind.text in ("(", ";", ","):
+            alone = behind.text != "("
+            at = word.at + len(word.text) if alone else behind.at + 1
+            found[word.text] = Declared(at, alone)
     return found
 
 

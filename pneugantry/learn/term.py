@@ -11,7 +11,7 @@ import numpy as np
 
 from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Array, Plant, Record
-from pneugantry.learn.forms import FORMS, FormLaw
+from pneugantry.learn.forms import FORMS, PERIODIC, FormLaw
 from pneugantry.learn.points import Point, written
 from pneugantry.learn.regressors import TIME, Regressor
 from pneugantry.learn.sources import Addition
@@ -19,6 +19,7 @@ from pneugantry.learn.sources import Addition
 __all__ = ["NAME", "Term", "with_term"]
 
 NAME = "missing_term"
+SWITCHED = (*FORMS, PERIODIC)  # of one text, `form` says which
 LIMITS = "(min = -1e30, max = 1e30)"
 WIDE = 1e6  # bounds of a size, in starting values
 NARROW = 20.0  # bounds of a shape, as a factor
@@ -46,12 +47,18 @@ class Term:
     def parameters(self) -> tuple[str, ...]:
         """Of the whole plant, but for what each record has of its own."""
         count = len(self.values) - bool(self.places)
-        return tuple(f"{self.point.variable}.p{k + 1}" for k in range(count))
+        return tuple(f"{self._owner}p{k + 1}" for k in range(count))
 
     @property
     def own(self) -> str:
         """What each record has of its own, of the whole plant."""
-        return f"{self.point.variable}.p{len(self.values)}"
+        return f"{self._owner}p{len(self.values)}"
+
+    @property
+    def _owner(self) -> str:
+        """What the names of its parameters begin with."""
+        shared = self.point.shared is not None
+        return f"common_{self.point.name}_" if shared else f"{self.point.variable}."
 
     @property
     def name(self) -> str:
@@ -71,8 +78,8 @@ class Term:
         turned = f"*{self.point.spelt(own.times)}" if own.times else turned
         if self.law.tables:
             return f"curve of {self._shown}{' times' + turned.replace('*', ' ') if turned else ''}"
-        text = self.law.text
-        for k, value in enumerate(self.values, 1):
+        text = self.law.memory.shown if self.law.memory else self.law.text
+        for k, value in reversed([*enumerate(self.values, 1)]):
             shown = f"{value:.{digits}g}" if k <= len(self.parameters) else "t0"
             text = text.replace(f"p{k}", f"({shown})" if k > 1 and value < 0 else shown)
         text = text.replace("3.141592653589793", "pi").replace("z", self._shown)
@@ -83,7 +90,7 @@ class Term:
         term, and with a switch of all forms, so that all terms of a variable are one text; `effect`
         and `settings` then have the values.
         """
-        if blank and not self.law.tables:
+        if blank and not (self.law.tables or self.law.memory):
             return self._switched()
         name, kind = self.point.name, f"Residual_{self.point.equation.number}"
         neutral = neutral or blank
@@ -102,10 +109,30 @@ class Term:
             f"{self._read()}    y = noEvent({self.law.text});\nend {kind};",
             "  ",
         )
-        return Addition(f"{block}\n  {kind} {name};", self._added(), self._fed())
+        bound = self._bound(values)
+        return Addition(f"{block}\n  {kind} {name};", self._added(), self._fed(), bound)
+
+    def _bound(self, values: Sequence[float]) -> tuple[tuple[int, str], ...]:
+        """Parameters of the plant's own class that all members have, declared and bound."""
+        shared, own = self.point.shared, [f"{self._owner}p{k + 1}" for k in range(len(values))]
+        if shared is None:
+            return ()
+        declared = "".join(
+            f"parameter Real {n}{LIMITS} = {float(v)!r};\n  "
+            for n, v in zip(own, values, strict=True)
+        )
+        given = ", ".join(f"p{k} = {n}" for k, n in enumerate(own, 1))
+        modified = [d.with_modifier(f"{self.point.name}({given})") for d in shared.declared]
+        return ((shared.section, f"public\n  {declared}"), *modified)
 
     def _read(self) -> str:
         """Inside of the block: z, what the term is a function of, and the equation of it."""
+        memory = self.law.memory
+        if memory is not None:
+            return (
+                f"    input Real z;\n    output Real y;\n{memory.states}  initial equation\n"
+                f"    s = z;\n  equation\n{memory.rates}"
+            )
         if not self.regressor.travelled:
             return "    input Real z;\n    output Real y;\n  equation\n"
         return (
@@ -129,22 +156,25 @@ class Term:
     def _switched(self) -> Addition:
         """The block with all forms: `form` says which."""
         name, kind = self.point.name, f"Residual_{self.point.equation.number}"
-        count = max(len(f.shapes) for f in FORMS) + 1
-        chosen = "".join(f"if form < {k}.5 then {f.text} else" for k, f in enumerate(FORMS[:-1]))
+        count = max(len(f.shapes) for f in SWITCHED) + 1
+        forms = enumerate(SWITCHED[:-1])
+        chosen = "".join(f"if form < {k}.5 then {f.text} else" for k, f in forms)
         sizes = "".join(f"    parameter Real p{k}{LIMITS} = 1;\n" for k in range(2, count + 1))
         return Addition(
             f"  block {kind}\n    parameter Real form = 0;\n    parameter Real p1{LIMITS} = 0;\n"
             f"{sizes}{self._read()}"
-            f"    y = noEvent({chosen} {FORMS[-1].text});\n  end {kind};\n  {kind} {name};",
+            f"    y = noEvent({chosen} {SWITCHED[-1].text});\n  end {kind};\n  {kind} {name};",
             self._added(),
             self._fed(),
+            self._bound([0.0, *(1.0 for _ in range(count - 1))]),
         )
 
     @property
     def tables(self) -> dict[str, float]:
         """Parameters of the whole plant that are not fitted."""
         return {
-            f"{self.point.variable}.{n}" + (f"[{k}]" if len(t) > 1 else ""): float(v)
+            f"{member.variable}.{n}" + (f"[{k}]" if len(t) > 1 else ""): float(v)
+            for member in self.point.members
             for n, t in self.law.tables
             for k, v in enumerate(t, 1)
         }
@@ -152,10 +182,11 @@ class Term:
     @property
     def settings(self) -> dict[str, float]:
         """All that a blank text needs and that is not fitted."""
-        names = [f.name for f in FORMS]
+        names = [f.name for f in SWITCHED]
         if self.law.name not in names:
             return self.tables
-        return {f"{self.point.variable}.form": float(names.index(self.law.name))}
+        form = float(names.index(self.law.name))
+        return {f"{member.variable}.form": form for member in self.point.members}
 
     def _is_size(self, k: int) -> bool:
         return k == 0 or self.law.shapes[k - 1] == "size"

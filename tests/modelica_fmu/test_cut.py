@@ -72,6 +72,47 @@ def test_a_part_holds_what_its_output_needs_and_no_more(cart: Path) -> None:
     assert not {"tau", "K", "s_start"} & names(part, "parameter")
 
 
+BEGUN = """package Toy
+  block Follower
+    parameter Real tau = 0.5;
+    parameter Real share = 2;
+    parameter Real level(fixed = false);
+    input Real z;
+    Real s;
+  initial equation
+    s = share*z + level;
+    level = 3*tau;
+  equation
+    der(s) = (z - s)/tau;
+  end Follower;
+  model Two
+    Follower one, two(tau = 0.1);
+    input Real u(start = 0);
+    output Real a, b;
+  equation
+    one.z = u + 1;
+    two.z = 3*u;
+    a = one.s;
+    b = two.s;
+  end Two;
+end Toy;
+"""
+
+
+def test_a_part_begins_as_its_own_initial_equations_say(tmp_path: Path) -> None:
+    model = written(BEGUN, tmp_path)
+    part = cut(model, "Toy.Two", ["a"])
+    assert names(part, "state") == {"one.s"}
+    assert {"one.share", "one.tau"} <= names(part, "parameter")
+    assert not {"two.share", "two.tau"} & names(part, "parameter")
+    fixed = cut(model, "Toy.Two", ["a"], fixed={"one.share": 5.0, "one.tau": 1.0})
+    for key, made, value in (("part", part, 2 + 3 * 0.5), ("fixed", fixed, 5 + 3 * 1.0)):
+        run = Subsystem(build_part(made, tmp_path, key))
+        drive = Drive({"u": np.zeros(3)})
+        told = run.runs([], np.zeros((1, 0)), [drive], ["one.s"], 0.01, [0])
+        assert told[0][0, 0] == pytest.approx(value)
+
+
 def test_without_a_measured_variable_the_part_reaches_further_upstream(cart: Path) -> None:
     part = cut(cart, "Toy.Cart", ["v"])
     assert names(part, "input") == {"u"}

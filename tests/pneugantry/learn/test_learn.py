@@ -249,3 +249,30 @@ def test_a_sensor_s_error_is_learnt_as_one(tmp_path: Path) -> None:
     size, period, _ = (p["value"] for p in term["parameters"].values())
     assert abs(size) == pytest.approx(0.012, rel=0.1)
     assert period == pytest.approx(0.7, rel=0.02)
+
+
+class Play:
+    """What follows a position that has left a band about it; from 0 at each log's start."""
+
+    def __init__(self, half: float) -> None:
+        self.half, self.at = half, 0.0
+
+    def __call__(self, s: float, v: float) -> float:
+        begins = s == v == 0.0
+        self.at = 0.0 if begins else min(max(self.at, s - self.half), s + self.half)
+        return self.at
+
+
+def test_a_spring_behind_a_play_is_learnt_as_one(tmp_path: Path) -> None:
+    play = Play(0.3)
+    learned = diagnosed(tmp_path, lambda s, v: -3.0 * (s - play(s, v)))["learned"]
+    assert learned["accepted"], learned["why"]
+    term = learned["term"]
+    assert (term["regressor"], term["form"]) == ("s", "play")
+    stiffness, half = term["parameters"].values()
+    assert stiffness["value"] == pytest.approx(-3.0, abs=0.06)
+    assert half["value"] == pytest.approx(0.3, abs=0.01)
+    assert learned["gap"]["with"] < 1.3 * learned["gap"]["floor"]
+    at, value = (np.array(term["curve"][k]) for k in ("at", "value"))
+    back = at.argmax()
+    assert np.abs(value[back + 10] - value[back - 10]) > 0.5  # there and back are apart

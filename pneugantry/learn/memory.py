@@ -1,0 +1,157 @@
+"""Terms that remember: a state follows the variable. Three of the field's own: play (hysteresis), a
+lag (creep, heat) and a resonance (something elastic that is shaken along).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pneugantry.engine.plant import Array
+
+__all__ = ["MEMORIES", "Memory", "Remembered", "Walks"]
+
+Walk = Callable[[Array, float, Sequence[float]], Array]
+PACE = 2e-3  # s, in which the state of a play follows the end of its band that it is pushed by
+SHARES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of a variable's range, half widths of a play
+RATIO = 1.5  # of two lags that are tried
+FINE = 1.1  # of two periods
+DAMPINGS = (0.03, 0.1, 0.3)
+FEWEST = 3.0  # rows in a lag or a period, at least
+PART = 3.0  # of a record that a lag or a period lasts, at most
+
+
+@dataclass(frozen=True)
+class Memory:
+    """A state s that follows a variable z; p1*(z - s) enters. p2, ...: its parameters, all > 0."""
+
+    name: str
+    states: str  # Modelica: declarations
+    rates: str  # equations of the states, in z, s and p2, ...
+    shapes: int  # p2, ...
+    walk: Walk  # z - s over evenly spaced rows of z, their period (s) and (p2, ...)
+    tried: Callable[[float, float, float], list[tuple[float, ...]]]  # (p2, ...) to try, for a range
+    # of z, the period of rows and the length of a record, s
+
+    @property
+    def shown(self) -> str:
+        """The term as a reader writes it."""
+        values = ", ".join(f"p{k}" for k in range(2, 2 + self.shapes))
+        return f"p1*(z - {self.name}(z, {values}))"
+
+
+@dataclass(frozen=True)
+class Remembered:
+    """What a memory makes of a variable, as a curve of one coefficient."""
+
+    memory: Memory
+    values: tuple[float, ...]  # p2, ...
+
+    @property
+    def bends(self) -> tuple[float, ...]:
+        """See `curve.Basis`."""
+        return (1.0,)
+
+    def walked(self, values: Array, period: float) -> Array:
+        """(rows, 1) over rows of a record."""
+        return self.memory.walk(values, period, self.values)[:, None]
+
+    def prior(self, size: float, bend: float) -> Array:
+        """See `curve.Basis`."""
+        return np.eye(1) / size**2
+
+
+@dataclass(eq=False)
+class Walks:
+    """What memories make of variables over evenly spaced rows, told once for all equations."""
+
+    _made: dict[Hashable, Array] = field(default_factory=dict)
+
+    def of(
+        self,
+        variable: Hashable,
+        memory: Memory,
+        tried: Sequence[tuple[float, ...]],
+        values: Array,
+        period: float,
+    ) -> Array:
+        """Columns (rows, len(tried)) of a variable's values (rows,)."""
+        key = variable, memory.name, tuple(tried), len(values), period
+        if key not in self._made:
+            made = [memory.walk(values, period, p) for p in tried]
+            self._made[key] = np.column_stack(made)
+        return self._made[key]
+
+
+def _play(z: Array, period: float, p: Sequence[float]) -> Array:
+    (half,), s = p, float(z[0])
+    followed = np.empty(len(z))
+    for k, value in enumerate(z.tolist()):
+        s = min(max(s, value - half), value + half)
+        followed[k] = s
+    return np.asarray(z - followed)
+
+
+def _halves(span: float, period: float, length: float) -> list[tuple[float, ...]]:
+    return [(share * span,) for share in SHARES]
+
+
+def _lag(z: Array, period: float, p: Sequence[float]) -> Array:
+    """Exact where z is straight between rows."""
+    from scipy.signal import lfilter  # its import is dear, for who learns
+
+    (tau,) = p
+    fade = float(np.exp(-period / tau))
+    behind = tau / period * (1 - fade)  # of a ramp, in one row
+    left = lfilter([behind], [1.0, -fade], np.diff(z, prepend=z[0]))
+    return np.asarray(left)
+
+
+def _lags(span: float, period: float, length: float) -> list[tuple[float, ...]]:
+    return [(tau,) for tau in _spaced(FEWEST * period, length / PART, RATIO)]
+
+
+def _resonance(z: Array, period: float, p: Sequence[float]) -> Array:
+    """By the bilinear transform that keeps the natural frequency."""
+    from scipy.signal import lfilter  # its import is dear, for who learns
+
+    turn, zeta = p
+    w = 2 * np.pi / turn
+    c = w / np.tan(w * period / 2)  # d/dt = c (1 - q)/(1 + q)
+    below = [c**2 + 2 * zeta * w * c + w**2, 2 * (w**2 - c**2), c**2 - 2 * zeta * w * c + w**2]
+    moved = lfilter([w**2, 2 * w**2, w**2], below, z - z[0])
+    return np.asarray(z - z[0] - moved)
+
+
+def _turns(span: float, period: float, length: float) -> list[tuple[float, ...]]:
+    turns = _spaced(FEWEST * period, length / PART, FINE)
+    return [(turn, zeta) for turn in turns for zeta in DAMPINGS]
+
+
+def _spaced(low: float, high: float, ratio: float) -> list[float]:
+    count = int(np.log(max(high / low, 1.0)) / np.log(ratio)) + 1
+    return [low * ratio**k for k in range(count)]
+
+
+MEMORIES = (
+    Memory(
+        "play",
+        "    Real s;\n",
+        f"    der(s) = noEvent((z - s - min(max(z - s, -p2), p2))/{PACE!r});\n",
+        1,
+        _play,
+        _halves,
+    ),
+    Memory("lag", "    Real s;\n", "    der(s) = (z - s)/p2;\n", 1, _lag, _lags),
+    Memory(
+        "resonance",
+        "    Real s;\n    Real s_rate(start = 0, fixed = true);\n",
+        "    der(s) = s_rate;\n"
+        "    der(s_rate) = 6.283185307179586/p2*(6.283185307179586/p2*(z - s) - 2*p3*s_rate);\n",
+        2,
+        _resonance,
+        _turns,
+    ),
+)

@@ -1,0 +1,165 @@
+"""Terms that remember: what they make of a variable, as rows and as Modelica."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneugantry.engine.confirm import replays
+from pneugantry.engine.plant import Plant, Record, Signal
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.views import build_views
+from pneugantry.learn.calibrated import calibrated, read_by
+from pneugantry.learn.forms import FORMS, REMEMBERING
+from pneugantry.learn.memory import MEMORIES
+from pneugantry.learn.points import Point, Shared, recut
+from pneugantry.learn.regressors import Regressor
+from pneugantry.learn.sources import declared_in, equations_of
+from pneugantry.learn.term import Term, with_term
+
+PERIOD, ROWS = 1e-3, 6000
+T = PERIOD * np.arange(ROWS)
+OF_NAME = {m.name: m for m in MEMORIES}
+MODEL = """
+package Two
+  block Reader "with a gain"
+    input Real u;
+    output Real y;
+  equation
+    y = 2*u;
+  end Reader;
+  model Both
+    Reader first, second;
+    Reader third(y(start = 1)) "modified";
+    input Real u;
+    output Real a, b, c;
+  equation
+    first.u = u;
+    second.u = u;
+    third.u = 3*u;
+    a = first.y;
+    b = second.y;
+    c = third.y;
+  end Both;
+end Two;
+"""
+
+
+def test_a_play_stays_where_it_is_until_its_band_ends() -> None:
+    z = np.array([0.0, 0.2, 0.5, 1.0, 0.8, 0.3, 0.1])
+    left = OF_NAME["play"].walk(z, PERIOD, (0.3,))
+    assert left == pytest.approx([0.0, 0.2, 0.3, 0.3, 0.1, -0.3, -0.3])
+
+
+def test_a_lag_is_behind_a_ramp_by_its_own_time() -> None:
+    left = OF_NAME["lag"].walk(4 * T + 1, PERIOD, (0.3,))
+    assert left == pytest.approx(4 * 0.3 * (1 - np.exp(-T / 0.3)), abs=1e-12)
+
+
+def test_a_resonance_answers_its_own_period_by_its_damping() -> None:
+    turn, zeta = 0.4, 0.05
+    left = OF_NAME["resonance"].walk(np.sin(2 * np.pi * T / turn), PERIOD, (turn, zeta))
+    answer = left[-2000:] - np.sin(2 * np.pi * T[-2000:] / turn)
+    assert np.abs(answer).max() == pytest.approx(1 / (2 * zeta), rel=0.02)
+
+
+def _plant(folder: Path) -> Plant:
+    model = folder / "Two.mo"
+    model.write_text(MODEL, encoding="utf-8")
+    signals = tuple(Signal(n, n, 1.0) for n in ("a", "b", "c"))
+    return Plant("two", model, "Two.Both", ("u",), signals, {}, (), {})
+
+
+def _record(u: np.ndarray) -> Record:
+    signals = {n: np.zeros(len(u)) for n in ("a", "b", "c")}
+    return Record("run", PERIOD, {"u": u}, signals, {})
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "error"),
+    [("play", (0.3,), 0.02), ("lag", (0.2,), 5e-3), ("resonance", (0.5, 0.1), 0.01)],
+)
+def test_its_modelica_does_what_its_rows_do(
+    tmp_path: Path, name: str, values: tuple[float, ...], error: float
+) -> None:
+    plant = _plant(tmp_path)
+    law = next(f for f in REMEMBERING if f.name == name)
+    point = Point("second", equations_of(plant.model)[0])
+    term = Term(point, Regressor("second", "u"), law, (1.5, *values), (1.0, 0.5, 0.5), "second")
+    u = np.sin(3 * T)
+    made = with_term(plant, term, tmp_path)
+    (told,) = replays(made, _record(u), [term.starts], tmp_path, skip=0.0)
+    assert told is not None
+    expected = 1.5 * OF_NAME[name].walk(u, PERIOD, values)
+    assert told.simulated[:, 0] == pytest.approx(2 * u, abs=1e-6)
+    assert told.simulated[:, 1] - 2 * u == pytest.approx(expected, abs=error)
+    assert f"{name}(u, " in term.formula()
+
+
+def test_a_common_cause_has_one_set_of_parameters(tmp_path: Path) -> None:
+    plant = _plant(tmp_path)
+    paths = ("first", "third")
+    declared = declared_in(plant.model, plant.class_name, paths)
+    assert list(declared) == ["first", "third"]
+    equations = equations_of(plant.model)
+    shared = Shared(paths, tuple(declared[p] for p in paths), equations[-1].section)
+    law = next(f for f in REMEMBERING if f.name == "lag")
+    point = Point("first", equations[0], shared=shared)
+    term = Term(point, Regressor("first", "u"), law, (1.5, 0.2), (1.0, 0.5), "first")
+    assert term.parameters == ("common_missing_1_p1", "common_missing_1_p2")
+    u = np.sin(3 * T)
+    made = with_term(plant, term, tmp_path)
+    (told,) = replays(made, _record(u), [term.starts], tmp_path, skip=0.0)
+    assert told is not None
+    left = 1.5 * OF_NAME["lag"].walk(u, PERIOD, (0.2,))
+    assert told.simulated == pytest.approx(
+        np.column_stack([2 * u + left, 2 * u, 6 * u + 3 * left]), abs=0.02
+    )
+
+
+def test_a_view_shows_the_same_records_whatever_a_term_remembers(tmp_path: Path) -> None:
+    plant = _plant(tmp_path)
+    still = _record(np.zeros(ROWS))
+    (view,) = build_views(plant, ["b"], tmp_path, PERIOD, Rules())
+    assert view.shows(still)  # nothing happens, and nothing could have been missed
+    law = next(f for f in REMEMBERING if f.name == "lag")
+    point = Point("second", equations_of(plant.model)[0])
+    term = Term(point, Regressor("second", "u"), law, (1.5, 0.2), (1.0, 0.5), "second")
+    made = recut(view, with_term(plant, term, tmp_path), tmp_path)
+    assert made.part.of("state")
+    assert made.shows(still)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("play", (-0.2, 0.3)), ("sine", (0.05, 0.7, 0.1)), ("cube", (0.02,))]
+)
+def test_a_sensor_s_error_is_taken_out(
+    tmp_path: Path, name: str, values: tuple[float, ...]
+) -> None:
+    plant = _plant(tmp_path)
+    law = next(f for f in (*FORMS, *REMEMBERING) if f.name == name)
+    equation = next(e for e in equations_of(plant.model) if e.left == "b")
+    term = Term(Point("", equation, sensor=True), Regressor("second", "y"), law, values, (), "b")
+    assert read_by(plant, term) == "b"
+    true = np.sin(3 * T) + 0.3 * T
+    walk = law.memory.walk(true, PERIOD, values[1:]) if law.memory else None
+    error = law.law(true, values) if walk is None else values[0] * walk
+    record = Record("run", PERIOD, {}, {"a": true, "b": true + error, "c": true}, {})
+    found = calibrated(record, "b", term)
+    assert found is not None
+    assert found.signals["b"] == pytest.approx(true, abs=2e-3 * np.abs(error).max())
+    assert found.signals["a"] is true
+
+
+def test_a_reading_without_a_single_origin_is_left(tmp_path: Path) -> None:
+    plant = _plant(tmp_path)
+    equation = next(e for e in equations_of(plant.model) if e.left == "b")
+    law = next(f for f in FORMS if f.name == "sine")
+    term = Term(
+        Point("", equation, sensor=True), Regressor("second", "y"), law, (1.0, 0.5, 0.0), (), "b"
+    )
+    assert calibrated(Record("run", PERIOD, {}, {"b": np.sin(3 * T)}, {}), "b", term) is None
+    other = Term(Point("", equation, sensor=True), Regressor("", "u"), law, (1.0,), (), "b")
+    assert read_by(plant, other) is None
