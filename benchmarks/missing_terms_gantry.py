@@ -23,6 +23,7 @@ from benchmarks.missing_terms import print_sums
 from modelica_fmu.cut import structure
 from pneugantry.api.diagnosis import Diagnosis, diagnose
 from pneugantry.blind.sets import SETS
+from pneugantry.engine.plant import Array, Record
 from pneugantry.learn.learned import Learned
 from pneugantry.truth.campaign import write
 from pneugantry.truth.case import CaseSet, run_case
@@ -35,6 +36,10 @@ ROOTS = {  # what the truth calls it -> variable of the model
     "depth_rate": "contact.delta_dot",
     "a_x": "axis_x.a",
     "a_z": "axis_z.a",
+}
+DRIVES = {  # a command acts by what it exceeds u_0
+    f"u_{axis}": tuple(f"valve_{axis}.{name}" for name in ("u", "f_target", "f_drive"))
+    for axis in "xz"
 }
 SAME = 0.999  # correlation from which on two variables of the model are one in these logs
 FORMS = {  # formula of the truth -> forms that are it
@@ -79,9 +84,15 @@ def same_variable(learned: Learned, regressor: str, truth: str) -> bool:
     series = {r.label: values for r, values in learned.screen.series.items()}
     if plain not in series:
         return False
-    if plain == wanted or (truth.startswith("u_") and plain == f"valve_{truth[-1]}.u"):
+    if plain == wanted or plain in DRIVES.get(truth, ()):
         return True
     own = np.concatenate([series[plain][r.name] for r in task.data.fitted])
+    if truth.startswith("work_"):
+        force = series.get(f"axis_{truth[-1]}.friction.F")
+        if force is None:
+            return False
+        worked = [_work(force[r.name], r, truth[-1]) for r in task.data.fitted]
+        return abs(float(np.corrcoef(own, np.concatenate(worked))[0, 1])) > SAME
     for label, values in series.items():
         if label == wanted or label.endswith(f".{wanted.rsplit('.', 1)[-1]}"):
             other = np.concatenate([values[r.name] for r in task.data.fitted])
@@ -91,6 +102,12 @@ def same_variable(learned: Learned, regressor: str, truth: str) -> bool:
         other = np.concatenate([{**r.signals, **r.inputs}[truth] for r in task.data.fitted])
         return abs(float(np.corrcoef(own, other)[0, 1])) > SAME
     return False
+
+
+def _work(force: Array, record: Record, axis: str) -> Array:
+    """Work of an axis' Coulomb friction since the record began, from row to row."""
+    power = np.abs(force * record.signals[f"v_{axis}"])
+    return np.asarray(np.cumsum(power) * record.period)
 
 
 def _of_acceleration(learned: Learned, answer: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,6 +50,7 @@ __all__ = ["learn", "wanted"]
 
 Say = Callable[[str], None]
 NEARLY = 0.8  # share of the best curve's fall from which on a curve's forms are fitted
+CLEARLY = 1.1  # times the gain of single variables, from which on products are fitted first
 WORTH = 0.5  # share of the best candidate's gain from which on another one is fitted
 FINALISTS = 2  # pairs of equation and variable that are fitted
 SINGLES = 24  # effects of the catalogue that are tried as part of a curve
@@ -109,20 +110,47 @@ class _Learning:
         return self.fits.apart
 
     def run(self) -> Learned:
-        """Screens beside nothing and beside the effects found; where no form of that is enough,
-        effects of the catalogue are tried as part of the curve.
+        """Screens beside nothing and beside the effects found: single variables, and products where
+        they foretell clearly more, or where no single variable is enough.
         """
         found = self.found
         bases = {fit.keys: fit for fit in (found.search.null, found.decision.best)}
         self.say("missing term: screening")
         screenings = [self._screening(fit) for fit in bases.values()]
         screens = [s.singles() for s in screenings]
+        twofold = [s.products() for s in screenings]
         self.say("missing term: fits")
         tried: list[Tried] = []
-        for screen in screens:
-            tried += self._fitted(screen, FINALISTS)
+        left = []
+        for single, products in zip(screens, twofold, strict=True):
+            clearly = _most(products) > CLEARLY * _most(single)
+            tried += self._fitted(products, FINALISTS) if clearly else []
+            left += [] if clearly else [products]
+        if not tried or not self._enough(min(tried, key=lambda t: t.cost)):
+            tried += self._single(screens, bases)
         if not tried:
             return Learned(found, None, (), (), _main(screens), False, NOTHING, 0.0)
+        answers, after = self._answered(tried)
+        if left and (wanted(after) or answers[0].drifts):  # a single variable does not tell it all
+            self.say("missing term: products")
+            made = [t for s in left for t in self._fitted(s, FINALISTS)]
+            least = min(t.cost for t in tried)
+            if min((t.cost for t in made), default=math.inf) < least - self.rules.entry:
+                tried = [*tried, *made]
+                answers, after = self._answered(tried)
+        screens += twofold
+        accepted, why = Judge(self.found, self.fits).judged(answers[0], after)
+        kept = _main(screens), accepted, why
+        experiment, ordered = self._experiment(answers), sorted(tried, key=lambda t: t.cost)
+        return Learned(found, after, answers, tuple(ordered), *kept, 0.0, experiment)
+
+    def _single(self, screens: list[Screen], bases: Mapping[tuple[str, ...], Fit]) -> list[Tried]:
+        """Functions of single variables. Where no form of them is enough, effects of the catalogue
+        are tried as part of the curve, and what is looked at beside them joins the screens.
+        """
+        tried = [t for screen in screens for t in self._fitted(screen, FINALISTS)]
+        if not tried:
+            return []
         if not self._enough(min(tried, key=lambda t: t.cost)):
             made, likely = self._composites(tried)
             tried += made
@@ -131,23 +159,12 @@ class _Learning:
                     screens.append(self._screening(fit).singles())
                     tried += self._fitted(screens[-1], 1)
         tried += self._plainer(min(tried, key=lambda t: t.cost), screens)
-        tried += self._harmonics(min(tried, key=lambda t: t.cost))
-        tried.sort(key=lambda t: t.cost)
-        answers = Rivals(self.fits).answers(tried)
-        after = self._diagnosed(answers[0])
-        if wanted(after) or answers[0].drifts:  # a single variable does not tell it all
-            self.say("missing term: products")
-            twofold = [s.products() for s in screenings]
-            screens += twofold
-            products = [t for s in twofold for t in self._fitted(s, FINALISTS)]
-            if min((t.cost for t in products), default=math.inf) < tried[0].cost - self.rules.entry:
-                tried = sorted([*tried, *products], key=lambda t: t.cost)
-                answers = Rivals(self.fits).answers(tried)
-                after = self._diagnosed(answers[0])
-        accepted, why = Judge(self.found, self.fits).judged(answers[0], after)
-        kept = _main(screens), accepted, why
-        experiment = self._experiment(answers)
-        return Learned(found, after, answers, tuple(tried), *kept, 0.0, experiment)
+        return [*tried, *self._harmonics(min(tried, key=lambda t: t.cost))]
+
+    def _answered(self, tried: Sequence[Tried]) -> tuple[tuple[Tried, ...], Found]:
+        """The terms that the records do not tell apart, and the plant with the first of them."""
+        answers = Rivals(self.fits).answers(sorted(tried, key=lambda t: t.cost))
+        return answers, self._diagnosed(answers[0])
 
     def _screening(self, fit: Fit) -> Screening:
         task, blamed = self.found.task, _blamed(self.found)
@@ -370,9 +387,14 @@ class _Learning:
         return data.each(lambda r: each[r] or r)
 
 
+def _most(screen: Screen) -> float:
+    """The gain of the best candidate."""
+    return screen.candidates[0].gain if screen.candidates else 0.0
+
+
 def _main(screens: Sequence[Screen]) -> Screen:
     """The one with the best candidate."""
-    return max(screens, key=lambda s: s.candidates[0].gain if s.candidates else 0.0)
+    return max(screens, key=_most)
 
 
 def _blamed(found: Found) -> frozenset[str] | None:

@@ -36,7 +36,9 @@ class Rivals:
         pairs: dict[tuple[Point, Regressor], Tried] = {}
         for t in tried:
             pairs.setdefault((t.term.point, t.term.regressor), self._simplest(t, tried))
-        rest = [self.fits.placed(self.fits.again(t)) for t in list(pairs.values())[:RIVALS]]
+        first = list(pairs.values())[:RIVALS]
+        near = [t for t in first if t.cost < first[0].cost + self.fits.rules.hopeless]
+        rest = [self.fits.placed(self.fits.again(t)) for t in near]
         least = min(t.cost for t in rest)
         rest = [t for t in rest if t.cost < least + FAR]
         told = {t: self.fits.foretold(t) if len(rest) > 1 else NO_STRETCHES for t in rest}
@@ -47,11 +49,12 @@ class Rivals:
         roots = self.fits.apart.shape.roots
         fed = {roots.get(name, name) for name in self.fits.task.plant.inputs}
 
-        def rank(t: Tried) -> tuple[bool, bool, bool, bool, float]:
+        def rank(t: Tried) -> tuple[float, ...]:
             own = t.term.regressor
             follows = roots.get(own.plain.label) not in fed
             turned = bool(own.speed) or bool(own.times)
-            return own.name == TIME, own.travelled, turned, follows, total[t]
+            beside = len(t.fit.keys)
+            return own.name == TIME, beside, own.travelled, turned, follows, total[t]
 
         return tuple(sorted(close, key=rank))
 
