@@ -131,7 +131,8 @@ class _Learning:
         if not tried:
             return Learned(found, None, (), (), _main(screens), False, NOTHING, 0.0)
         answers, after = self._answered(tried)
-        if left and (wanted(after) or answers[0].drifts):  # a single variable does not tell it all
+        formless = answers[0].drifts or answers[0].free is not None
+        if left and (formless or wanted(after)):  # a single variable does not tell it all
             self.say("missing term: products")
             made = [t for s in left for t in self._fitted(s, FINALISTS)]
             least = min(t.cost for t in tried)

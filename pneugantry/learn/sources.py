@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 from modelica_fmu.modelica.grammar import parse
@@ -135,11 +136,13 @@ def declared_in(model: Path, class_name: str, components: Collection[str]) -> di
     own = {e.name for e in made.elements if isinstance(e, Component) and not e.dims}
     words = [w for w in _words(text) if made.place.line <= w.line <= made.end_line]
     found: dict[str, Declared] = {}
-    for before, word, behind in zip(words, words[1:], words[2:], strict=False):
+    depth = 0
+    for word, behind in pairwise(words):
         if word.text == "equation":
             break
-        wanted = word.text in own and word.text in components and word.text not in found
-        if wanted and before.kind == word.kind and behind.text in ("(", ";", ","):
+        depth += (word.text in "([{") - (word.text in ")]}")
+        named = depth == 0 and word.text in own and behind.text in ("(", ";", ",")
+        if named and word.text in components and word.text not in found:
             alone = behind.text != "("
             at = word.at + len(word.text) if alone else behind.at + 1
             found[word.text] = Declared(at, alone)

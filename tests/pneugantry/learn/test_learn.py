@@ -276,3 +276,85 @@ def test_a_spring_behind_a_play_is_learnt_as_one(tmp_path: Path) -> None:
     at, value = (np.array(term["curve"][k]) for k in ("at", "value"))
     back = at.argmax()
     assert np.abs(value[back + 10] - value[back - 10]) > 0.5  # there and back are apart
+
+
+PAIR = f"""
+package Pair
+  {MODEL.strip()}
+  model Both
+    Cart one, two(m = 3);
+    input Real u_1(unit = "N"), u_2(unit = "N");
+    output Real v_1(unit = "m/s"), v_2(unit = "m/s");
+  equation
+    one.u = u_1;
+    two.u = u_2;
+    v_1 = one.v;
+    v_2 = two.v;
+  end Both;
+end Pair;
+"""
+OF_BOTH = """
+[plant]
+model = "Pair.mo"
+class = "Pair.Both"
+catalogue = "effects.toml"
+period = 0.01
+[inputs]
+u_1 = "u_1"
+u_2 = "u_2"
+[outputs.v_1]
+column = "v_1"
+sigma = 0.003
+[outputs.v_2]
+column = "v_2"
+sigma = 0.003
+[tolerance]
+"one.m" = 0.03
+"two.m" = 0.03
+"one.C" = 0.05
+"two.C" = 0.05
+[log.swings]
+file = "swings.csv"
+[log.steps]
+file = "steps.csv"
+[log.other]
+file = "other.csv"
+use = "held out"
+"""
+
+
+def test_what_shakes_two_components_is_one_term(tmp_path: Path) -> None:
+    """Each cart's force has the same wave in it, which runs on between logs."""
+    rows, begins = round(LENGTH / PERIOD), {"swings": 0.3, "steps": 1.1, "other": 2.9}
+    for k, (log, begin) in enumerate(begins.items()):
+        noise = 0.003 * np.random.default_rng(k).standard_normal((2, rows))
+        table = {}
+        for n, (m, delay) in enumerate(((2.03, 0.0), (2.94, 0.7))):
+            u = np.array([round(force(log, abs(i * PERIOD - delay)), 3) for i in range(rows)])
+            v, speeds, step = 0.0, [], PERIOD / FINE
+            for i in range(rows):
+                speeds.append(v)
+                for j in range(FINE):
+                    t = begin + i * PERIOD + (j + 0.5) * step
+                    v += step * (u[i] - 4.1 * v + 0.8 * np.sin(2 * np.pi * t / 0.63)) / m
+            table |= {f"u_{n + 1}": u, f"v_{n + 1}": np.round(np.array(speeds) + noise[n], 4)}
+        pd.DataFrame(table).to_csv(tmp_path / f"{log}.csv", index=False)
+    (tmp_path / "Pair.mo").write_text(PAIR, encoding="utf-8")
+    effect = EFFECT.replace("parameters.F_0", 'parameters."one.F_0"')
+    (tmp_path / "effects.toml").write_text(effect, encoding="utf-8")
+    path = tmp_path / "plant.toml"
+    path.write_text(OF_BOTH, encoding="utf-8")
+    out = tmp_path / "out"
+    options = ["--json", str(tmp_path / "out.json"), "--augmented", str(out)]
+    assert main(["diagnose", str(path), *options]) == 0
+    learned = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["learned"]
+    assert learned["accepted"], learned["why"]
+    term = learned["term"]
+    assert (term["regressor"], term["form"]) == ("time", "sine")
+    assert set(term["parameters"]) == {"common_missing_1_p1", "common_missing_1_p2"}
+    size, period = term["parameters"].values()
+    assert abs(size["value"]) == pytest.approx(0.8, abs=0.02)
+    assert period["value"] == pytest.approx(0.63, abs=0.002)
+    assert learned["gap"]["with"] < 1.3 * learned["gap"]["floor"]
+    text = (out / "Pair.mo").read_text(encoding="utf-8")
+    assert text.count("missing_1(p1 = common_missing_1_p1") == 2

@@ -103,6 +103,7 @@ def test_a_common_cause_has_one_set_of_parameters(tmp_path: Path) -> None:
     paths = ("first", "third")
     declared = declared_in(plant.model, plant.class_name, paths)
     assert list(declared) == ["first", "third"]
+    assert list(declared_in(plant.model, plant.class_name, ("second", "y"))) == ["second"]
     equations = equations_of(plant.model)
     shared = Shared(paths, tuple(declared[p] for p in paths), equations[-1].section)
     law = next(f for f in REMEMBERING if f.name == "lag")
