@@ -80,10 +80,10 @@ class Candidate:
     point: Point
     regressor: Regressor
     basis: Basis | Remembered
-    answer: Answer  # coefficients of the curve, in the addend's unit
+    answer: Answer  # coefficients of the curve: of the addend, or of what its factor is times
     gain: float  # of -2 log density of logs left out
-    unit: float  # of the addend: the size that changes residuals by one noise level
-    size: float  # of the curve's prior, in the addend's unit
+    unit: float  # of the curve: the size that changes residuals by one noise level
+    size: float  # of the curve's prior, in its own unit
     bend: float  # its further parameter, see `Basis.bends`
     response: Response
     course: Course
@@ -419,6 +419,12 @@ class Screening:
         course: Course,
     ) -> Candidate:
         unit = group.unit
+        if regressor.times and course.factors is not None:
+            waves = {
+                r: np.sin(WAVE * np.arange(len(v)) * self.periods[r])
+                for r, v in course.values.items()
+            }
+            unit *= _strength(response, waves) / _strength(response, course.factors)
         trial = trial_of(response, course.shapes(basis))
         sizes = [(unit * size, bend) for size in SIZES for bend in basis.bends]
         plain = {bend: basis.prior(1.0, bend) for bend in basis.bends}
@@ -436,6 +442,12 @@ class Screening:
             course=course,
             alike=tuple(group.points[1:]),
         )
+
+
+def _strength(response: Response, series: Mapping[str, Array]) -> float:
+    """How much a series (rows,) of each record does to the residuals: the root of its square."""
+    sums = trial_of(response, series).sums.values()
+    return float(np.sqrt(sum(p.square[0, 0] for p in sums))) or 1.0
 
 
 def _among(shapes: Array, k: int, count: int) -> Array:
