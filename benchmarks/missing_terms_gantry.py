@@ -74,9 +74,9 @@ def same_variable(learned: Learned, regressor: str, truth: str) -> bool:
     """Whether a learnt regressor is the truth's: the same variable of the model, or one that these
     logs do not tell from it. What turns round with a speed may turn round in the truth as well.
     """
-    if truth == "time" or regressor == "time":
-        return truth == regressor
-    plain = regressor.split(" against ")[0]
+    plain = regressor.split(" against ")[0].split(" times ")[0]
+    if truth == "time" or plain == "time":
+        return truth == plain
     task = learned.before.task
     wanted = ROOTS.get(truth) or next(
         (s.variable for s in task.plant.signals if s.name == truth), truth

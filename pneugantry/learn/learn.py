@@ -130,11 +130,13 @@ class _Learning:
             tried += self._single(screens, bases)
         if not tried:
             return Learned(found, None, (), (), _main(screens), False, NOTHING, 0.0)
+        tried += self._otherwise(tried, screens)
         answers, after = self._answered(tried)
         formless = answers[0].drifts or answers[0].free is not None
         if left and (formless or wanted(after)):  # a single variable does not tell it all
             self.say("missing term: products")
             made = [t for s in left for t in self._fitted(s, FINALISTS)]
+            made += self._otherwise(made, screens)
             least = min(t.cost for t in tried)
             if min((t.cost for t in made), default=math.inf) < least - self.rules.entry:
                 tried = [*tried, *made]
@@ -159,8 +161,14 @@ class _Learning:
                 if fit.keys not in bases:
                     screens.append(self._screening(fit).singles())
                     tried += self._fitted(screens[-1], 1)
-        tried += self._plainer(min(tried, key=lambda t: t.cost), screens)
-        return [*tried, *self._harmonics(min(tried, key=lambda t: t.cost))]
+        return tried
+
+    def _otherwise(self, tried: Sequence[Tried], screens: Sequence[Screen]) -> list[Tried]:
+        """The likeliest term in a plainer form, or with harmonics."""
+        if not tried:
+            return []
+        best = min(tried, key=lambda t: t.cost)
+        return [*self._plainer(best, screens), *self._harmonics(best)]
 
     def _answered(self, tried: Sequence[Tried]) -> tuple[tuple[Tried, ...], Found]:
         """The terms that the records do not tell apart, and the plant with the first of them."""
