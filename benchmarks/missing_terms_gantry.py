@@ -124,6 +124,12 @@ def _of_acceleration(learned: Learned, answer: Mapping[str, Any]) -> str:
     return next(same, label)
 
 
+def _turns_round(answer: Mapping[str, Any]) -> bool:
+    """Whether a term lies in a level of friction, which acts against any motion."""
+    component, left = str(answer["component"]), str(answer["equation"]).split(" = ")[0]
+    return component.endswith(".friction") and left != "F"
+
+
 def judged(cause: Mapping[str, Any], learned: Learned, told: Mapping[str, Any]) -> dict[str, Any]:
     """Which parts of what was learnt are right. cause: as a case's label lists it."""
     term, gap = told["term"], told["gap"]
@@ -131,7 +137,10 @@ def judged(cause: Mapping[str, Any], learned: Learned, told: Mapping[str, Any]) 
     answers = told["answer_set"]
     told_of = [_of_acceleration(learned, a) for a in answers]
     right = [any(same_variable(learned, r, t) for t in truths) for r in told_of]
-    form = right[0] and form_is(formula, term["form"], term["range"])
+    shown = term["form"]
+    if shown == "square" and _turns_round(answers[0]):
+        shown = "signed square"
+    form = right[0] and form_is(formula, shown, term["range"])
     found: dict[str, Any] = {
         "term": f"{term['formula']} in {term['block']}: {term['equation'][:40]}",
         "accepted": told["accepted"],

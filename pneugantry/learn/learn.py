@@ -296,15 +296,13 @@ class _Learning:
         return found
 
     def _shaped_beside(self, screen: Screen, curve: Candidate) -> list[Candidate]:
-        """The best wave and the best memory of a curve's variable in its equation."""
-        least = max(self.rules.entry, WORTH * curve.gain)
-        found: dict[bool, Candidate] = {}
+        """The best wave and each memory of a curve's variable in its equation."""
+        found: dict[str, Candidate] = {}
         for c in screen.candidates:
             same = (c.point, c.regressor) == (curve.point, curve.regressor)
-            wave = isinstance(c.basis, Wave)
-            if same and not isinstance(c.basis, Knots) and (c.gain > least or wave):
-                found.setdefault(wave, c)
-        return [c for c in found.values() if c.gain > self.rules.entry]
+            if same and not isinstance(c.basis, Knots) and c.gain > self.rules.entry:
+                found.setdefault(_kind(c), c)
+        return list(found.values())
 
     def _free(self, base: Fit, candidate: Candidate) -> Tried:
         """A candidate as a wave, a memory or a free curve."""
