@@ -19,10 +19,7 @@ EXACT = 1e-3  # of an error's size, left by the last one
 
 def read_by(plant: Plant, term: Term) -> str | None:
     """The signal whose error a term is, as a function of what that sensor reads; None: none's."""
-    own = term.regressor
-    alone = own.plain == own and not own.travelled
-    reads = term.point.spelt(term.variable) == term.point.equation.right.strip()
-    if not (term.point.sensor and alone and reads):
+    if not (term.regressor.alone and term.point.is_read(term.variable)):
         return None
     left = term.point.equation.left
     return next((s.name for s in plant.signals if s.variable == left), None)

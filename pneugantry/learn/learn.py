@@ -110,32 +110,31 @@ class _Learning:
         return self.fits.apart
 
     def run(self) -> Learned:
-        """Screens beside nothing and beside the effects found: single variables, and products where
-        they foretell clearly more, or where no single variable is enough.
-        """
+        """Screens beside nothing and, where that is not enough, beside the effects found."""
         found = self.found
-        bases = {fit.keys: fit for fit in (found.search.null, found.decision.best)}
-        self.say("missing term: screening")
-        screenings = [self._screening(fit) for fit in bases.values()]
-        screens = [s.singles() for s in screenings]
-        twofold = [s.products() for s in screenings]
-        self.say("missing term: fits")
         tried: list[Tried] = []
-        left = []
-        for single, products in zip(screens, twofold, strict=True):
-            clearly = _most(products) > CLEARLY * _most(single)
-            tried += self._fitted(products, FINALISTS) if clearly else []
-            left += [] if clearly else [products]
-        if not tried or not self._enough(min(tried, key=lambda t: t.cost)):
-            tried += self._single(screens, bases)
+        bases = {fit.keys: fit for fit in (found.search.null, found.decision.best)}
+        screens: list[Screen] = []
+        twofold: list[Screen] = []
+        for fit in bases.values():
+            self.say("missing term: screening")
+            screening = self._screening(fit)
+            screens.append(screening.singles())
+            twofold.append(screening.products())
+            self.say("missing term: fits")
+            tried += self._first(fit, screens[-1], twofold[-1])
+            if self._enough(tried):
+                break
+        else:
+            tried += self._beside(tried, screens, bases)
         if not tried:
             return Learned(found, None, (), (), _main(screens), False, NOTHING, 0.0)
         tried += self._otherwise(tried, screens)
         answers, after = self._answered(tried)
         formless = answers[0].drifts or answers[0].free is not None
-        if left and (formless or wanted(after)):  # a single variable does not tell it all
+        if formless or wanted(after):  # a single variable does not tell it all
             self.say("missing term: products")
-            made = [t for s in left for t in self._fitted(s, FINALISTS)]
+            made = self._further(twofold, tried)
             made += self._otherwise(made, screens)
             least = min(t.cost for t in tried)
             if min((t.cost for t in made), default=math.inf) < least - self.rules.entry:
@@ -147,21 +146,47 @@ class _Learning:
         experiment, ordered = self._experiment(answers), sorted(tried, key=lambda t: t.cost)
         return Learned(found, after, answers, tuple(ordered), *kept, 0.0, experiment)
 
-    def _single(self, screens: list[Screen], bases: Mapping[tuple[str, ...], Fit]) -> list[Tried]:
-        """Functions of single variables. Where no form of them is enough, effects of the catalogue
-        are tried as part of the curve, and what is looked at beside them joins the screens.
+    def _first(self, fit: Fit, single: Screen, products: Screen) -> list[Tried]:
+        """Single variables, and products that may do as well; products alone, where they foretell
+        clearly more and are enough.
         """
-        tried = [t for screen in screens for t in self._fitted(screen, FINALISTS)]
-        if not tried:
-            return []
-        if not self._enough(min(tried, key=lambda t: t.cost)):
-            made, likely = self._composites(tried)
-            tried += made
-            for fit in likely:
-                if fit.keys not in bases:
-                    screens.append(self._screening(fit).singles())
-                    tried += self._fitted(screens[-1], 1)
-        return tried
+        likely = self._worth_fitting(products)[:FINALISTS]
+        tried: list[Tried] = []
+        if _most(products) > CLEARLY * _most(single):
+            tried += self._fitted(fit, self._shaped(products, likely))
+            if self._enough(tried):
+                return tried
+            likely = []
+        least = WORTH * _most(single)
+        singles = self._shaped(single, self._worth_fitting(single)[:FINALISTS])
+        own = self._shaped(products, [c for c in likely if c.gain > least])
+        return [*tried, *self._fitted(fit, [*singles, *own])]
+
+    def _further(self, screens: Sequence[Screen], tried: Sequence[Tried]) -> list[Tried]:
+        """The best candidates of screens that have not been fitted yet."""
+        known = {(t.term.point, t.term.regressor) for t in tried}
+        made: list[Tried] = []
+        for s in screens:
+            new = [c for c in self._worth_fitting(s) if (c.point, c.regressor) not in known]
+            made += self._fitted(s.fit, self._shaped(s, new[:FINALISTS]))
+        return made
+
+    def _beside(
+        self,
+        tried: Sequence[Tried],
+        screens: list[Screen],
+        bases: Mapping[tuple[str, ...], Fit],
+    ) -> list[Tried]:
+        """Effects of the catalogue as part of a curve that has no form; what is looked at beside
+        them joins the screens.
+        """
+        made, likely = self._composites(tried)
+        for fit in likely:
+            if fit.keys not in bases:
+                screens.append(self._screening(fit).singles())
+                worth = self._worth_fitting(screens[-1])[:1]
+                made += self._fitted(fit, self._shaped(screens[-1], worth))
+        return made
 
     def _otherwise(self, tried: Sequence[Tried], screens: Sequence[Screen]) -> list[Tried]:
         """The likeliest term in a plainer form, or with harmonics."""
@@ -211,13 +236,14 @@ class _Learning:
             found.append(min(close, key=_unlikely))
         return sorted(found, key=lambda c: -c.gain)
 
-    def _enough(self, tried: Tried) -> bool:
-        """Whether a term has a form and leaves no more than noise in any view."""
-        if tried.free is not None:
+    def _enough(self, tried: Sequence[Tried]) -> bool:
+        """Whether the likeliest term has a form and leaves no more than noise in any view."""
+        best = min(tried, key=lambda t: t.cost, default=None)
+        if best is None or best.free is not None:
             return False
-        fitter = self.fits.fitter(tried.term)
+        fitter = self.fits.fitter(best.term)
         try:
-            return not fitter.loud(tried.fit)
+            return not fitter.loud(best.fit)
         finally:
             fitter.close()
 
@@ -279,15 +305,11 @@ class _Learning:
             return term
         return replace(term, places=dict(zip(candidate.course.values, d.places, strict=True)))
 
-    def _fitted(self, screen: Screen, count: int) -> list[Tried]:
-        """The best candidates of a screen as waves and free curves; those that explain about as
-        much as the best one also in the forms that are closest to their curve. A wave or a memory
-        may be worth more than it looks, where what it does is no longer linear: it is fitted beside
-        a curve.
+    def _fitted(self, base: Fit, worth: Sequence[Candidate]) -> list[Tried]:
+        """Candidates beside a fit as waves, memories and free curves; those that explain about as
+        much as the best one also in the forms that are closest to their curve.
         """
-        base, worth = screen.fit, self._worth_fitting(screen)[:count]
-        shaped = [s for c in worth for s in self._shaped_beside(screen, c) if s not in worth]
-        first = [self._free(base, c) for c in (*worth, *shaped)]
+        first = [self._free(base, c) for c in worth]
         fall = max((base.evidence - t.fit.evidence for t in first), default=0.0)
         found = list(first)
         for t in first:
@@ -295,13 +317,23 @@ class _Learning:
                 found += self._forms(base, t)
         return found
 
-    def _shaped_beside(self, screen: Screen, curve: Candidate) -> list[Candidate]:
-        """The best wave and each memory of a curve's variable in its equation."""
-        found: dict[str, Candidate] = {}
+    def _shaped(self, screen: Screen, worth: Sequence[Candidate]) -> list[Candidate]:
+        """Candidates, and the best wave and each memory of the same variable in the same equation:
+        they may be worth more than it looks, where what they do is no longer linear. Of a sensor
+        also those of what it reads: its errors are functions of that.
+        """
+        found = {(c.point, c.regressor, _kind(c)): c for c in worth}
+        pairs = {(c.point, c.regressor) for c in worth}
+        pairs |= {
+            (c.point, c.regressor)
+            for c in screen.candidates
+            if c.regressor.alone and c.point.is_read(c.regressor.name)
+            if any(c.point == w.point for w in worth)
+        }
         for c in screen.candidates:
-            same = (c.point, c.regressor) == (curve.point, curve.regressor)
-            if same and not isinstance(c.basis, Knots) and c.gain > self.rules.entry:
-                found.setdefault(_kind(c), c)
+            shaped = not isinstance(c.basis, Knots) and c.gain > self.rules.entry
+            if shaped and (c.point, c.regressor) in pairs:
+                found.setdefault((c.point, c.regressor, _kind(c)), c)
         return list(found.values())
 
     def _free(self, base: Fit, candidate: Candidate) -> Tried:
@@ -353,7 +385,7 @@ class _Learning:
 
     def _harmonics(self, best: Tried) -> list[Tried]:
         """A sine that leaves more than noise, with its harmonics."""
-        if best.term.law.name != "sine" or best.base is None or self._enough(best):
+        if best.term.law.name != "sine" or best.base is None or self._enough([best]):
             return []
         values, spreads = with_harmonics(best.term.values), with_harmonics(best.term.spreads)
         size = abs(values[0])

@@ -98,6 +98,10 @@ class Point:
         path = self.scope.removeprefix(self.prefix) if self.sensor else ""
         return f"{path}.{variable}" if path else variable
 
+    def is_read(self, variable: str) -> bool:
+        """Whether a variable of the scope is what its sensor reads."""
+        return self.sensor and self.spelt(variable) == self.equation.right.strip()
+
     @property
     def balance(self) -> bool:
         """Whether it is solved for no variable of its own: a balance, or a state's rate."""

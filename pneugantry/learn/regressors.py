@@ -39,6 +39,11 @@ class Regressor:
         found = replace(self, speed="", width=0.0, times="")
         return replace(found, component="") if self.name == TIME else found
 
+    @property
+    def alone(self) -> bool:
+        """Whether it is a variable by itself."""
+        return self.plain == self and not self.travelled
+
     def factors(self, series: Mapping[Regressor, Mapping[str, Array]]) -> dict[str, Array] | None:
         """What a term is multiplied by, by record: the smooth sign of the speed, or the other
         variable; None: nothing.

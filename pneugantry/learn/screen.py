@@ -369,7 +369,7 @@ class Screening:
         self, response: Response, regressor: Regressor, course: Course
     ) -> list[Remembered]:
         """Each memory of a variable, with the parameters that do best."""
-        if regressor.name == TIME or regressor.plain != regressor or regressor.travelled:
+        if regressor.name == TIME or not regressor.alone:
             return []
         over = {c: response.shapes(c, course.values)[:, 0] for c in response.replies}
         step = {c: response.replies[c].block * self.periods[c[1]] for c in over}
