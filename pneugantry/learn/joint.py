@@ -15,6 +15,7 @@ from pneugantry.engine.plant import Array, Nuisance, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.task import Task
 from pneugantry.engine.views import SubsystemView, View
+from pneugantry.learn.calibrated import read_by
 from pneugantry.learn.learned import Tried
 from pneugantry.learn.places import place_of
 from pneugantry.learn.points import Opened, recut
@@ -59,7 +60,11 @@ class TermFits:
         return Tried(made, fit, fit.evidence + price)
 
     def again(self, tried: Tried) -> Tried:
-        """The same term with all views fitted together."""
+        """The same term with all views fitted together; a sensor's error stays as its own view
+        tells it, for others take known signals as they were read.
+        """
+        if read_by(self.task.plant, tried.term) is not None:
+            return tried
         fitter = self.fitter(tried.term)
         try:
             made = self.tried(tried.term, fitter.again(tried.fit))
