@@ -92,16 +92,18 @@ def same_variable(learned: Learned, regressor: str, truth: str) -> bool:
         if force is None:
             return False
         worked = [_work(force[r.name], r, truth[-1]) for r in task.data.fitted]
-        return abs(float(np.corrcoef(own, np.concatenate(worked))[0, 1])) > SAME
+        return _alike(own, worked)
     for label, values in series.items():
-        if label == wanted or label.endswith(f".{wanted.rsplit('.', 1)[-1]}"):
-            other = np.concatenate([values[r.name] for r in task.data.fitted])
-            if abs(float(np.corrcoef(own, other)[0, 1])) > SAME:
-                return True
-    if all(truth in {**r.signals, **r.inputs} for r in task.data.fitted):
-        other = np.concatenate([{**r.signals, **r.inputs}[truth] for r in task.data.fitted])
-        return abs(float(np.corrcoef(own, other)[0, 1])) > SAME
-    return False
+        named = label == wanted or label.endswith(f".{wanted.rsplit('.', 1)[-1]}")
+        if named and _alike(own, [values[r.name] for r in task.data.fitted]):
+            return True
+    known = [{**r.signals, **r.inputs} for r in task.data.fitted]
+    return all(truth in k for k in known) and _alike(own, [k[truth] for k in known])
+
+
+def _alike(whole: Array, other: Sequence[Array]) -> bool:
+    """Whether a variable over all records is another one of them, but for scale and offset."""
+    return abs(float(np.corrcoef(whole, np.concatenate(other))[0, 1])) > SAME
 
 
 def _work(force: Array, record: Record, axis: str) -> Array:

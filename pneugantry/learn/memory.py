@@ -28,7 +28,7 @@ class Memory:
     """A state s that follows a variable z; p1*(z - s) enters. p2, ...: its parameters, all > 0."""
 
     name: str
-    states: str  # Modelica: declarations
+    states: str  # Modelica: declarations of further states
     rates: str  # equations of the states, in z, s and p2, ...
     shapes: int  # p2, ...
     walk: Walk  # z - s over evenly spaced rows of z, their period (s) and (p2, ...)
@@ -138,16 +138,16 @@ def _spaced(low: float, high: float, ratio: float) -> list[float]:
 MEMORIES = (
     Memory(
         "play",
-        "    Real s;\n",
+        "",
         f"    der(s) = noEvent((z - s - min(max(z - s, -p2), p2))/{PACE!r});\n",
         1,
         _play,
         _halves,
     ),
-    Memory("lag", "    Real s;\n", "    der(s) = (z - s)/p2;\n", 1, _lag, _lags),
+    Memory("lag", "", "    der(s) = (z - s)/p2;\n", 1, _lag, _lags),
     Memory(
         "resonance",
-        "    Real s;\n    Real s_rate(start = 0, fixed = true);\n",
+        "    Real s_rate(start = 0, fixed = true);\n",
         "    der(s) = s_rate;\n"
         "    der(s_rate) = 6.283185307179586/p2*(6.283185307179586/p2*(z - s) - 2*p3*s_rate);\n",
         2,

@@ -8,7 +8,7 @@ curves and waves are then linear algebra.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -231,6 +231,7 @@ class Screening:
         it, or what it is times, stands already, where there is one.
         """
         found: list[Candidate] = []
+        ratios: dict[tuple[str, str], float] = {}
         heads = group.heads
         for first in heads:
             for regressor, values in tried.items():
@@ -241,10 +242,20 @@ class Screening:
                 if regressor.within(head) and not self._circular(head, regressor):
                     own = response.times(group.factor(head))
                     course = Course(values, regressor.factors(self._series), self.periods)
+                    headed, product = group.of(head), (regressor.component, regressor.times)
+                    if regressor.times and course.factors is not None:
+                        if product not in ratios:
+                            ratios[product] = self._ratio(own, course.factors)
+                        headed = replace(headed, unit=headed.unit * ratios[product])
                     bases = self._bases(own, regressor, course)
-                    pair = group.of(head), own, regressor
+                    pair = headed, own, regressor
                     found += [self._candidate(*pair, b, course) for b in bases]
         return found
+
+    def _ratio(self, response: Response, factors: Mapping[str, Array]) -> float:
+        """By how much less than a factor a wave of size 1 does to the residuals."""
+        waves = {r: np.sin(WAVE * np.arange(len(f)) * self.periods[r]) for r, f in factors.items()}
+        return _strength(response, waves) / _strength(response, factors)
 
     def _circular(self, point: Point, regressor: Regressor) -> bool:
         """Whether what the equation lacks decides the variable, or what that is times."""
@@ -419,12 +430,6 @@ class Screening:
         course: Course,
     ) -> Candidate:
         unit = group.unit
-        if regressor.times and course.factors is not None:
-            waves = {
-                r: np.sin(WAVE * np.arange(len(v)) * self.periods[r])
-                for r, v in course.values.items()
-            }
-            unit *= _strength(response, waves) / _strength(response, course.factors)
         trial = trial_of(response, course.shapes(basis))
         sizes = [(unit * size, bend) for size in SIZES for bend in basis.bends]
         plain = {bend: basis.prior(1.0, bend) for bend in basis.bends}

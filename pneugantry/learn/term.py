@@ -130,8 +130,8 @@ class Term:
         memory = self.law.memory
         if memory is not None:
             return (
-                f"    input Real z;\n    output Real y;\n{memory.states}  initial equation\n"
-                f"    s = z;\n  equation\n{memory.rates}"
+                f"    input Real z;\n    output Real y;\n    Real s;\n{memory.states}"
+                f"  initial equation\n    s = z;\n  equation\n{memory.rates}"
             )
         if not self.regressor.travelled:
             return "    input Real z;\n    output Real y;\n  equation\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pandas as pd
 import pytest
 
 from pneugantry.cli import main
+from pneugantry.engine.plant import Array
 
 ROOT = Path(__file__).parents[3]
 MODEL = """
@@ -71,21 +73,28 @@ def force(log: str, t: float) -> float:
     return 9.0 * float(np.sin(slow * t) + 0.6 * np.sin(fast * t + 1.0))
 
 
+def moved(u: Array, rate: Callable[[float, float, float, float], float]) -> Array:
+    """Speeds of a cart from rest. rate: of its speed; of time, position, speed and force."""
+    s = v = 0.0
+    speeds, step = [], PERIOD / FINE
+    for i, f in enumerate(u):
+        speeds.append(v)
+        for j in range(FINE):  # midpoint rule
+            t = i * PERIOD + j * step
+            half = v + step / 2 * rate(t, s, v, f)
+            middle = s + step / 2 * v
+            s, v = s + step * half, v + step * rate(t + step / 2, middle, half, f)
+    return np.array(speeds)
+
+
 def rig(folder: Path, term: Callable[[float, float], float]) -> Path:
     """Logs of a cart with other parameters than the model's and one more force of (s, v)."""
     for k, log in enumerate(("swings", "steps", "other")):
         rows = round(LENGTH / PERIOD)
         u = np.array([round(force(log, i * PERIOD), 3) for i in range(rows)])
-        s = v = 0.0
-        speeds, step = [], PERIOD / FINE
-        for i in range(rows):
-            speeds.append(v)
-            for _ in range(FINE):  # midpoint rule
-                half = v + step / 2 * (u[i] - 4.1 * v + term(s, v)) / 1.97
-                middle = s + step / 2 * v
-                s, v = s + step * half, v + step * (u[i] - 4.1 * half + term(middle, half)) / 1.97
+        speeds = moved(u, lambda t, s, v, f: (f - 4.1 * v + term(s, v)) / 1.97)
         noise = 0.003 * np.random.default_rng(k).standard_normal(rows)
-        table = pd.DataFrame({"u": u, "v": np.round(np.array(speeds) + noise, 4)})
+        table = pd.DataFrame({"u": u, "v": np.round(speeds + noise, 4)})
         table.to_csv(folder / f"{log}.csv", index=False)
     (folder / "Cart.mo").write_text(MODEL, encoding="utf-8")
     (folder / "effects.toml").write_text(EFFECT, encoding="utf-8")
@@ -323,6 +332,11 @@ use = "held out"
 """
 
 
+def _shaken(begin: float, m: float, t: float, s: float, v: float, f: float) -> float:
+    """Rate of the speed of one of the pair."""
+    return (f - 4.1 * v + 0.8 * float(np.sin(2 * np.pi * (begin + t) / 0.63))) / m
+
+
 def test_what_shakes_two_components_is_one_term(tmp_path: Path) -> None:
     """Each cart's force has the same wave in it, which runs on between logs."""
     rows, begins = round(LENGTH / PERIOD), {"swings": 0.3, "steps": 1.1, "other": 2.9}
@@ -331,13 +345,8 @@ def test_what_shakes_two_components_is_one_term(tmp_path: Path) -> None:
         table = {}
         for n, (m, delay) in enumerate(((2.03, 0.0), (2.94, 0.7))):
             u = np.array([round(force(log, abs(i * PERIOD - delay)), 3) for i in range(rows)])
-            v, speeds, step = 0.0, [], PERIOD / FINE
-            for i in range(rows):
-                speeds.append(v)
-                for j in range(FINE):
-                    t = begin + i * PERIOD + (j + 0.5) * step
-                    v += step * (u[i] - 4.1 * v + 0.8 * np.sin(2 * np.pi * t / 0.63)) / m
-            table |= {f"u_{n + 1}": u, f"v_{n + 1}": np.round(np.array(speeds) + noise[n], 4)}
+            shaken = partial(_shaken, begin, m)
+            table |= {f"u_{n + 1}": u, f"v_{n + 1}": np.round(moved(u, shaken) + noise[n], 4)}
         pd.DataFrame(table).to_csv(tmp_path / f"{log}.csv", index=False)
     (tmp_path / "Pair.mo").write_text(PAIR, encoding="utf-8")
     effect = EFFECT.replace("parameters.F_0", 'parameters."one.F_0"')
