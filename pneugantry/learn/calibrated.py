@@ -1,19 +1,25 @@
 """A sensor's learnt error taken out of its readings: other views take them as known, and positions
-are smoothed by speeds before any view sees them.
+are smoothed by speeds before any view sees them. What all views make of the corrected readings
+tells its parameters.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pneugantry.engine.plant import Array, Plant, Record
+from pneugantry.engine.recent import Recent
+from pneugantry.engine.views import Run, View
 from pneugantry.learn.term import Term
 
-__all__ = ["calibrated", "read_by"]
+__all__ = ["Calibrated", "calibrated", "read_by"]
 
-ROUNDS = 40  # steps of the inversion, at most
+KEPT = 256  # records that a view keeps
+ROUNDS = 60  # steps of the inversion, at most
 EXACT = 1e-3  # of an error's size, left by the last one
 
 
@@ -30,16 +36,68 @@ def calibrated(record: Record, signal: str, term: Term) -> Record | None:
     if signal not in record.signals:
         return record
     read = np.asarray(record.signals[signal], dtype=float)
-    true, most = read, float(np.ptp(read))
+    true = read
     for _ in range(ROUNDS):
         error = _error(true, record.period, term)
         moved = float(np.abs(read - error - true).max())
-        if not moved <= most:  # an error that grows faster than what is read
-            return None
+        if not math.isfinite(moved):
+            break
         true = read - error
         if moved <= EXACT * float(np.abs(error).max()):
             return replace(record, signals={**record.signals, signal: true})
-    return None
+    return None  # the error grows faster than what is read
+
+
+@dataclass(eq=False)
+class Calibrated:
+    """A view that is shown readings without a sensor's error, of which the parameters are those of
+    a term.
+    """
+
+    view: View
+    signal: str
+    term: Term
+
+    def __post_init__(self) -> None:
+        view = self.view
+        self.name, self.signals, self.blocks = view.name, view.signals, view.blocks
+        self.sigmas, self.decimation = view.sigmas, view.decimation
+        self._records: Recent[Record | None] = Recent(KEPT)
+
+    @property
+    def defaults(self) -> Mapping[str, float]:
+        return self.view.defaults
+
+    @property
+    def remembers(self) -> bool:
+        return self.view.remembers
+
+    def shows(self, record: Record) -> bool:
+        return self.view.shows(record)
+
+    def depends_on(self, parameter: str) -> bool:
+        return parameter in self.term.parameters or self.view.depends_on(parameter)
+
+    def prepare(self, moving: Collection[str], settings: Mapping[str, float]) -> None:
+        self.view.prepare({*moving}.difference(self.term.parameters), settings)
+
+    def residuals(self, runs: Sequence[Run]) -> list[Array]:
+        """NaN where the readings have no single origin."""
+        alike: dict[tuple[float, ...], list[int]] = {}
+        for i, (_, given) in enumerate(runs):
+            own = zip(self.term.parameters, self.term.values, strict=True)
+            alike.setdefault(tuple(given.get(n, v) for n, v in own), []).append(i)
+        found: list[Array] = [np.zeros((0, 0))] * len(runs)
+        for values, members in alike.items():
+            shown = [self._record(runs[i][0], values) for i in members]
+            made = [(r or runs[i][0], runs[i][1]) for r, i in zip(shown, members, strict=True)]
+            for i, r, residual in zip(members, shown, self.view.residuals(made), strict=True):
+                found[i] = residual if r is not None else np.full_like(residual, np.nan)
+        return found
+
+    def _record(self, record: Record, values: tuple[float, ...]) -> Record | None:
+        term = self.term.at(values)
+        return self._records.of((record, values), lambda: calibrated(record, self.signal, term))
 
 
 def _error(true: Array, period: float, term: Term) -> Array:

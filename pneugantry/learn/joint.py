@@ -13,9 +13,10 @@ from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.sensors import PREFIX
 from pneugantry.engine.task import Task
 from pneugantry.engine.views import SubsystemView, View
-from pneugantry.learn.calibrated import read_by
+from pneugantry.learn.calibrated import Calibrated, read_by
 from pneugantry.learn.learned import Tried
 from pneugantry.learn.places import place_of
 from pneugantry.learn.points import Opened, recut
@@ -60,17 +61,33 @@ class TermFits:
         return Tried(made, fit, fit.evidence + price)
 
     def again(self, tried: Tried) -> Tried:
-        """The same term with all views fitted together; a sensor's error stays as its own view
-        tells it, for others take known signals as they were read.
+        """The same term with all views fitted together; of a sensor's error all see the readings
+        without it.
         """
-        if read_by(self.task.plant, tried.term) is not None:
+        if tried.fit.whole:
             return tried
-        fitter = self.fitter(tried.term)
+        fitter = self.calibrated(tried.term) or self.fitter(tried.term)
         try:
-            made = self.tried(tried.term, fitter.again(tried.fit))
+            start = replace(tried.fit, settled=False, tangents={})
+            made = self.tried(tried.term, fitter.again(start))
         finally:
             fitter.close()
         return replace(tried, term=made.term, fit=made.fit, cost=made.cost)
+
+    def behind(self, tried: Tried) -> Tried:
+        """A sensor's error as all views tell it that see the readings without it; others as they
+        are.
+        """
+        return tried if read_by(self.task.plant, tried.term) is None else self.again(tried)
+
+    def loud(self, tried: Tried) -> list[str]:
+        """Views in which a term leaves more than noise."""
+        behind = self.calibrated(tried.term) if tried.fit.whole else None
+        fitter = behind or self.fitter(tried.term)
+        try:
+            return fitter.loud(tried.fit)
+        finally:
+            fitter.close()
 
     def placed(self, tried: Tried) -> Tried:
         """The same term with what it has of its own in records that no fit has seen."""
@@ -118,6 +135,17 @@ class TermFits:
         plant, views = self.plant_with(term)
         records = [term.within(r) for r in self.task.data.fitted]
         return Fitter(plant, views, records, self.rules, self.level)
+
+    def calibrated(self, term: Term) -> Fitter | None:
+        """Of the plant, whose views are shown readings without a term; None: it is no error of a
+        sensor. To be closed.
+        """
+        task, signal = self.task, read_by(self.task.plant, term)
+        if signal is None:
+            return None
+        error = f"{PREFIX}{signal}.bias"  # of that sensor: who reads it feels this
+        views = [Calibrated(v, signal, term) if v.depends_on(error) else v for v in task.views]
+        return Fitter(task.plant, views, task.data.fitted, self.rules, self.level)
 
     def plant_with(self, term: Term) -> tuple[Plant, list[View]]:
         """The plant with a term, and its views."""

@@ -42,6 +42,7 @@ from pneugantry.learn.judge import Judge
 from pneugantry.learn.learned import Learned, Tried
 from pneugantry.learn.memory import Remembered
 from pneugantry.learn.points import Opened, opened
+from pneugantry.learn.read import with_readings
 from pneugantry.learn.rivals import Rivals
 from pneugantry.learn.screen import Candidate, Screen, Screening
 from pneugantry.learn.term import Term, with_term
@@ -87,6 +88,8 @@ def learn(
             field="learn",
             hint="describe the plant by its Modelica source",
         )
+    task = with_readings(task)
+    found = replace(found, task=task)
     apart = opened(task.plant, task.views, task.cache)
     quick = replace(rules, followed=0)  # fits start where another one stands: no view is surveyed
     fits = TermFits(task, apart, quick, found.excess.level)
@@ -239,13 +242,7 @@ class _Learning:
     def _enough(self, tried: Sequence[Tried]) -> bool:
         """Whether the likeliest term has a form and leaves no more than noise in any view."""
         best = min(tried, key=lambda t: t.cost, default=None)
-        if best is None or best.free is not None:
-            return False
-        fitter = self.fits.fitter(best.term)
-        try:
-            return not fitter.loud(best.fit)
-        finally:
-            fitter.close()
+        return best is not None and best.free is None and not self.fits.loud(best)
 
     def _composites(self, tried: Sequence[Tried]) -> tuple[list[Tried], list[Fit]]:
         """The likeliest free curve as an effect of the catalogue with a form beside it; and the
@@ -315,7 +312,9 @@ class _Learning:
         for t in first:
             if t.free is not None and base.evidence - t.fit.evidence > NEARLY * fall:
                 found += self._forms(base, t)
-        return found
+        formed = [t for t in found if t.free is None]
+        best = min(formed, key=lambda t: t.cost, default=None)
+        return [self.fits.behind(t) if t is best else t for t in found]
 
     def _shaped(self, screen: Screen, worth: Sequence[Candidate]) -> list[Candidate]:
         """Candidates, and the best wave and each memory of the same variable in the same equation:

@@ -31,7 +31,7 @@ from pneugantry.learn.sources import (
     with_additions,
 )
 
-__all__ = ["Opened", "Point", "Shared", "opened", "recut", "written"]
+__all__ = ["Opened", "Point", "Shared", "named_again", "opened", "recut", "stored", "written"]
 
 Values = Mapping[str, float]
 Series = Mapping[str, Array]
@@ -300,7 +300,7 @@ def _points(plant: Plant, shape: Structure) -> list[Point]:
                 continue
             if _computes(e, component, shape):
                 found.append(Point(component, e))
-            elif not component and e.left in read and NAME.match(e.right.strip()):
+            elif not component and e.left in read and named_again(e):
                 found.append(Point(component, e, sensor=True))
     return found
 
@@ -324,9 +324,14 @@ def _shared(plant: Plant, points: Sequence[Point]) -> list[Point]:
     return found
 
 
+def named_again(e: EquationText) -> bool:
+    """Whether an equation only names a variable again."""
+    return NAME.match(e.right.strip()) is not None
+
+
 def _computes(e: EquationText, component: str, shape: Structure) -> bool:
     """Whether an equation computes a real number from more than one other variable's name."""
-    if NAME.match(e.right.strip()) or re.fullmatch(r"[-+\d.eE]+", e.right.strip()):
+    if named_again(e) or re.fullmatch(r"[-+\d.eE]+", e.right.strip()):
         return False
     if e.kind in ("Boolean", "Integer", "String"):
         return False
@@ -337,7 +342,11 @@ def _computes(e: EquationText, component: str, shape: Structure) -> bool:
 
 def written(plant: Plant, additions: Mapping[EquationText, Addition], folder: Path) -> Path:
     """The plant's Modelica file with the additions, in a folder of its own."""
-    text = with_additions(plant.model.read_text(encoding="utf-8"), additions)
+    return stored(plant, with_additions(plant.model.read_text(encoding="utf-8"), additions), folder)
+
+
+def stored(plant: Plant, text: str, folder: Path) -> Path:
+    """The plant's Modelica file with another text, in a folder of its own."""
     key = hashlib.sha256(text.encode()).hexdigest()[:16]
     path = folder / "models" / key / plant.model.name
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -19,6 +19,7 @@ __all__ = [
     "declared_in",
     "equations_of",
     "with_additions",
+    "with_outputs",
 ]
 
 ClassPath = tuple[str, ...]
@@ -102,6 +103,16 @@ def with_additions(text: str, additions: Mapping[EquationText, Addition]) -> str
     for at, piece in sorted(pieces, key=lambda p: -p[0]):
         text = text[:at] + piece + text[at:]
     return text
+
+
+def with_outputs(text: str, equations: list[EquationText], outputs: Mapping[str, str]) -> str:
+    """The file's text with one more real output for each name, equal to the variable beside it, in
+    the class that has these equations.
+    """
+    declared = "".join(f"  output Real {name};\n" for name in outputs)
+    named = "".join(f"\n  {name} = {variable};" for name, variable in outputs.items())
+    section, end = equations[0].section, _after(text, equations[-1].end)
+    return f"{text[:section]}public\n{declared}{text[section:end]}{named}{text[end:]}"
 
 
 def components_of(model: Path, class_name: str) -> dict[str, list[ClassPath]]:

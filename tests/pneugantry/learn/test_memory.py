@@ -11,8 +11,7 @@ from pneugantry.engine.confirm import replays
 from pneugantry.engine.plant import Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views import build_views
-from pneugantry.learn.calibrated import calibrated, read_by
-from pneugantry.learn.forms import FORMS, REMEMBERING
+from pneugantry.learn.forms import REMEMBERING
 from pneugantry.learn.memory import MEMORIES
 from pneugantry.learn.points import Point, Shared, recut
 from pneugantry.learn.regressors import Regressor
@@ -131,36 +130,3 @@ def test_a_view_shows_the_same_records_whatever_a_term_remembers(tmp_path: Path)
     made = recut(view, with_term(plant, term, tmp_path), tmp_path)
     assert made.part.of("state")
     assert made.shows(still)
-
-
-@pytest.mark.parametrize(
-    ("name", "values"), [("play", (-0.2, 0.3)), ("sine", (0.05, 0.7, 0.1)), ("cube", (0.02,))]
-)
-def test_a_sensor_s_error_is_taken_out(
-    tmp_path: Path, name: str, values: tuple[float, ...]
-) -> None:
-    plant = _plant(tmp_path)
-    law = next(f for f in (*FORMS, *REMEMBERING) if f.name == name)
-    equation = next(e for e in equations_of(plant.model) if e.left == "b")
-    term = Term(Point("", equation, sensor=True), Regressor("second", "y"), law, values, (), "b")
-    assert read_by(plant, term) == "b"
-    true = np.sin(3 * T) + 0.3 * T
-    walk = law.memory.walk(true, PERIOD, values[1:]) if law.memory else None
-    error = law.law(true, values) if walk is None else values[0] * walk
-    record = Record("run", PERIOD, {}, {"a": true, "b": true + error, "c": true}, {})
-    found = calibrated(record, "b", term)
-    assert found is not None
-    assert found.signals["b"] == pytest.approx(true, abs=2e-3 * np.abs(error).max())
-    assert found.signals["a"] is true
-
-
-def test_a_reading_without_a_single_origin_is_left(tmp_path: Path) -> None:
-    plant = _plant(tmp_path)
-    equation = next(e for e in equations_of(plant.model) if e.left == "b")
-    law = next(f for f in FORMS if f.name == "sine")
-    term = Term(
-        Point("", equation, sensor=True), Regressor("second", "y"), law, (1.0, 0.5, 0.0), (), "b"
-    )
-    assert calibrated(Record("run", PERIOD, {}, {"b": np.sin(3 * T)}, {}), "b", term) is None
-    other = Term(Point("", equation, sensor=True), Regressor("", "u"), law, (1.0,), (), "b")
-    assert read_by(plant, other) is None
