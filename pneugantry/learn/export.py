@@ -33,7 +33,7 @@ def write_catalogue(folder: Path, learned: Learned) -> tuple[Path, Path]:
     own = [e for e in task.catalogue.values() if not _of_a_sensor(e)]
     model = with_term(task.plant, term, task.cache).model
     paths = folder / "effects.toml", folder / model.name
-    text = effects_toml([*own, named])
+    text = _said(term) + effects_toml([*own, named])
     try:
         folder.mkdir(parents=True, exist_ok=True)
         write_atomically(paths[0], lambda at: at.write_text(text, encoding="utf-8"))
@@ -42,6 +42,14 @@ def write_catalogue(folder: Path, learned: Learned) -> tuple[Path, Path]:
         hint = "name a folder that can"
         raise InputError(f"cannot be written ({error.strerror})", file=folder, hint=hint) from None
     return paths
+
+
+def _said(term: Term) -> str:
+    """What the description of the next rig has to say, where a sensor reads the term."""
+    if not term.point.sensor:
+        return ""
+    read = term.point.equation.left
+    return f'# In the description this sensor reads: variable = "{read}" of the output concerned\n\n'
 
 
 def effect_name(term: Term) -> str:
