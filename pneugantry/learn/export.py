@@ -49,7 +49,9 @@ def _said(term: Term) -> str:
     if not term.point.sensor:
         return ""
     read = term.point.equation.left
-    return f'# In the description this sensor reads: variable = "{read}" of the output concerned\n\n'
+    return (
+        f'# In the description this sensor reads: variable = "{read}" of the output concerned\n\n'
+    )
 
 
 def effect_name(term: Term) -> str:

@@ -12,8 +12,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from modelica_fmu.errors import InputError
 from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
@@ -24,45 +22,31 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.threads import on_threads, one_blas_thread
 from pneugantry.learn.calibrated import calibrated, read_by
+from pneugantry.learn.candidates import WORTH, main, most, shaped, worth_fitting
 from pneugantry.learn.composite import composites
-from pneugantry.learn.curve import Knots, Wave
 from pneugantry.learn.experiments import Experiment, Rival, telling
-from pneugantry.learn.forms import (
-    FORMS,
-    PERIODIC,
-    Distilled,
-    distilled,
-    free_curve,
-    memory_of,
-    wave_of,
-    with_harmonics,
-)
 from pneugantry.learn.joint import TermFits
 from pneugantry.learn.judge import Judge
 from pneugantry.learn.learned import Learned, Tried
-from pneugantry.learn.memory import Remembered
 from pneugantry.learn.points import Opened, opened
 from pneugantry.learn.read import with_readings
 from pneugantry.learn.rivals import Rivals
 from pneugantry.learn.screen import Candidate, Screen, Screening
+from pneugantry.learn.shaping import Shaping
 from pneugantry.learn.term import Term, with_term
 
 __all__ = ["learn", "wanted"]
 
+NOTHING = "no variable of any component foretells what is left of a log that its curve has not seen"
 Say = Callable[[str], None]
-NEARLY = 0.8  # share of the best curve's fall from which on a curve's forms are fitted
 CLEARLY = 1.1  # times the gain of single variables, from which on products are fitted first
-WORTH = 0.5  # share of the best candidate's gain from which on another one is fitted
 FINALISTS = 2  # pairs of equation and variable that are fitted
 SINGLES = 24  # effects of the catalogue that are tried as part of a curve
 COMPOSITES = 5  # known effects with a form beside them that are fitted
+CROSSED = 3  # terms that are fitted beside each base
 BESIDE = 2  # known effects beside which a term is looked for once more
 LIKELY = 0.2  # probability of what no catalogue has, from which on it is looked for
 OUT = 0.3  # share of the worst view's excess from which on a view's equations are tried
-CLOSE = 8.0  # -2 log evidence by which a form may lie behind the closest one to be fitted
-LINE = 0.02  # relative error of a period that a spectrum tells
-CLOSEST = 3  # forms of a pair that are fitted
-MUCH_LIKE = 0.05  # share of a form's variance that one much like it leaves
 
 
 def wanted(found: Found) -> bool:
@@ -98,11 +82,29 @@ def learn(
 
 
 @dataclass(frozen=True, eq=False)
+class _Told:
+    """What the terms tried so far tell."""
+
+    answers: tuple[Tried, ...]  # that the records do not tell apart
+    after: Found  # the plant with the first of them, diagnosed
+    least: float  # cost of the likeliest that was tried
+
+    @property
+    def formless(self) -> bool:
+        """Whether the first answer has no form of the plant's own."""
+        return self.answers[0].drifts or self.answers[0].free is not None
+
+
+@dataclass(frozen=True, eq=False)
 class _Learning:
     found: Found
     fits: TermFits
     say: Say
     finish: Callable[[Found], Found]
+
+    @property
+    def shaping(self) -> Shaping:
+        return Shaping(self.fits)
 
     @property
     def rules(self) -> Rules:
@@ -113,9 +115,12 @@ class _Learning:
         return self.fits.apart
 
     def run(self) -> Learned:
-        """Screens beside nothing and, where that is not enough, beside the effects found."""
+        """Screens beside nothing and, where that is not enough, beside the effects found. What does
+        clearly better than these is told first: they may have stood in for it.
+        """
         found = self.found
         tried: list[Tried] = []
+        told: _Told | None = None
         bases = {fit.keys: fit for fit in (found.search.null, found.decision.best)}
         screens: list[Screen] = []
         twofold: list[Screen] = []
@@ -128,50 +133,75 @@ class _Learning:
             tried += self._first(fit, screens[-1], twofold[-1])
             if self._enough(tried):
                 break
+            if fit is found.search.null and self._leads(tried):
+                tried, told = self._told(tried, screens, None)
+                if not wanted(told.after):
+                    break
         else:
             tried += self._beside(tried, screens, bases)
+            tried += self._crossed(tried, bases)
         if not tried:
-            return Learned(found, None, (), (), _main(screens), False, NOTHING, 0.0)
-        tried += self._otherwise(tried, screens)
-        answers, after = self._answered(tried)
-        formless = answers[0].drifts or answers[0].free is not None
-        if formless or wanted(after):  # a single variable does not tell it all
+            return Learned(found, None, (), (), main(screens), False, NOTHING, 0.0)
+        tried, told = self._told(tried, screens, told)
+        if told.formless or wanted(told.after):  # a single variable does not tell it all
             self.say("missing term: products")
-            made = self._further(twofold, tried)
-            made += self._otherwise(made, screens)
-            least = min(t.cost for t in tried)
-            if min((t.cost for t in made), default=math.inf) < least - self.rules.entry:
-                tried = [*tried, *made]
-                answers, after = self._answered(tried)
+            tried, told = self._told([*tried, *self._further(twofold, tried)], screens, told)
         screens += twofold
+        answers, after = told.answers, told.after
         accepted, why = Judge(self.found, self.fits).judged(answers[0], after)
-        kept = _main(screens), accepted, why
+        kept = main(screens), accepted, why
         experiment, ordered = self._experiment(answers), sorted(tried, key=lambda t: t.cost)
         return Learned(found, after, answers, tuple(ordered), *kept, 0.0, experiment)
+
+    def _likeliest(self, tried: Sequence[Tried]) -> Tried | None:
+        """In the form of fewest parameters that is as likely."""
+        best = min(tried, key=lambda t: t.cost, default=None)
+        return best and Rivals(self.fits).simplest(best, tried)
+
+    def _leads(self, tried: Sequence[Tried]) -> bool:
+        """Whether the likeliest term that has a form leaves the effects found hopelessly behind."""
+        known, price = self.found.decision.best, 2 * self.rules.entry
+        least = min((t.cost for t in tried if t.free is None), default=math.inf)
+        behind = known.evidence + price * len(known.keys) - least
+        return bool(known.keys) and behind > self.rules.hopeless
+
+    def _told(
+        self, tried: Sequence[Tried], screens: Sequence[Screen], before: _Told | None
+    ) -> tuple[list[Tried], _Told]:
+        """What was tried, its likeliest term otherwise, too, and what that tells; `before`, where
+        nothing that came since is clearly likelier.
+        """
+        if before is not None:
+            least = before.least - self.rules.entry
+            if not any(t.cost < least for t in tried):
+                return [*tried], before
+        every = [*tried, *self._otherwise(tried, screens)]
+        answers, after = self._answered(every)
+        return every, _Told(answers, after, min(t.cost for t in every))
 
     def _first(self, fit: Fit, single: Screen, products: Screen) -> list[Tried]:
         """Single variables, and products that may do as well; products alone, where they foretell
         clearly more and are enough.
         """
-        likely = self._worth_fitting(products)[:FINALISTS]
+        likely = self._worth(products)[:FINALISTS]
         tried: list[Tried] = []
-        if _most(products) > CLEARLY * _most(single):
-            tried += self._fitted(fit, self._shaped(products, likely))
+        if most(products) > CLEARLY * most(single):
+            tried += self.shaping.fitted(fit, self._with_shapes(products, likely))
             if self._enough(tried):
                 return tried
             likely = []
-        least = WORTH * _most(single)
-        singles = self._shaped(single, self._worth_fitting(single)[:FINALISTS])
-        own = self._shaped(products, [c for c in likely if c.gain > least])
-        return [*tried, *self._fitted(fit, [*singles, *own])]
+        least = WORTH * most(single)
+        singles = self._with_shapes(single, self._worth(single)[:FINALISTS])
+        own = self._with_shapes(products, [c for c in likely if c.gain > least])
+        return [*tried, *self.shaping.fitted(fit, [*singles, *own])]
 
     def _further(self, screens: Sequence[Screen], tried: Sequence[Tried]) -> list[Tried]:
         """The best candidates of screens that have not been fitted yet."""
         known = {(t.term.point, t.term.regressor) for t in tried}
         made: list[Tried] = []
         for s in screens:
-            new = [c for c in self._worth_fitting(s) if (c.point, c.regressor) not in known]
-            made += self._fitted(s.fit, self._shaped(s, new[:FINALISTS]))
+            new = [c for c in self._worth(s) if (c.point, c.regressor) not in known]
+            made += self.shaping.fitted(s.fit, self._with_shapes(s, new[:FINALISTS]))
         return made
 
     def _beside(
@@ -187,8 +217,20 @@ class _Learning:
         for fit in likely:
             if fit.keys not in bases:
                 screens.append(self._screening(fit).singles())
-                worth = self._worth_fitting(screens[-1])[:1]
-                made += self._fitted(fit, self._shaped(screens[-1], worth))
+                worth = self._worth(screens[-1])[:1]
+                made += self.shaping.fitted(fit, self._with_shapes(screens[-1], worth))
+        return made
+
+    def _crossed(self, tried: Sequence[Tried], bases: Mapping[tuple[str, ...], Fit]) -> list[Tried]:
+        """The likeliest terms, as they were fitted beside one base, beside the others: where a fit
+        ends depends on what it starts beside.
+        """
+        made = []
+        for t in sorted(tried, key=lambda t: t.cost)[:CROSSED]:
+            for keys, base in bases.items():
+                if t.base is not None and t.base.keys != keys:
+                    own = self.fits.joint(base, t.term)
+                    made.append(replace(own, free=t.free, candidate=t.candidate))
         return made
 
     def _otherwise(self, tried: Sequence[Tried], screens: Sequence[Screen]) -> list[Tried]:
@@ -196,7 +238,7 @@ class _Learning:
         if not tried:
             return []
         best = min(tried, key=lambda t: t.cost)
-        return [*self._plainer(best, screens), *self._harmonics(best)]
+        return [*self.shaping.plainer(best, screens), *self.shaping.harmonics(best)]
 
     def _answered(self, tried: Sequence[Tried]) -> tuple[tuple[Tried, ...], Found]:
         """The terms that the records do not tell apart, and the plant with the first of them."""
@@ -217,31 +259,15 @@ class _Learning:
         on_threads(lambda v: v.prepare(moving | own, fit.hypothesis.settings), stand_out)
         return Screening(self.apart, fit, of_views, task.data.fitted, self.rules, blamed)
 
-    def _worth_fitting(self, screen: Screen) -> list[Candidate]:
-        """The best curve, wave and memory of each variable in each block. Of equations that do as
-        well one comes first in which the variable stands already, and a balance.
-        """
-        least = self.rules.entry
-        if screen.candidates:
-            least = max(least, WORTH * screen.candidates[0].gain)
-        families: dict[tuple[object, ...], list[Candidate]] = {}
-        for c in screen.candidates:
-            root = self.apart.shape.roots.get(c.regressor.label, c.regressor.plain.label)
-            if c.regressor.speed:
-                root = self.apart.shape.roots.get(c.regressor.plain.label, root)
-            where = self.apart.block(c.point), c.point.shared is not None
-            key = *where, root, c.regressor.speed, c.regressor.times, _kind(c)
-            if c.gain > least:
-                families.setdefault(key, []).append(c)
-        found: list[Candidate] = []
-        for members in families.values():
-            close = [c for c in members if c.gain >= members[0].gain - self.rules.entry]
-            found.append(min(close, key=_unlikely))
-        return sorted(found, key=lambda c: -c.gain)
+    def _worth(self, screen: Screen) -> list[Candidate]:
+        return worth_fitting(screen, self.apart, self.rules)
+
+    def _with_shapes(self, screen: Screen, worth: Sequence[Candidate]) -> list[Candidate]:
+        return shaped(screen, worth, self.rules)
 
     def _enough(self, tried: Sequence[Tried]) -> bool:
         """Whether the likeliest term has a form and leaves no more than noise in any view."""
-        best = min(tried, key=lambda t: t.cost, default=None)
+        best = self._likeliest(tried)
         return best is not None and best.free is None and not self.fits.loud(best)
 
     def _composites(self, tried: Sequence[Tried]) -> tuple[list[Tried], list[Fit]]:
@@ -259,7 +285,7 @@ class _Learning:
         likely = composites(best.candidate, curve, effects)
         found: list[Tried] = []
         for c in likely[:COMPOSITES]:
-            term = self._term(best.candidate, c.form)
+            term = self.shaping.term(best.candidate, c.form)
             found.append(self.fits.joint(c.effect, term, c.starts))
         firsts = {c.effect.keys: c.effect for c in likely[:COMPOSITES]}
         firsts |= {f.keys: f for f in effects[:1]}
@@ -295,107 +321,6 @@ class _Learning:
             records = [t.term.within(r) for r in records]
         return telling(rivals[0], rivals[1], records, task.cache)
 
-    def _term(self, candidate: Candidate, d: Distilled) -> Term:
-        block, spreads = self.apart.block(candidate.point), _spreads(d, candidate)
-        term = Term(candidate.point, candidate.regressor, d.law, d.values, spreads, block)
-        if not d.places:
-            return term
-        return replace(term, places=dict(zip(candidate.course.values, d.places, strict=True)))
-
-    def _fitted(self, base: Fit, worth: Sequence[Candidate]) -> list[Tried]:
-        """Candidates beside a fit as waves, memories and free curves; those that explain about as
-        much as the best one also in the forms that are closest to their curve.
-        """
-        first = [self._free(base, c) for c in worth]
-        fall = max((base.evidence - t.fit.evidence for t in first), default=0.0)
-        found = list(first)
-        for t in first:
-            if t.free is not None and base.evidence - t.fit.evidence > NEARLY * fall:
-                found += self._forms(base, t)
-        formed = [t for t in found if t.free is None]
-        best = min(formed, key=lambda t: t.cost, default=None)
-        return [self.fits.behind(t) if t is best else t for t in found]
-
-    def _shaped(self, screen: Screen, worth: Sequence[Candidate]) -> list[Candidate]:
-        """Candidates, and the best wave and each memory of the same variable in the same equation:
-        they may be worth more than it looks, where what they do is no longer linear. Of a sensor
-        also those of what it reads: its errors are functions of that.
-        """
-        found = {(c.point, c.regressor, _kind(c)): c for c in worth}
-        pairs = {(c.point, c.regressor) for c in worth}
-        pairs |= {
-            (c.point, c.regressor)
-            for c in screen.candidates
-            if c.regressor.alone and c.point.is_read(c.regressor.name)
-            if any(c.point == w.point for w in worth)
-        }
-        for c in screen.candidates:
-            shaped = not isinstance(c.basis, Knots) and c.gain > self.rules.entry
-            if shaped and (c.point, c.regressor) in pairs:
-                found.setdefault((c.point, c.regressor, _kind(c)), c)
-        return list(found.values())
-
-    def _free(self, base: Fit, candidate: Candidate) -> Tried:
-        """A candidate as a wave, a memory or a free curve."""
-        if isinstance(candidate.basis, Remembered):
-            made = memory_of(candidate, candidate.basis)
-            return self.fits.joint(base, self._term(candidate, made))
-        if isinstance(candidate.basis, Wave):
-            return self.fits.joint(base, self._term(candidate, wave_of(candidate, candidate.basis)))
-        assert isinstance(candidate.basis, Knots)
-        free = free_curve(candidate, candidate.basis)
-        fitted = self.fits.joint(base, self._term(candidate, free.start))
-        return replace(fitted, free=free, candidate=candidate)
-
-    def _forms(self, base: Fit, fitted: Tried) -> list[Tried]:
-        """The forms that are closest to a free curve as it has been fitted."""
-        free, candidate = fitted.free, fitted.candidate
-        assert free is not None
-        assert candidate is not None
-        forms = distilled(free.knots, *free.curve(fitted.term.values, fitted.covariance))
-        near = [d for d in forms if d.cost < forms[0].cost + CLOSE][:CLOSEST]
-        if all(d.law.shapes for d in near):
-            near.append(next(d for d in forms if not d.law.shapes))  # it may do as well
-        return [self.fits.joint(base, self._term(candidate, d)) for d in near]
-
-    def _plainer(self, best: Tried, screens: Sequence[Screen]) -> list[Tried]:
-        """The forms without any shape that are much like a term's over what the records cover: a
-        fit that started far off has bent the shape to what it could not tell yet.
-        """
-        law, base = best.term.law, best.base
-        plain = [f for f in FORMS if not f.shapes]
-        bare = best.free is not None or best.term.places or law.memory is not None
-        if base is None or bare or law in plain:
-            return []
-        variable = best.term.regressor.plain  # each screen keeps one of what is one beside its fit
-        series = next(s.series[variable] for s in screens if variable in s.series)
-        z = np.concatenate(list(series.values()))
-        wanted_there = law.law(z, best.term.values)
-        found = []
-        for form in plain:
-            columns = np.column_stack([form.law(z, (1.0,)), np.ones(len(z))])
-            sizes, *_ = np.linalg.lstsq(columns, wanted_there, rcond=None)
-            left = float(np.var(wanted_there - columns @ sizes))
-            if left < MUCH_LIKE * float(np.var(wanted_there)):
-                size = float(sizes[0])
-                term = replace(best.term, law=form, values=(size,), spreads=(abs(size),))
-                found.append(self.fits.joint(base, term))
-        return found
-
-    def _harmonics(self, best: Tried) -> list[Tried]:
-        """A sine that leaves more than noise, with its harmonics."""
-        if best.term.law.name != "sine" or best.base is None or self._enough([best]):
-            return []
-        values, spreads = with_harmonics(best.term.values), with_harmonics(best.term.spreads)
-        size = abs(values[0])
-        own = replace(
-            best.term,
-            law=PERIODIC,
-            values=values,
-            spreads=tuple(s or size for s in spreads),
-        )
-        return [self.fits.joint(best.base, own)]
-
     def _diagnosed(self, best: Tried) -> Found:
         """The plant with the term in it, its values open as far as their fit leaves them, diagnosed
         as before: what the catalogue has beside it. An error of a sensor is taken out of what it
@@ -425,16 +350,6 @@ class _Learning:
         return data.each(lambda r: each[r] or r)
 
 
-def _most(screen: Screen) -> float:
-    """The gain of the best candidate."""
-    return screen.candidates[0].gain if screen.candidates else 0.0
-
-
-def _main(screens: Sequence[Screen]) -> Screen:
-    """The one with the best candidate."""
-    return max(screens, key=_most)
-
-
 def _blamed(found: Found) -> frozenset[str] | None:
     """Views that stand out of the noise; None: none does, or no view is known to."""
     ratios: dict[str, float] = {}
@@ -443,34 +358,3 @@ def _blamed(found: Found) -> frozenset[str] | None:
     most = max(ratios.values(), default=0.0)
     named = {v for v, ratio in ratios.items() if ratio > 1 + OUT * (most - 1)}
     return frozenset(named) if most > 1 and named else None
-
-
-def _kind(candidate: Candidate) -> str:
-    """Curve, wave, or which memory."""
-    basis = candidate.basis
-    if isinstance(basis, Remembered):
-        return basis.memory.name
-    return "wave" if isinstance(basis, Wave) else "curve"
-
-
-NOTHING = "no variable of any component foretells what is left of a log that its curve has not seen"
-
-
-def _unlikely(candidate: Candidate) -> tuple[bool, bool]:
-    """Where the variable does not stand in the equation, and where that is no balance."""
-    point = candidate.point
-    return not point.reads(candidate.regressor.name), not point.balance
-
-
-def _spreads(d: Distilled, candidate: Candidate) -> tuple[float, ...]:
-    """Usual sizes of a form's parameters; of a width the share by which it may be off."""
-    basis = candidate.basis
-    if isinstance(basis, Remembered):
-        return (abs(d.values[0]), *(0.5 for _ in basis.values))
-    if d.law.tables:
-        return (0.5,) * len(d.values)  # an effect's prior is two usual sizes wide
-    span = float(np.ptp(basis.at)) if isinstance(basis, Knots) else d.values[1]
-    width = 0.5 if isinstance(basis, Knots) else LINE
-    sizes = {"size": 0.0, "width": width, "place": 0.1 * span}
-    kinds = ("size", *d.law.shapes)
-    return tuple(sizes[k] or max(abs(v), 1e-12) for k, v in zip(kinds, d.values, strict=True))

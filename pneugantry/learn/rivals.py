@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -35,7 +36,7 @@ class Rivals:
         """
         pairs: dict[tuple[Point, Regressor], Tried] = {}
         for t in tried:
-            pairs.setdefault((t.term.point, t.term.regressor), self._simplest(t, tried))
+            pairs.setdefault((t.term.point, t.term.regressor), self.simplest(t, tried))
         first = list(pairs.values())[:RIVALS]
         near = [t for t in first if t.cost < first[0].cost + self.fits.rules.hopeless]
         rest = [self.fits.placed(self.fits.again(t)) for t in near]
@@ -58,16 +59,17 @@ class Rivals:
 
         return tuple(sorted(close, key=rank))
 
-    def _simplest(self, best: Tried, tried: Sequence[Tried]) -> Tried:
+    def simplest(self, best: Tried, tried: Sequence[Tried]) -> Tried:
         """The form of fewest parameters of the same variable in the same equation that the fitted
-        records do not tell from the best one.
+        records do not tell from the best one; a form gives way to none that is far less likely.
         """
-        own = best.term
+        own, far = best.term, FAR if best.free is None else math.inf
         close = [
             t
             for t in tried
             if (t.term.point, t.term.regressor) == (own.point, own.regressor)
             and len(t.term.values) < len(own.values)
+            and t.cost < best.cost + far
             and (
                 t.cost < best.cost + self.fits.rules.entry
                 or not self._tells(best, t, {best: NO_STRETCHES, t: NO_STRETCHES})

@@ -1,0 +1,82 @@
+"""Which candidates of a screen are worth a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pneugantry.engine.rules import Rules
+from pneugantry.learn.curve import Knots, Wave
+from pneugantry.learn.memory import Remembered
+from pneugantry.learn.points import Opened
+from pneugantry.learn.screen import Candidate, Screen
+
+__all__ = ["WORTH", "kind", "main", "most", "shaped", "worth_fitting"]
+
+WORTH = 0.5  # share of the best candidate's gain from which on another one is fitted
+
+
+def worth_fitting(screen: Screen, apart: Opened, rules: Rules) -> list[Candidate]:
+    """The best curve, wave and memory of each variable in each block. Of equations that do as
+    well one comes first in which the variable stands already, and a balance.
+    """
+    least = rules.entry
+    if screen.candidates:
+        least = max(least, WORTH * screen.candidates[0].gain)
+    families: dict[tuple[object, ...], list[Candidate]] = {}
+    for c in screen.candidates:
+        root = apart.shape.roots.get(c.regressor.label, c.regressor.plain.label)
+        if c.regressor.speed:
+            root = apart.shape.roots.get(c.regressor.plain.label, root)
+        where = apart.block(c.point), c.point.shared is not None
+        key = *where, root, c.regressor.speed, c.regressor.times, kind(c)
+        if c.gain > least:
+            families.setdefault(key, []).append(c)
+    found: list[Candidate] = []
+    for members in families.values():
+        close = [c for c in members if c.gain >= members[0].gain - rules.entry]
+        found.append(min(close, key=_unlikely))
+    return sorted(found, key=lambda c: -c.gain)
+
+
+def shaped(screen: Screen, worth: Sequence[Candidate], rules: Rules) -> list[Candidate]:
+    """Candidates, and the best wave and each memory of the same variable in the same equation:
+    they may be worth more than it looks, where what they do is no longer linear. Of a sensor
+    also those of what it reads: its errors are functions of that.
+    """
+    found = {(c.point, c.regressor, kind(c)): c for c in worth}
+    pairs = {(c.point, c.regressor) for c in worth}
+    pairs |= {
+        (c.point, c.regressor)
+        for c in screen.candidates
+        if c.regressor.alone and c.point.is_read(c.regressor.name)
+        if any(c.point == w.point for w in worth)
+    }
+    for c in screen.candidates:
+        wanted = not isinstance(c.basis, Knots) and c.gain > rules.entry
+        if wanted and (c.point, c.regressor) in pairs:
+            found.setdefault((c.point, c.regressor, kind(c)), c)
+    return list(found.values())
+
+
+def most(screen: Screen) -> float:
+    """The gain of the best candidate."""
+    return screen.candidates[0].gain if screen.candidates else 0.0
+
+
+def main(screens: Sequence[Screen]) -> Screen:
+    """The one with the best candidate."""
+    return max(screens, key=most)
+
+
+def kind(candidate: Candidate) -> str:
+    """Curve, wave, or which memory."""
+    basis = candidate.basis
+    if isinstance(basis, Remembered):
+        return basis.memory.name
+    return "wave" if isinstance(basis, Wave) else "curve"
+
+
+def _unlikely(candidate: Candidate) -> tuple[bool, bool]:
+    """Where the variable does not stand in the equation, and where that is no balance."""
+    point = candidate.point
+    return not point.reads(candidate.regressor.name), not point.balance
