@@ -28,8 +28,9 @@ from pneugantry.learn.experiments import Experiment, Rival, telling
 from pneugantry.learn.joint import TermFits
 from pneugantry.learn.judge import Judge
 from pneugantry.learn.learned import Learned, Tried
-from pneugantry.learn.points import Opened, opened
+from pneugantry.learn.points import Opened, Point, opened
 from pneugantry.learn.read import with_readings
+from pneugantry.learn.regressors import Regressor
 from pneugantry.learn.rivals import Rivals
 from pneugantry.learn.screen import Candidate, Screen, Screening
 from pneugantry.learn.shaping import Shaping
@@ -43,6 +44,7 @@ CLEARLY = 1.1  # times the gain of single variables, from which on products are 
 FINALISTS = 2  # pairs of equation and variable that are fitted
 SINGLES = 24  # effects of the catalogue that are tried as part of a curve
 COMPOSITES = 5  # known effects with a form beside them that are fitted
+PLAINER = 3  # pairs of which plainer forms are fitted
 CROSSED = 3  # terms that are fitted beside each base
 BESIDE = 2  # known effects beside which a term is looked for once more
 LIKELY = 0.2  # probability of what no catalogue has, from which on it is looked for
@@ -234,11 +236,19 @@ class _Learning:
         return made
 
     def _otherwise(self, tried: Sequence[Tried], screens: Sequence[Screen]) -> list[Tried]:
-        """The likeliest term in a plainer form, or with harmonics."""
-        if not tried:
-            return []
-        best = min(tried, key=lambda t: t.cost)
-        return [*self.shaping.plainer(best, screens), *self.shaping.harmonics(best)]
+        """The likeliest terms of some pairs of equation and variable in plainer forms that were not
+        tried; the likeliest of all with harmonics.
+        """
+        ranked, made = sorted(tried, key=lambda t: t.cost), list[Tried]()
+        pairs: dict[tuple[Point, Regressor], list[Tried]] = {}
+        for t in ranked:
+            pairs.setdefault((t.term.point, t.term.regressor), []).append(t)
+        null = self.found.search.null.evidence
+        for first, *others in list(pairs.values())[:PLAINER]:
+            if null - first.cost > WORTH * (null - ranked[0].cost):
+                known = {t.term.law.name for t in others if t.base is first.base}
+                made += self.shaping.plainer(first, screens, known)
+        return [*made, *(h for t in ranked[:1] for h in self.shaping.harmonics(t))]
 
     def _answered(self, tried: Sequence[Tried]) -> tuple[tuple[Tried, ...], Found]:
         """The terms that the records do not tell apart, and the plant with the first of them."""

@@ -16,6 +16,9 @@ from pneugantry.learn.points import Opened, Point
 __all__ = ["TIME", "Regressor", "products_of", "regressors_of"]
 
 TIME = "time"
+HARDLY = (
+    0.1  # relative standard deviation of a factor up to which a product says nothing of its own
+)
 SAME = 1 - 1e-9  # correlation from which on two variables are one
 
 
@@ -100,16 +103,22 @@ def regressors_of(
 
 def products_of(series: Mapping[Regressor, dict[str, Array]]) -> dict[Regressor, dict[str, Array]]:
     """Each plain variable of a component, what it has travelled, and time, times each other
-    variable: a coefficient that varies.
+    variable that varies: what hardly does so is a coefficient as it is.
     """
     plain = [r for r in series if not r.speed]
-    others = [r for r in plain if r.name != TIME and not r.travelled]
+    others = [r for r in plain if r.name != TIME and not r.travelled and _varies(series[r])]
     return {
         replace(r, component=other.component, times=other.name): series[r]
         for other in others
         for r in plain
         if r != other and (r.name == TIME or r.component == other.component)
     }
+
+
+def _varies(values: Mapping[str, Array]) -> bool:
+    """Whether a variable differs from its mean by more than a small share of it."""
+    whole = np.concatenate(list(values.values()))
+    return bool(np.std(whole) > HARDLY * abs(np.mean(whole)))
 
 
 def _distinct(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,9 +85,12 @@ class Shaping:
             near.append(next(d for d in forms if not d.law.shapes))  # it may do as well
         return [self.fits.joint(base, self.term(candidate, d)) for d in near]
 
-    def plainer(self, best: Tried, screens: Sequence[Screen]) -> list[Tried]:
-        """The forms without any shape that are much like a term's over what the records cover: a
-        fit that started far off has bent the shape to what it could not tell yet.
+    def plainer(
+        self, best: Tried, screens: Sequence[Screen], known: Collection[str] = ()
+    ) -> list[Tried]:
+        """The forms without any shape, but for those known, that are much like a term's over what
+        the records cover: a fit that started far off has bent the shape to what it could not tell
+        yet.
         """
         law, base = best.term.law, best.base
         plain = [f for f in FORMS if not f.shapes]
@@ -103,7 +106,7 @@ class Shaping:
             columns = np.column_stack([form.law(z, (1.0,)), np.ones(len(z))])
             sizes, *_ = np.linalg.lstsq(columns, wanted_there, rcond=None)
             left = float(np.var(wanted_there - columns @ sizes))
-            if left < MUCH_LIKE * float(np.var(wanted_there)):
+            if form.name not in known and left < MUCH_LIKE * float(np.var(wanted_there)):
                 size = float(sizes[0])
                 term = replace(best.term, law=form, values=(size,), spreads=(abs(size),))
                 found.append(self.fits.joint(base, term))
