@@ -43,6 +43,8 @@ class Judge:
         hangs = _hangs(old) or _hangs(new)
         if not better and (hangs or new.augmented < old.augmented):
             better = self._foretells(best, plain)
+        if not better and new.augmented < LEFT * old.augmented:
+            return False, f"{fall}, in too few stretches to tell: located, not explained"
         if not better:
             return False, (
                 f"{new.record} is replayed no better with the term ({old.augmented:.3g} before, "
