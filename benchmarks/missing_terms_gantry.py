@@ -1,10 +1,11 @@
 """Missing terms of the gantry, learnt from campaigns of the independent truth plant: `python -m
-benchmarks.missing_terms_gantry [--first SEED] [--count N] [--sound]`.
+benchmarks.missing_terms_gantry [--first SEED] [--count N] [--both | --sound]`.
 
 Seeds of the set `unknown12` (see `pneugantry blind`): each rig has tolerance, nuisances and one of
 twelve kinds of effect that no catalogue names, the kind by the seed's remainder of 12, the severity
-by that of its twelfth of 3. `--sound`: rigs of the set `nuisance` without any effect, searched for
-a term all the same.
+by that of its twelfth of 3. `--both`: of the set `both12`, with an effect that the catalogue has
+beside it. `--sound`: rigs of the set `nuisance` without any effect, searched for a term all the
+same.
 """
 
 from __future__ import annotations
@@ -171,16 +172,16 @@ def _diagnosed(folder: Path, forced: bool) -> Diagnosis:
     return found.with_missing_term()
 
 
-def row(seed: int, sound: bool) -> dict[str, Any]:
-    """One rig, diagnosed and judged."""
-    case_set = SETS["nuisance" if sound else "unknown12"]
+def row(seed: int, sound: bool, both: bool = False) -> dict[str, Any]:
+    """One rig, diagnosed and judged. both: with a known effect beside the term."""
+    case_set = SETS["nuisance" if sound else "both12" if both else "unknown12"]
     assert isinstance(case_set, CaseSet)
     campaign, label = run_case(case_set.plan(seed, "none" if sound else ""))
     began = _cpu()
     with tempfile.TemporaryDirectory() as folder:
         write(Path(folder), campaign)
         found = _diagnosed(Path(folder), sound)
-    cause = None if sound else label["causes"][0]
+    cause = None if sound else next(c for c in label["causes"] if not c["known"])
     kind = "sound" if cause is None else f"{cause['effect']}/{cause['axis']}".rstrip("/")
     made: dict[str, Any] = {"kind": kind, "seed": seed, "verdict": found.verdict, "term": ""}
     if cause is not None:
@@ -189,6 +190,9 @@ def row(seed: int, sound: bool) -> dict[str, Any]:
     if told is not None and told["term"] is not None and found.learned is not None:
         if cause is not None:
             made |= judged(cause, found.learned, told)
+            known = [f"{c['effect']}/{c['axis']}" for c in label["causes"] if c["known"]]
+            beside = [f"{c['effect']}/{c['axis']}" for c in told["causes"]]
+            made["known"] = sorted(beside) == sorted(known)
         else:
             made |= {"term": told["term"]["formula"], "accepted": told["accepted"]}
     elif told is not None:
@@ -211,11 +215,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--first", type=int, default=FIRST, metavar="SEED", help="first seed")
     parser.add_argument("--count", type=int, default=12, metavar="N", help="number of rigs")
     parser.add_argument("--step", type=int, default=1, metavar="N", help="between two seeds")
+    parser.add_argument("--both", action="store_true", help="with a known effect beside it")
     parser.add_argument("--sound", action="store_true", help="rigs without any effect")
     options = parser.parse_args(arguments)
     rows = []
     for seed in range(options.first, options.first + options.count * options.step, options.step):
-        rows.append(row(seed, options.sound))
+        rows.append(row(seed, options.sound, options.both))
         print({k: v for k, v in rows[-1].items() if v not in (None, "", [])}, flush=True)
     print_sums(rows)
     return 0

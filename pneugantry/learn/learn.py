@@ -29,7 +29,7 @@ from pneugantry.learn.joint import TermFits
 from pneugantry.learn.judge import Judge
 from pneugantry.learn.learned import Learned, Tried
 from pneugantry.learn.points import Opened, Point, opened
-from pneugantry.learn.read import with_readings
+from pneugantry.learn.read import with_readings, without_readings
 from pneugantry.learn.regressors import Regressor
 from pneugantry.learn.rivals import Rivals
 from pneugantry.learn.screen import Candidate, Screen, Screening
@@ -67,19 +67,20 @@ def learn(
     run, and is done to that of the plant with the term. Raises InputError for a plant without
     source.
     """
-    task, began = found.task, time.perf_counter()
-    if isinstance(task.plant, ForeignPlant):
+    given, began = found.task, time.perf_counter()
+    if isinstance(given.plant, ForeignPlant):
         raise InputError(
             "an FMU without source has no equations to add a term to",
             field="learn",
             hint="describe the plant by its Modelica source",
         )
-    task = with_readings(task)
+    task = with_readings(given)
     found = replace(found, task=task)
     apart = opened(task.plant, task.views, task.cache)
     quick = replace(rules, followed=0)  # fits start where another one stands: no view is surveyed
     fits = TermFits(task, apart, quick, found.excess.level)
     made = _Learning(found, fits, say, finish).run()
+    made = made if task is given else without_readings(made, given)
     return replace(made, seconds=time.perf_counter() - began)
 
 

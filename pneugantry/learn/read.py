@@ -1,4 +1,6 @@
-"""What sensors read, as equations: a term that stands there changes nothing in the plant."""
+"""What sensors read, as equations: a term that stands there changes nothing in the plant. Where the
+term that is learnt stands elsewhere, the plant has them no more.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +11,12 @@ from modelica_fmu.cut import structure
 from pneugantry.engine.plant import Signal
 from pneugantry.engine.task import Task
 from pneugantry.engine.views import SubsystemView
+from pneugantry.learn.learned import Learned, Tried
 from pneugantry.learn.points import named_again, recut, stored
 from pneugantry.learn.sources import equations_of, with_outputs
+from pneugantry.learn.term import with_term
 
-__all__ = ["with_readings"]
+__all__ = ["with_readings", "without_readings"]
 
 
 def with_readings(task: Task) -> Task:
@@ -35,6 +39,31 @@ def with_readings(task: Task) -> Task:
     made = replace(plant, model=stored(plant, text, task.cache), signals=signals)
     views = [recut(v, made, task.cache) if isinstance(v, SubsystemView) else v for v in task.views]
     return replace(task, plant=made, views=views)
+
+
+def without_readings(learned: Learned, task: Task) -> Learned:
+    """What was learnt of a task `with_readings`, of the plant as it was: but where the term is in
+    what a sensor reads. Equations keep their numbers, for outputs come last.
+    """
+    before, best = replace(learned.before, task=task), learned.best
+    if best is None or learned.after is None:
+        return replace(learned, before=before)
+    if best.term.point.sensor:
+        return learned
+    equations = {(e.of_class, e.number): e for e in equations_of(task.plant.model)}
+
+    def own(tried: Tried) -> Tried:
+        point = tried.term.point
+        key = point.equation.of_class, point.equation.number
+        equation = equations.get(key, point.equation)  # a rival may be in what a sensor reads
+        return replace(tried, term=replace(tried.term, point=replace(point, equation=equation)))
+
+    answers, tried = tuple(map(own, learned.answers)), tuple(map(own, learned.tried))
+    after = learned.after
+    model = with_term(task.plant, answers[0].term, task.cache).model
+    plant = replace(after.task.plant, model=model, signals=task.plant.signals)
+    after = replace(after, task=replace(after.task, plant=plant))
+    return replace(learned, before=before, after=after, answers=answers, tried=tried)
 
 
 def _free(signal: Signal, taken: set[str]) -> str:

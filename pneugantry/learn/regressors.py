@@ -16,9 +16,7 @@ from pneugantry.learn.points import Opened, Point
 __all__ = ["TIME", "Regressor", "products_of", "regressors_of"]
 
 TIME = "time"
-HARDLY = (
-    0.1  # relative standard deviation of a factor up to which a product says nothing of its own
-)
+HARDLY = 0.1  # of a mean, the standard deviation up to which a variable is no factor of a product
 SAME = 1 - 1e-9  # correlation from which on two variables are one
 
 

@@ -203,8 +203,9 @@ def test_all_views_tell_a_scale_s_error(tmp_path: Path) -> None:
         pd.DataFrame({"u": u, "s": read, "f": f}).to_csv(tmp_path / f"{log}.csv", index=False)
     for name, text in (("Slide.mo", model), ("effects.toml", EFFECT), ("plant.toml", plant)):
         (tmp_path / name).write_text(text, encoding="utf-8")
-    told = tmp_path / "out.json"
-    assert main(["diagnose", str(tmp_path / "plant.toml"), "--json", str(told)]) == 0
+    told, known = tmp_path / "out.json", tmp_path / "known"
+    options = ["--json", str(told), "--catalogue-out", str(known)]
+    assert main(["diagnose", str(tmp_path / "plant.toml"), *options]) == 0
     learned = json.loads(told.read_text(encoding="utf-8"))["learned"]
     term = learned["term"]
     assert learned["accepted"], learned["why"]
@@ -212,6 +213,15 @@ def test_all_views_tell_a_scale_s_error(tmp_path: Path) -> None:
     told_size, told_pitch, _ = term["parameters"].values()
     assert told_size["value"] == pytest.approx(size, rel=0.01)
     assert told_pitch["value"] == pytest.approx(pitch, rel=1e-3)
+    assert "s_read = (s) + missing_" in (known / "Slide.mo").read_text(encoding="utf-8")
+
+    next_rig = plant.replace('"Slide.mo"', '"known/Slide.mo"').replace("effects.", "known/effects.")
+    next_rig = next_rig.replace('column = "s"', 'column = "s"\nvariable = "s_read"')
+    assert 'variable = "s_read"' in (known / "effects.toml").read_text(encoding="utf-8")
+    (tmp_path / "next.toml").write_text(next_rig, encoding="utf-8")
+    assert main(["diagnose", str(tmp_path / "next.toml"), "--json", str(told)]) == 0
+    again = json.loads(told.read_text(encoding="utf-8"))
+    assert [c["effect"] for c in again["causes"]] == ["learnt_sine_of_s"]
 
 
 def _travel(u: Array, mass: float, damping: float, stiffness: float) -> Array:

@@ -142,7 +142,9 @@ def test_quadratic_drag_is_learnt_named_and_written_back(
     assert "missing term (learnt)" in capsys.readouterr().out
     assert term["formula"] in page.read_text(encoding="utf-8")
     assert len(term["points"]["at"]) == len(term["points"]["value"]) > 5
-    assert "block Residual_1" in (out / "Cart.mo").read_text(encoding="utf-8")
+    model = (out / "Cart.mo").read_text(encoding="utf-8")
+    assert "block Residual_1" in model
+    assert "v_read" not in model  # what its sensor reads is as it was
     measured = pd.read_csv(tmp_path / "other.csv")
     fmu, u = out / "AugmentedCart.fmu", measured["u"].to_numpy()
     speeds = foreign(fmu, u)
