@@ -152,7 +152,6 @@ def judged(cause: Mapping[str, Any], learned: Learned, told: Mapping[str, Any]) 
         "in_set": any(right),
         "form": form,
         "beside": [c["effect"] for c in told["causes"]],
-        "known": not told["causes"],
         "shrink": round(gap["shrink"], 4) if gap else None,
         "size": float(f"{cause['parameters']['coefficient']:.4g}"),
         "why": told["why"],
@@ -215,8 +214,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--first", type=int, default=FIRST, metavar="SEED", help="first seed")
     parser.add_argument("--count", type=int, default=12, metavar="N", help="number of rigs")
     parser.add_argument("--step", type=int, default=1, metavar="N", help="between two seeds")
-    parser.add_argument("--both", action="store_true", help="with a known effect beside it")
-    parser.add_argument("--sound", action="store_true", help="rigs without any effect")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--both", action="store_true", help="with a known effect beside it")
+    which.add_argument("--sound", action="store_true", help="rigs without any effect")
     options = parser.parse_args(arguments)
     rows = []
     for seed in range(options.first, options.first + options.count * options.step, options.step):
