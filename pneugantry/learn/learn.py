@@ -17,9 +17,10 @@ from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.hypothesis import Hypothesis
-from pneugantry.engine.plant import Data
+from pneugantry.engine.plant import Data, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
+from pneugantry.engine.task import Task
 from pneugantry.engine.threads import on_threads, one_blas_thread
 from pneugantry.learn.calibrated import calibrated, read_by
 from pneugantry.learn.candidates import WORTH, main, most, shaped, worth_fitting
@@ -53,7 +54,14 @@ OUT = 0.3  # share of the worst view's excess from which on a view's equations a
 
 def wanted(found: Found) -> bool:
     """Whether there may be something to learn: what no catalogue explains is likely enough."""
-    return found.decision.unknown >= LIKELY and not isinstance(found.task.plant, ForeignPlant)
+    foreign = isinstance(found.task.plant, ForeignPlant)
+    return found.decision.unknown >= LIKELY and not foreign and bool(_whole(found.task))
+
+
+def _whole(task: Task) -> list[Record]:
+    """Fitted records of all signals: a plant's variables are computed from these."""
+    needed = {s.name for s in task.plant.signals}
+    return [r for r in task.data.fitted if needed <= set(r.signals)]
 
 
 @one_blas_thread()
@@ -268,7 +276,7 @@ class _Learning:
         own = {n for r in task.data.fitted for n in r.parameters}
         stand_out = [v for v in self.apart.views if blamed is None or v.name in blamed]
         on_threads(lambda v: v.prepare(moving | own, fit.hypothesis.settings), stand_out)
-        return Screening(self.apart, fit, of_views, task.data.fitted, self.rules, blamed)
+        return Screening(self.apart, fit, of_views, _whole(task), self.rules, blamed)
 
     def _worth(self, screen: Screen) -> list[Candidate]:
         return worth_fitting(screen, self.apart, self.rules)

@@ -223,6 +223,13 @@ def test_all_views_tell_a_scale_s_error(tmp_path: Path) -> None:
     again = json.loads(told.read_text(encoding="utf-8"))
     assert [c["effect"] for c in again["causes"]] == ["learnt_sine_of_s"]
 
+    sweeps = pd.read_csv(tmp_path / "sweeps.csv")
+    sweeps.drop(columns="s").to_csv(tmp_path / "sweeps.csv", index=False)  # it ended in a KeyError
+    assert main(["diagnose", str(tmp_path / "plant.toml"), "--json", str(told)]) == 0
+    learned = json.loads(told.read_text(encoding="utf-8"))["learned"]
+    assert learned["accepted"]
+    assert learned["term"]["equation"] == "s_read = s"
+
 
 def _travel(u: Array, mass: float, damping: float, stiffness: float) -> Array:
     """Of the carriage (rows,) from rest, rows 10 ms apart, by the midpoint rule."""
