@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -82,18 +83,18 @@ class Foretelling:
 
     def foretold(self, fits: Sequence[Fit]) -> tuple[list[Foretold], Noise]:
         """Each fit's, equally wide, under the noise that the first leaves."""
-        starts = [self._starts(fit) for fit in fits]
+        together = self.fitter.simulation.side_by_side
+        starts = self.fitter.together(self._starts, fits, [f.hypothesis for f in fits])
         noise_of = self.fitter.noise.plain if self.plain else self.fitter.noise.coloured
         of_views = noise_of(starts[0][1].residuals)
-        found = [
-            self._foretold(fit, 1.0, own, of_views) for fit, own in zip(fits, starts, strict=True)
-        ]
+        told = [*zip(fits, starts, strict=True)]
+        found = together(lambda each: self._foretold(each[0], 1.0, each[1], of_views), told)
         for _ in range(WIDENED):
             hoped = {w: min(self._on_paper(f, w) for f in found) for w in WIDER}
             wider, least = min(hoped, key=lambda w: hoped[w]), min(f.cost for f in found)
             if hoped[wider] > hoped[found[0].wider] - self.fitter.rules.entry:
                 break
-            tried = [self._foretold(f.fit, wider, [f.solution], of_views) for f in found]
+            tried = together(partial(self._wider, wider, of_views), found)
             if min(f.cost for f in tried) >= least:
                 break
             found = tried
@@ -122,6 +123,10 @@ class Foretelling:
         normal, gradient = weighing.normal(end.point, end.residuals, end.columns)
         price = _price(end.point.theta, known, normal)
         return Foretold(fit, wider, end, normal, gradient, misfit(end), price)
+
+    def _wider(self, wider: float, of_views: Noise, found: Foretold) -> Foretold:
+        """The same with another width, from where it ended."""
+        return self._foretold(found.fit, wider, [found.solution], of_views)
 
     def _on_paper(self, found: Foretold, wider: float) -> float:
         """What it costs with another width, were it as straight as its columns."""
