@@ -87,10 +87,11 @@ class Structure:
 
     roots: variable -> the variable that it is another name of (itself if of none).
     states: roots that are states. rates: state -> root that its derivative is, if it is just one.
-    numbers: variables of type Real.
+    numbers: variables of type Real. units: of those that declare one.
     """
 
     roots: Mapping[str, str]
     states: frozenset[str]
     rates: Mapping[str, str]
     numbers: frozenset[str]
+    units: Mapping[str, str]

@@ -102,7 +102,8 @@ def structure(model: Path, class_name: str) -> Structure:
             rates[state] = graph.roots[other]
     scalars = graph.system.table.scalars
     numbers = frozenset(name for name, s in scalars.items() if s.variable.type == "Real")
-    return Structure(graph.roots, frozenset(states), rates, numbers)
+    units = {name: unit for name in numbers if (unit := scalars[name].variable.unit)}
+    return Structure(graph.roots, frozenset(states), rates, numbers, units)
 
 
 @alone

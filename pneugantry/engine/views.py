@@ -445,7 +445,7 @@ def _structure(plant: Plant, cache: Path) -> Structure:
     if path.is_file():
         told = json.loads(path.read_text(encoding="utf-8"))
         states, numbers = frozenset(told["states"]), frozenset(told["numbers"])
-        return Structure(told["roots"], states, told["rates"], numbers)
+        return Structure(told["roots"], states, told["rates"], numbers, told["units"])
     from modelica_fmu.cut import structure
 
     shape = structure(plant.model, plant.class_name)
@@ -455,6 +455,7 @@ def _structure(plant: Plant, cache: Path) -> Structure:
         "states": sorted(shape.states),
         "rates": dict(shape.rates),
         "numbers": sorted(shape.numbers),
+        "units": dict(shape.units),
     }
     path.write_text(json.dumps(told), encoding="utf-8")
     return shape

@@ -88,6 +88,8 @@ def learn(
     quick = replace(rules, followed=0)  # fits start where another one stands: no view is surveyed
     fits = TermFits(task, apart, quick, found.excess.level)
     made = _Learning(found, fits, say, finish).run()
+    if made.best is not None:
+        made = replace(made, units=made.best.term.units(apart.shape.units))
     made = made if task is given else without_readings(made, given)
     return replace(made, seconds=time.perf_counter() - began)
 

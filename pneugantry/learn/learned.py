@@ -73,6 +73,7 @@ class Learned:
     why: str  # one sentence
     seconds: float  # wall time
     next_experiment: Experiment | None = None  # that tells the first two answers apart
+    units: tuple[str, str] = ("", "")  # of the term's variable, and of what it adds
 
     @property
     def best(self) -> Tried | None:

@@ -16,7 +16,9 @@ from pneugantry.learn.learned import Learned, Tried
 __all__ = ["band", "covered", "sentence", "to_json"]
 
 NORMAL = 1.96  # standard deviations of a 95 % interval
-POINTS = 41  # of a curve
+POINTS = 41  # of a curve, at least
+OF_A_PERIOD = 24  # of one that repeats, at least
+MANY = 2001  # at most
 KNOTS = 11  # at which the free curve is told
 SCREENED = 8  # pairs of equation and variable that are told
 STEP = 1e-4  # of a difference quotient, in standard deviations
@@ -120,7 +122,8 @@ def _short(tried: Tried) -> dict[str, Any]:
 
 def _term(learned: Learned, tried: Tried) -> dict[str, Any]:
     low, high = covered(learned, tried)
-    z = np.linspace(low, high, POINTS)
+    periods = (high - low) / abs(tried.term.values[1]) if tried.term.law.repeats else 0.0
+    z = np.linspace(low, high, min(max(POINTS, math.ceil(OF_A_PERIOD * periods) + 1), MANY))
     if tried.term.law.memory is not None:  # there, back and there again
         z = np.concatenate([z, z[-2::-1], z[1:]])
     value, sigma = band(tried, z)
@@ -128,6 +131,7 @@ def _term(learned: Learned, tried: Tried) -> dict[str, Any]:
         **_short(tried),
         "parameters": _sizes(tried),
         "range": [low, high],
+        "units": {"regressor": learned.units[0], "term": learned.units[1]},
         "curve": {
             "at": z.tolist(),
             "value": value.tolist(),

@@ -65,6 +65,16 @@ class Term:
         """As "signed square of v"."""
         return f"{self.law.name} of {self.regressor.label}"
 
+    def units(self, known: Mapping[str, str]) -> tuple[str, str]:
+        """Of its variable, and of what it adds; "" where that is not declared. known: by variable
+        of the whole plant.
+        """
+        own, point = self.regressor, self.point
+        unit = "s" if own.name == TIME else known.get(point.scope_prefix + own.name, "")
+        if own.travelled:
+            unit = unit.removesuffix("/s") if unit.endswith("/s") else ""
+        return unit, known.get(point.prefix + point.equation.left.strip(), "")
+
     @property
     def _shown(self) -> str:
         """The regressor in a formula."""

@@ -22,6 +22,7 @@ from pneugantry.engine.task import Task
 from pneugantry.engine.views import View
 from pneugantry.plants.calibrate import chances_of
 from pneugantry.plants.modelica import Extension, write_extension
+from pneugantry.plants.scales import with_doubtful_units
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.fmu import FmuFile, FmuVariable
 from pyfmi_runner.scenario import parse_toml
@@ -47,7 +48,7 @@ def diagnose_described(
     """
     say("model and logs")
     found, task = described_task(path, catalogue, cache, rules)
-    return run(task, found.rules, say)
+    return with_doubtful_units(run(task, found.rules, say))
 
 
 def described_task(

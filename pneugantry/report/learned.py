@@ -10,7 +10,7 @@ from pneugantry.report.svg import INK, QUIET, svg, text
 
 __all__ = ["term_svg"]
 
-WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 460, 210, 62, 14, 40
+WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 460, 220, 62, 24, 40
 FAINT = 0.18  # opacity of the band
 
 
@@ -46,6 +46,15 @@ def term_svg(term: Mapping[str, Any]) -> str:
     body.append(f'<polygon points="{band}" fill="{colour}" opacity="{FAINT}"/>')
     line = points(curve["value"], at)
     body.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="2"/>')
-    body.append(text(((LEFT + WIDTH) / 2, HEIGHT - 8), str(term["regressor"]), fill=INK))
+    units = term["units"]
+    body.append(
+        text(((LEFT + WIDTH) / 2, HEIGHT - 8), _of(term["regressor"], units["regressor"]), fill=INK)
+    )
+    body.append(text((LEFT, TOP - 4), _of("added", units["term"]), "start", 10.5))
     label = f"The term {term['formula']} over {term['regressor']}, with its 95 % band"
     return svg((WIDTH, HEIGHT), body, label, "picture gap")
+
+
+def _of(name: str, unit: str) -> str:
+    """As an axis is labelled; a unit that is not declared is left out."""
+    return f"{name} [{unit}]" if unit else name

@@ -260,6 +260,8 @@ def test_a_sensor_s_error_is_learnt_as_one(tmp_path: Path) -> None:
     size, period, _ = (p["value"] for p in term["parameters"].values())
     assert abs(size) == pytest.approx(0.012, rel=0.1)
     assert period == pytest.approx(0.7, rel=0.02)
+    assert term["units"] == {"regressor": "m", "term": "m"}
+    assert max(np.diff(term["curve"]["at"])) < period / 20  # drawn, it looks like a sine
 
 
 class Play:

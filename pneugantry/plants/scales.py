@@ -1,0 +1,64 @@
+"""Readings in another unit than the model's: what no effect explains may be in millimetres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pneugantry.engine.confirm import Replay, replays
+from pneugantry.engine.run import Found
+
+__all__ = ["with_doubtful_units"]
+
+FACTORS = {  # times what the model tells: what may have been recorded
+    1e3: "thousandths of the unit",
+    1e-3: "thousands of the unit",
+    1e2: "hundredths of the unit, or percent",
+    1e-2: "hundreds of the unit, or shares for percent",
+    180 / math.pi: "degrees for radians",
+    math.pi / 180: "radians for degrees",
+    30 / math.pi: "turns a minute for rad/s",
+    math.pi / 30: "rad/s for turns a minute",
+    1e5: "pascals for bars",
+    1e-5: "bars for pascals",
+}
+NEAR = 1.3  # factor by which a model may be off
+ALIKE = 0.8  # correlation of readings and simulation from which on one may be the other, scaled
+
+
+def with_doubtful_units(found: Found) -> Found:
+    """An answer "unknown" with a note on each log and signal that reads as another unit would."""
+    if found.diagnosis.verdict != "unknown":
+        return found
+    notes = (*found.diagnosis.notes, *_doubtful(found))
+    return replace(found, diagnosis=replace(found.diagnosis, notes=notes))
+
+
+def _doubtful(found: Found) -> Iterator[str]:
+    task = found.task
+    for record in (*task.data.fitted, *task.data.unseen):
+        (nominal,) = replays(task.plant, record, [{}], task.cache)
+        for k, name in enumerate(nominal.signals if nominal else ()):
+            assert nominal is not None
+            ratio = _ratio(nominal, k)
+            for factor, unit in FACTORS.items():
+                if ratio and abs(math.log(ratio / factor)) < math.log(NEAR):
+                    yield (
+                        f"{record.name}: {name} reads {ratio:.3g} times what the model tells, as "
+                        f"{unit} would: check its unit"
+                    )
+
+
+def _ratio(nominal: Replay, k: int) -> float:
+    """Standard deviation of what a signal reads over that of what the model tells; 0 where the two
+    are not alike.
+    """
+    rows = ~np.isnan(nominal.residuals[:, k])
+    read, told = nominal.measured[rows, k], nominal.simulated[rows, k]
+    sizes = float(np.std(read)), float(np.std(told))
+    if min(sizes) == 0.0 or np.corrcoef(read, told)[0, 1] < ALIKE:
+        return 0.0
+    return sizes[0] / sizes[1]
