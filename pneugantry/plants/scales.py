@@ -48,7 +48,7 @@ def _doubtful(found: Found) -> Iterator[str]:
                 if ratio and abs(math.log(ratio / factor)) < math.log(NEAR):
                     yield (
                         f"{record.name}: {name} reads {ratio:.3g} times what the model tells, as "
-                        f"{unit} would: check its unit"
+                        f"{unit} would: check its unit (`recorded` under [outputs])"
                     )
 
 
