@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pneugantry.engine.rules import Rules
-from pneugantry.learn.curve import Knots, Wave
+from pneugantry.learn.curve import FineKnots, Knots, Wave
 from pneugantry.learn.memory import Remembered
 from pneugantry.learn.points import Opened
 from pneugantry.learn.screen import Candidate, Screen
@@ -40,11 +40,13 @@ def worth_fitting(screen: Screen, apart: Opened, rules: Rules) -> list[Candidate
 
 def shaped(screen: Screen, worth: Sequence[Candidate], rules: Rules) -> list[Candidate]:
     """Candidates, and the best wave and each memory of the same variable in the same equation:
-    they may be worth more than it looks, where what they do is no longer linear. Of a sensor
-    also those of what it reads: its errors are functions of that.
+    they may be worth more than it looks, where what they do is no longer linear; beside a curve
+    with narrow features the smooth one, which a fit bends more easily. Of a sensor also those of
+    what it reads: its errors are functions of that.
     """
     found = {(c.point, c.regressor, kind(c)): c for c in worth}
     pairs = {(c.point, c.regressor) for c in worth}
+    fine = {(c.point, c.regressor) for c in worth if isinstance(c.basis, FineKnots)}
     pairs |= {
         (c.point, c.regressor)
         for c in screen.candidates
@@ -52,9 +54,13 @@ def shaped(screen: Screen, worth: Sequence[Candidate], rules: Rules) -> list[Can
         if any(c.point == w.point for w in worth)
     }
     for c in screen.candidates:
-        wanted = not isinstance(c.basis, Knots) and c.gain > rules.entry
-        if wanted and (c.point, c.regressor) in pairs:
-            found.setdefault((c.point, c.regressor, kind(c)), c)
+        pair = c.point, c.regressor
+        if c.gain < rules.entry or isinstance(c.basis, FineKnots):
+            continue
+        if not isinstance(c.basis, Knots) and pair in pairs:
+            found.setdefault((*pair, kind(c)), c)
+        elif isinstance(c.basis, Knots) and pair in fine:
+            found.setdefault((*pair, "smooth curve"), c)
     return list(found.values())
 
 
