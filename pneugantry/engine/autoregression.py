@@ -5,15 +5,14 @@ pay for.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-__all__ = ["LONGEST", "Whitener", "moments_of", "quoted", "sum_of", "whitener_by", "whitener_of"]
+__all__ = ["LONGEST", "Whitener", "quoted", "whitener_of"]
 
 Array = NDArray[np.float64]
 LONGEST = (
@@ -48,56 +47,24 @@ class Whitener:
         return np.asarray(lfilter([self.sigma], np.r_[1.0, -self.coefficients], innovations))
 
 
-@dataclass(frozen=True, eq=False)
-class Moments:
-    """What residuals tell of their colour, summed over their rows."""
-
-    rows: float  # from LONGEST on
-    lags: Array  # (LONGEST + 1,), of r_k r_{k-i}
-    products: Array  # (LONGEST + 1, LONGEST + 1), of r_{k-i} r_{k-j}
-
-    def plus(self, other: Moments, share: float = 1.0) -> Moments:
-        """With a share of another's rows."""
-        return Moments(
-            self.rows + share * other.rows,
-            self.lags + share * other.lags,
-            self.products + share * other.products,
-        )
-
-
-NOTHING = Moments(0.0, np.zeros(LONGEST + 1), np.zeros((LONGEST + 1, LONGEST + 1)))
-
-
-def moments_of(residual: Array) -> Moments:
-    """Those of one residual (N,)."""
-    rows = len(residual)
-    lags = [float(residual[: rows - k] @ residual[k:]) for k in range(LONGEST + 1)]
-    return Moments(float(rows - LONGEST), np.array(lags), _products(residual))
-
-
 def whitener_of(
     residuals: Sequence[Array], least: float = 1e-9, slow: float = math.inf
 ) -> Whitener:
-    """The autoregression of all residuals; see `whitener_by`."""
-    return whitener_by(sum_of(moments_of(r) for r in residuals), least, slow)
-
-
-def sum_of(moments: Iterable[Moments]) -> Moments:
-    return reduce(Moments.plus, moments, NOTHING)
-
-
-def whitener_by(moments: Moments, least: float, slow: float) -> Whitener:
-    """Autoregression of the order 0..LONGEST of least n log s^2 + order log n over n rows.
+    """Autoregression of the order 0..LONGEST of least n log s^2 + order log n over all residuals.
     `least`: bound of sigma from below. `slow`: bound of the noise at frequency 0, as the sigma of
     white noise that is as strong there: without it an error that hardly changes would be noise,
     however large.
 
     The mean is not taken out: a constant error is structure that an effect may explain.
     """
-    n, lags = moments.rows, moments.lags.copy()
+    n = sum(len(r) - LONGEST for r in residuals)
+    lags = np.array(
+        [sum(float(r[: len(r) - k] @ r[k:]) for r in residuals) for k in range(LONGEST + 1)]
+    )
     lags[0] = lags[0] * (1 + 1e-9) + 1e-300
+    products = sum((_products(r) for r in residuals), np.zeros((LONGEST + 1, LONGEST + 1)))
     kernels = _bounded(_kernels(lags), lags / max(n, 1), least, slow)
-    squares = np.maximum(((kernels @ moments.products) * kernels).sum(axis=1) / n, 0.0)
+    squares = np.maximum(((kernels @ products) * kernels).sum(axis=1) / n, 0.0)
     sizes = np.maximum(np.sqrt(squares), least)
     orders = np.arange(LONGEST + 1)
     best = int(np.argmin(n * (2 * np.log(sizes) + squares / sizes**2) + orders * math.log(n)))

@@ -5,7 +5,7 @@ as residuals show it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -41,31 +41,20 @@ class CellNoise:
         }
 
     def coloured(self, residuals: Residuals) -> Noise:
-        """Noise of the size and colour that residuals have: what they leave counts as noise. Of a
-        view all records are among them.
-        """
-        finite = [c for c, r in residuals.items() if np.isfinite(r).all()]
-        made: dict[tuple[Cell, int], Whitener] = {}
-        for view in dict.fromkeys(c[0] for c in residuals):
-            own = [c for c in finite if c[0] == view]
-            for k, (least, slow) in enumerate(self._bounds(view)):
-                each = noise.coloured_each([residuals[c][:, k] for c in own], least, slow)
-                made |= {(c, k): w for c, w in zip(own, each, strict=True)}
+        """Noise of the size and colour that residuals have: what they leave counts as noise."""
+        return {cell: self.colour(cell, r) for cell, r in residuals.items()}
 
-        def of_cell(cell: Cell) -> Iterator[Whitener]:
-            for k, (least, _) in enumerate(self._bounds(cell[0])):
-                known, found = self.erring(cell)[k], made.get((cell, k))
-                if known is None:
-                    yield found or Whitener(np.zeros(0), least)
-                else:
-                    yield noise.grown(known, residuals[cell][:, k]) if found else known
-
-        return {cell: tuple(of_cell(cell)) for cell in residuals}
-
-    def _bounds(self, view: str) -> list[tuple[float, float]]:
-        """Of each signal's noise, the least size and the largest at frequency 0."""
-        rules, sigmas = self.rules, self.simulation.views[view].sigmas
-        return [(rules.quietest * s, rules.slowest * s) for s in sigmas]
+    def colour(self, cell: Cell, residual: Array) -> tuple[Whitener, ...]:
+        """The same of one cell, by signal."""
+        finite, found = bool(np.isfinite(residual).all()), []
+        for c, sigma in enumerate(self.simulation.views[cell[0]].sigmas):
+            known, own = self.erring(cell)[c], residual[:, c]
+            if known is not None:
+                found.append(noise.grown(known, own) if finite else known)
+                continue
+            least, slow = self.rules.quietest * sigma, self.rules.slowest * sigma
+            found.append(noise.coloured([own] if finite else [], least, slow))
+        return tuple(found)
 
     def floor(self, cell: Cell) -> tuple[Whitener, ...]:
         """Colour and size of the sensors' quoted noise, brought through a view once."""

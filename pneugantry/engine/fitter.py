@@ -554,13 +554,11 @@ class Fitter:
         were made what is there, to less than what all cells together may miss of a fall.
         """
         least = self.rules.converged / len(cells)
-        made = {c[0] for c in at.tangents}
-        colours = self.noise.coloured({c: r for c, r in at.residuals.items() if c[0] in made})
-        old = [c for c in cells if not self._missed(at, c, colours) < least]
+        old = [c for c in cells if not self._missed(at, c) < least]
         columns = self.simulation.columns(at.point, at.residuals, old, set(known.names))
         return at.with_columns(columns, old, fine=True)
 
-    def _missed(self, at: Solution, cell: Cell, colours: Noise) -> float:
+    def _missed(self, at: Solution, cell: Cell) -> float:
         """By how much the columns of a cell miss what is there, squared in noise levels."""
         tangent = at.tangents.get(cell)
         own = [c for c in at.point.coordinates if self.simulation.in_cell(c, cell)]
@@ -569,7 +567,8 @@ class Fitter:
         moved = at.point.theta - theta_in(tangent.point, at.point.coordinates)
         there = replace(at, residuals={cell: tangent.residual})
         missed = at.residuals[cell] - foretold(there, [cell], moved)[cell]
-        white = np.concatenate([w(missed[:, i]) for i, w in enumerate(colours[cell])])
+        colour = self.noise.colour(cell, at.residuals[cell])
+        white = np.concatenate([w(missed[:, i]) for i, w in enumerate(colour)])
         return float(white @ white)
 
     def _first(self, hypothesis: Hypothesis, base: Fit, starts: Mapping[str, float]) -> Point:

@@ -11,15 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pneugantry.engine.autoregression import (
-    LONGEST,
-    Whitener,
-    moments_of,
-    quoted,
-    sum_of,
-    whitener_by,
-    whitener_of,
-)
+from pneugantry.engine.autoregression import LONGEST, Whitener, quoted, whitener_of
 from pneugantry.engine.plant import Array
 
 __all__ = [
@@ -28,7 +20,6 @@ __all__ = [
     "Noise",
     "Whitener",
     "coloured",
-    "coloured_each",
     "doubted",
     "flat",
     "grown",
@@ -40,11 +31,10 @@ __all__ = [
     "whitener_of",
 ]
 
-# By view and record, one for each signal of the view. One colour for all records would be that of
-# the ones that are fitted worst, and blind to a constant error in the others.
+# By view and record, one for each signal of the view. A colour of a view's own would be that of the
+# records that it fits worst, and blind to a constant error in the others.
 Noise = Mapping[tuple[str, str], tuple[Whitener, ...]]
 CLIPPED = 5.0  # spreads beyond which a residual says nothing of the noise's colour
-OTHERS = 0.2  # of a row of a sensor's other records, what it tells of the noise in one (0154)
 NOISIEST = 2.0  # times its quoted noise that a sensor may have; more is no noise
 NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute value
 SCATTER = 1.17  # relative standard error of a spread, times the root of its rows (normal, white)
@@ -97,24 +87,9 @@ def grown(whitener: Whitener, residual: Array) -> Whitener:
 
 def coloured(residuals: Sequence[Array], least: float, slow: float) -> Whitener:
     """Autoregression of the bulk of the residuals; `least`: bound of its innovations' size; `slow`:
-    of the noise at frequency 0 (see `whitener_by`).
+    of the noise at frequency 0 (see `whitener_of`).
     """
     if not residuals:
         return Whitener(np.zeros(0), least)
-    bound = _bound(residuals, least)
+    bound = CLIPPED * max(spread(residuals), least)
     return whitener_of([np.clip(r, -bound, bound) for r in residuals], least, slow)
-
-
-def coloured_each(residuals: Sequence[Array], least: float, slow: float) -> list[Whitener]:
-    """The same of each of a sensor's records: of its own residual, and of the others' at a share,
-    for the sensor is the same one.
-    """
-    bounds = [_bound([r], least) for r in residuals]
-    own = [moments_of(np.clip(r, -b, b)) for r, b in zip(residuals, bounds, strict=True)]
-    every = sum_of(own)
-    return [whitener_by(m.plus(m, -OTHERS).plus(every, OTHERS), least, slow) for m in own]
-
-
-def _bound(residuals: Sequence[Array], least: float) -> float:
-    """Up to which residuals are the bulk."""
-    return CLIPPED * max(spread(residuals), least)

@@ -8,7 +8,6 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from pneugantry.engine.autoregression import LONGEST, _kernels, quoted, whitener_of
-from pneugantry.engine.noise import OTHERS, coloured, coloured_each
 
 NOISE = np.random.default_rng(5).normal(0, 3.0, (3, 4000))
 
@@ -37,23 +36,6 @@ def test_the_size_is_that_of_the_innovations() -> None:
 
 def test_white_noise_pays_for_no_order() -> None:
     assert len(whitener_of(list(NOISE)).coefficients) == 0
-
-
-def test_a_record_s_noise_is_told_by_the_sensor_s_other_records_as_well() -> None:
-    """Of two of one length the mean square of both, the other's at its share."""
-    quiet, loud = NOISE[0], 10 * NOISE[1]
-    of_quiet, of_loud = coloured_each([quiet, loud], 0.1, np.inf)
-    squares = [np.mean(np.square(r[LONGEST:])) for r in (quiet, loud)]
-    for found, own, other in ((of_quiet, 0, 1), (of_loud, 1, 0)):
-        size = np.sqrt((squares[own] + OTHERS * squares[other]) / (1 + OTHERS))
-        assert found.sigma == pytest.approx(size, rel=2e-3)
-
-
-def test_one_record_has_the_noise_of_its_own_residual() -> None:
-    (found,) = coloured_each([NOISE[0]], 0.1, np.inf)
-    alone = coloured([NOISE[0]], 0.1, np.inf)
-    assert found.sigma == pytest.approx(alone.sigma, rel=1e-12)
-    assert found.coefficients == pytest.approx(alone.coefficients)
 
 
 def test_a_constant_error_is_left_in_where_noise_is_white() -> None:

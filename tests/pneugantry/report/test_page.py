@@ -408,8 +408,8 @@ def test_a_learnt_term_is_drawn_with_its_band_and_its_rivals(found: Found, tmp_p
     assert "4 without the term, 1.02 with it (floor 1)" in said
     assert "k*s" in said
     assert "<b>" not in text.split("Missing term")[1].split("Tolerance")[0]  # escaped
-    assert "v [m/s]" in said
-    assert "added []" not in said  # a balance: what it adds has no unit of its own
+    assert "v [m/s]" in text
+    assert "added []" not in text  # a balance: what it adds has no unit of its own
     band = re.search(r'<polygon points="([^"]*)"', text)
     assert band
     assert len(band[1].split()) == 2 * len(at)
