@@ -83,8 +83,9 @@ class Foretelling:
 
     def foretold(self, fits: Sequence[Fit]) -> tuple[list[Foretold], Noise]:
         """Each fit's, equally wide, under the noise that the first leaves."""
+        self.fitter.prepare([f.hypothesis for f in fits])
         together = self.fitter.simulation.side_by_side
-        starts = self.fitter.together(self._starts, fits, [f.hypothesis for f in fits])
+        starts = together(self._starts, fits)
         noise_of = self.fitter.noise.plain if self.plain else self.fitter.noise.coloured
         of_views = noise_of(starts[0][1].residuals)
         told = [*zip(fits, starts, strict=True)]

@@ -54,13 +54,11 @@ def shaped(screen: Screen, worth: Sequence[Candidate], rules: Rules) -> list[Can
         if any(c.point == w.point for w in worth)
     }
     for c in screen.candidates:
-        pair = c.point, c.regressor
-        if c.gain < rules.entry or isinstance(c.basis, FineKnots):
+        pair, smooth = (c.point, c.regressor), isinstance(c.basis, Knots)
+        if isinstance(c.basis, FineKnots) or c.gain <= rules.entry:
             continue
-        if not isinstance(c.basis, Knots) and pair in pairs:
-            found.setdefault((*pair, kind(c)), c)
-        elif isinstance(c.basis, Knots) and pair in fine:
-            found.setdefault((*pair, "smooth curve"), c)
+        if pair in (fine if smooth else pairs):
+            found.setdefault((*pair, "smooth curve" if smooth else kind(c)), c)
     return list(found.values())
 
 

@@ -66,14 +66,15 @@ class Term:
         return f"{self.law.name} of {self.regressor.label}"
 
     def units(self, known: Mapping[str, str]) -> tuple[str, str]:
-        """Of its variable, and of what it adds; "" where that is not declared. known: by variable
-        of the whole plant.
+        """Of its variable, and of its curve, which is what it adds but where another variable is a
+        factor of it; "" where that is not declared. known: by variable of the whole plant.
         """
         own, point = self.regressor, self.point
         unit = "s" if own.name == TIME else known.get(point.scope_prefix + own.name, "")
         if own.travelled:
             unit = unit.removesuffix("/s") if unit.endswith("/s") else ""
-        return unit, known.get(point.prefix + point.equation.left.strip(), "")
+        added = "" if own.times else known.get(point.prefix + point.equation.left.strip(), "")
+        return unit, added
 
     @property
     def _shown(self) -> str:

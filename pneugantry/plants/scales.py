@@ -41,8 +41,9 @@ def _doubtful(found: Found) -> Iterator[str]:
     task = found.task
     for record in (*task.data.fitted, *task.data.unseen):
         (nominal,) = replays(task.plant, record, [{}], task.cache)
-        for k, name in enumerate(nominal.signals if nominal else ()):
-            assert nominal is not None
+        if nominal is None:
+            continue
+        for k, name in enumerate(nominal.signals):
             ratio = _ratio(nominal, k)
             for factor, unit in FACTORS.items():
                 if ratio and abs(math.log(ratio / factor)) < math.log(NEAR):

@@ -160,3 +160,17 @@ def test_a_term_may_turn_round_with_a_speed() -> None:
     assert signs is not None
     assert signs["log"] == pytest.approx([-1.0, 0.0, 1.0])
     assert against.plain.factors(speeds) is None
+
+
+def test_a_curve_has_the_units_that_are_declared() -> None:
+    """Not where another variable is a factor of it; what a speed has travelled is a way."""
+    known = {"box.v": "m/s", "box.F": "N", "box.u": "V"}
+
+    def units(regressor: Regressor) -> tuple[str, str]:
+        return Term(point_of("F"), regressor, FORMS[0], (1.0,), (1.0,), "box").units(known)
+
+    assert units(Regressor("box", "v")) == ("m/s", "N")
+    assert units(Regressor("box", "v", travelled=True)) == ("m", "N")
+    assert units(Regressor("box", "v", times="u")) == ("m/s", "")
+    assert units(Regressor("", "time")) == ("s", "N")
+    assert units(Regressor("box", "w")) == ("", "N")
