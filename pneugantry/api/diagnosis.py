@@ -314,12 +314,11 @@ def _diagnose_described(
 ) -> Diagnosis:
     """A plant of one's own with a catalogue of one's own."""
     from pneugantry.engine.result import to_json
-    from pneugantry.engine.run import run
-    from pneugantry.plants.described import described_task
+    from pneugantry.plants.described import answered, described_task
 
     _no_fmu(fmu)
     own = None if catalogue is None else Path(catalogue)
     say("model and logs")
     read, task = described_task(description, own)
-    found = run(task, read.rules, say)
+    found = answered(read, task, say)
     return Diagnosis(to_json(found.diagnosis), found, rules=read.rules)

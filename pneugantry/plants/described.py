@@ -27,7 +27,13 @@ from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.fmu import FmuFile, FmuVariable
 from pyfmi_runner.scenario import parse_toml
 
-__all__ = ["described_task", "diagnose_described", "is_plant_description", "write_augmented"]
+__all__ = [
+    "answered",
+    "described_task",
+    "diagnose_described",
+    "is_plant_description",
+    "write_augmented",
+]
 
 
 def is_plant_description(path: Path) -> bool:
@@ -47,7 +53,13 @@ def diagnose_described(
     and hint.
     """
     say("model and logs")
-    found, task = described_task(path, catalogue, cache, rules)
+    return answered(*described_task(path, catalogue, cache, rules), say)
+
+
+def answered(
+    found: Described, task: Task, say: Callable[[str], None] = lambda stage: None
+) -> Found:
+    """The diagnosis of what `described_task` has read; "unknown" with what may be a wrong unit."""
     return with_doubtful_units(run(task, found.rules, say))
 
 

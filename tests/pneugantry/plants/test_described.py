@@ -266,7 +266,9 @@ def test_a_further_log_that_shows_nothing_is_noted(
     assert "still: nothing in it can be judged, not used" in task.notes
 
 
-def test_a_log_in_another_unit_is_told(tmp_path: Path, cache: Path) -> None:
+def test_a_log_in_another_unit_is_told(
+    tmp_path: Path, cache: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """One of two logs has its speed in mm/s: no effect explains it, but the note says what may."""
     path = written(tmp_path / "cart")
     table = pd.read_csv(path.parent / "swings.csv")
@@ -277,6 +279,8 @@ def test_a_log_in_another_unit_is_told(tmp_path: Path, cache: Path) -> None:
     (note,) = [n for n in found.diagnosis.notes if "check its unit" in n]
     assert note.startswith("swings: v reads ")
     assert "thousandths of the unit" in note
+    assert main(["diagnose", str(path), "--no-learn"]) == 0
+    assert note in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
