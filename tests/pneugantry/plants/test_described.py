@@ -280,7 +280,7 @@ def test_a_log_in_another_unit_is_told(
     assert note.startswith("swings: v reads ")
     assert "thousandths of the unit" in note
     assert main(["diagnose", str(path), "--no-learn"]) == 0
-    assert note in capsys.readouterr().err
+    assert note in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
