@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from modelica_fmu import source_key
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.errors import InputError
-from modelica_fmu.lanes import in_lanes, with_elementary
+from modelica_fmu.lanes import asserted_once, in_lanes, with_elementary
 from modelica_fmu.toolchain import (
     compile_library,
     find_compiler,
@@ -48,9 +48,8 @@ EVENTS = 8
 # the limit of stability tell it: a row is too short for the hundred that an FMU waits for.
 STIFF = (8, 4)
 # Functions of a model that lanes call, of one without states and of others.
-LANED_STILL = ("observed", "conditions")
-LANED = ("rates", "outputs", "conditions")
-CLOCKED = ("updates",)  # and of one with clocks
+LANED_STILL = ("observed", "conditions", "updates")
+LANED = ("rates", "outputs", "conditions", "updates")
 PART_FLAGS = ("-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math")  # no bit changes
 STILL_FLAGS = ("-O1",)  # without states: more takes the compiler twice as long and gains nothing
 
@@ -331,22 +330,21 @@ def _write(compiled: CompiledModel, folder: Path) -> None:
     """Sources and description of a part."""
     core = ("core.c", "core.h", "implicit.h", "newton.h")
     sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in core}
-    for name in ("batch.c", "elementary.h", "lanes.h"):
+    for name in ("batch.c", "elementary.h", "lanes.h", "lane_steps.h"):
         sources[name] = (CSRC / "batch" / name).read_text(encoding="utf-8")
-    limits = {"MAX_EVENTS": EVENTS, "STIFF_WATCH": STIFF[0], "STIFF_STEPS": STIFF[1]}
-    defines = "".join(f"#define {name} {value}\n" for name, value in limits.items())
+    told = {"MAX_EVENTS": EVENTS, "STIFF_WATCH": STIFF[0], "STIFF_STEPS": STIFF[1]}
+    told["ASSERTED_ONCE"] = int(asserted_once(compiled.sources["model.c"]))
+    defines = "".join(f"#define {name} {value}\n" for name, value in told.items())
     sources["core.c"] = defines + sources["core.c"]
     sources |= dict(compiled.sources)
     sources["model.c"] = with_elementary(compiled.sources["model.c"])
     model, kinds = compiled.sources["model.c"], {v.kind for v in compiled.variables}
-    functions: tuple[str, ...] = LANED if "state" in kinds else LANED_STILL
-    functions += () if "#define N_SAMPLES 0\n" in compiled.sources["model.h"] else CLOCKED
-    sources["model_lanes.h"] = in_lanes(model, functions)
+    sources["model_lanes.h"] = in_lanes(model, LANED if "state" in kinds else LANED_STILL)
     (folder / SOURCES).write_text(json.dumps(sources), encoding="utf-8")
     keys = ("name", "kind", "type", "start", "unit", "min", "max")
     variables = [{k: v for k, v in asdict(x).items() if k in keys} for x in compiled.variables]
-    told = {"variables": variables, "switching": sorted(compiled.switching)}
-    (folder / "part.json").write_text(json.dumps(told), encoding="utf-8")
+    described = {"variables": variables, "switching": sorted(compiled.switching)}
+    (folder / "part.json").write_text(json.dumps(described), encoding="utf-8")
 
 
 def _compiled(part: Part) -> Path:
@@ -364,7 +362,7 @@ def _compiled(part: Part) -> Path:
     compiler = find_compiler(target)
     flags = (*PART_FLAGS, *own_processor(compiler, target))
     flags += () if part.of("state") else STILL_FLAGS
-    names = [n for n in sources if n.endswith(".c") and n != "core.c"]  # batch.c holds it
+    names = ["batch.c"]  # holds the others
     with tempfile.TemporaryDirectory(dir=home) as temporary:
         for name, text in sources.items():
             (Path(temporary) / name).write_text(text, encoding="utf-8")

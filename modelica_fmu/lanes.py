@@ -9,7 +9,7 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-__all__ = ["MINMAX", "in_lanes", "with_elementary"]
+__all__ = ["MINMAX", "asserted_once", "in_lanes", "with_elementary"]
 
 MINMAX = """\
 static inline double model_min(double a, double b) { return a < b ? a : b; }
@@ -18,7 +18,7 @@ static inline double model_max(double a, double b) { return a > b ? a : b; }
 ELEMENTARY = re.compile(r"\b(exp|log|pow|sin|cos|tanh)\(")  # those of elementary.h
 CALLS = re.compile(r"\b(?!model_|vector_|fabs|sqrt)[a-z]\w*\(")  # no vector instruction
 NAME = re.compile(r"\bw\d+\b")
-HELD = re.compile(r"q->(?:x|u|p|h|m|d|pre|fired|tick)\[\d+\]")
+HELD = re.compile(r"q->(?:time\b|(?:x|u|p|h|m|d|pre|fired|tick|late)\[\d+\])")
 CONSTANT = re.compile(r"q->[ph]\[\d+\]")  # parameters, and what depends on them alone
 
 
@@ -52,7 +52,7 @@ def in_lanes(source: str, names: Sequence[str]) -> str:
     """C functions `lanes_NAME` that do what `model_NAME` of a generated model.c does, for LANES
     instances: what differs between them has one index more.
     """
-    made = [MINMAX]
+    made = [_contradict(source)]
     for name in names:
         start = source.index(f"void model_{name}(")
         head, body = source[start : source.index("\n}\n", start)].split(" {\n", 1)
@@ -63,6 +63,30 @@ def in_lanes(source: str, names: Sequence[str]) -> str:
             f"APART void lanes_{name}(const LaneData *restrict q{arrays}) {{\n{lines}\n}}\n"
         )
     return "\n".join(made)
+
+
+def asserted_once(source: str) -> bool:
+    """Whether the assertions of a generated model.c hang on parameters alone."""
+    start = source.index("void model_check(")
+    read = source[start : source.index("\n}\n", start)].split(" {\n", 1)[1]
+    return "q->" not in CONSTANT.sub("", read).replace("(void)q", "")
+
+
+def _contradict(source: str) -> str:
+    """Adds to `off` how many relations of each lane their operands z contradict; straight on, for
+    a loop over relations would wait for each sum in turn.
+    """
+    told = re.search(r"model_inclusive\[\] = \{(.*)\};", source)
+    inclusive = told[1].split(", ") if told else []
+    terms = [
+        f"odd += fabs((z[{i}][l] {'>=' if own == '1' else '>'} 0 ? 1.0 : 0.0) - q->m[{i}][l]);"
+        for i, own in enumerate(inclusive)
+    ]
+    body = _over_lanes(["double odd = 0;", *terms, "off[l] += odd;"])
+    lines = ["#if N_RELATIONS > 0", *body, "#endif"]
+    head = "const LaneData *restrict q, const Lane *restrict z, double *restrict off"
+    unused = "(void)q, (void)z, (void)off;"
+    return f"static inline void contradict({head}) {{\n{unused}\n" + "\n".join(lines) + "\n}\n"
 
 
 def _read(lines: Sequence[str]) -> tuple[list[_Statement], list[str]]:

@@ -578,52 +578,78 @@ static double root_of(const double *t, const double *z) {
     return t[2] - 2 * z[2] / (at_last + copysign(root, at_last));
 }
 
-/* Shortens the step that ends in a contradiction to the earliest one found: on return `trial` ends just behind it. Parabolas through the
- * last three trials first, which foretell a smooth operand's zero at once; else secants, whose end that stays counts half each time. */
-static double locate(Instance *s, double time, const double *x0, const double *k1, const double *z0, double h, Trial *trial) {
-    double low = 0, high = h, low_share = 1, high_share = 1, t[3] = {0, 0, h};
-    double low_z[AT_LEAST_1(N_RELATIONS)], high_z[AT_LEAST_1(N_RELATIONS)], last_z[3][AT_LEAST_1(N_RELATIONS)] = {{0}};
-    int side = 0;
-    memcpy(low_z, z0, sizeof low_z);
-    memcpy(high_z, trial->z, sizeof high_z);
-    memcpy(last_z[1], low_z, sizeof low_z);
-    memcpy(last_z[2], high_z, sizeof high_z);
-    for (int round = 0; round < 100 && high - low > s->c.width; round++) {
-        double guess = high;
-        for (int i = 0; i < N_RELATIONS; i++) {
-            if (holds(i, high_z[i]) == (s->c.q.m[i] != 0)) continue;
-            const double from = low_share * low_z[i], rise = high_share * high_z[i] - from, z[] = {last_z[0][i], last_z[1][i], last_z[2][i]};
-            double share = rise != 0 ? -from / rise : 0.5;
-            if (!(share >= 0 && share <= 1)) share = 0.5;
-            double zero = round > 0 && round <= PARABOLAS ? root_of(t, z) : NAN;
-            if (!(zero >= low && zero <= high)) zero = low + share * (high - low);
-            if (zero < guess) guess = zero;
-        }
-        if (round > 30) guess = 0.5 * (low + high);
-        if (guess < low + 0.4 * s->c.width) guess = low + 0.4 * s->c.width;
-        if (guess > high - 0.4 * s->c.width) guess = high - 0.4 * s->c.width;
-        Trial inner;
-        attempt(s, time, x0, k1, guess, &inner);
-        memmove(t, t + 1, 2 * sizeof *t);
-        memmove(last_z, last_z + 1, 2 * sizeof *last_z);
-        t[2] = guess;
-        memcpy(last_z[2], inner.z, sizeof inner.z);
-        if (contradicted(s->c.q.m, inner.z)) {
-            high = guess;
-            high_share = 1;
-            *trial = inner;
-            memcpy(high_z, inner.z, sizeof high_z);
-            if (side < 0) low_share *= 0.5;
-            side = -1;
-        } else {
-            low = guess;
-            low_share = 1;
-            memcpy(low_z, inner.z, sizeof low_z);
-            if (side > 0) high_share *= 0.5;
-            side = 1;
-        }
+/* Where in a step of length h the earliest contradiction lies: behind `low`, and by `high`. */
+typedef struct {
+    double low, high, low_share, high_share;
+    double low_z[AT_LEAST_1(N_RELATIONS)], high_z[AT_LEAST_1(N_RELATIONS)]; /* operands of the relations there */
+    double t[3], last_z[3][AT_LEAST_1(N_RELATIONS)];                        /* at the last three trials */
+    int side, round;
+} Bracket;
+
+/* z0, z: operands at the step's start and at its end. */
+static void open_bracket(Bracket *b, const double *z0, const double *z, double h) {
+    memset(b, 0, sizeof *b);
+    b->high = b->t[2] = h;
+    b->low_share = b->high_share = 1;
+    memcpy(b->low_z, z0, sizeof b->low_z);
+    memcpy(b->high_z, z, sizeof b->high_z);
+    memcpy(b->last_z[1], z0, sizeof b->low_z);
+    memcpy(b->last_z[2], z, sizeof b->high_z);
+}
+
+static int is_open(const Bracket *b, double width) { return b->round < 100 && b->high - b->low > width; }
+
+/* The length to try next. Parabolas through the last three trials first, which foretell a smooth operand's zero at once; else secants,
+ * whose end that stays counts half each time. m: the frozen relations. */
+static double next_length(const Bracket *b, const double *m, double width) {
+    double guess = b->high;
+    for (int i = 0; i < N_RELATIONS; i++) {
+        if (holds(i, b->high_z[i]) == (m[i] != 0)) continue;
+        const double from = b->low_share * b->low_z[i], rise = b->high_share * b->high_z[i] - from;
+        const double z[] = {b->last_z[0][i], b->last_z[1][i], b->last_z[2][i]};
+        double share = rise != 0 ? -from / rise : 0.5;
+        if (!(share >= 0 && share <= 1)) share = 0.5;
+        double zero = b->round > 0 && b->round <= PARABOLAS ? root_of(b->t, z) : NAN;
+        if (!(zero >= b->low && zero <= b->high)) zero = b->low + share * (b->high - b->low);
+        if (zero < guess) guess = zero;
     }
-    return high;
+    if (b->round > 30) guess = 0.5 * (b->low + b->high);
+    if (guess < b->low + 0.4 * width) guess = b->low + 0.4 * width;
+    if (guess > b->high - 0.4 * width) guess = b->high - 0.4 * width;
+    return guess;
+}
+
+/* Narrowed by a trial of some length with operands z. Whether it ends behind the contradiction. */
+static int narrow(Bracket *b, const double *m, double length, const double *z) {
+    const int behind = contradicted(m, z);
+    memmove(b->t, b->t + 1, 2 * sizeof *b->t);
+    memmove(b->last_z, b->last_z + 1, 2 * sizeof *b->last_z);
+    b->t[2] = length;
+    memcpy(b->last_z[2], z, sizeof b->high_z);
+    memcpy(behind ? b->high_z : b->low_z, z, sizeof b->high_z);
+    if (behind) {
+        b->high = length, b->high_share = 1;
+        if (b->side < 0) b->low_share *= 0.5;
+    } else {
+        b->low = length, b->low_share = 1;
+        if (b->side > 0) b->high_share *= 0.5;
+    }
+    b->side = behind ? -1 : 1;
+    b->round++;
+    return behind;
+}
+
+/* Shortens the step that ends in a contradiction to the earliest one found: on return `trial` ends just behind it. */
+static double locate(Instance *s, double time, const double *x0, const double *k1, const double *z0, double h, Trial *trial) {
+    Bracket bracket;
+    open_bracket(&bracket, z0, trial->z, h);
+    while (is_open(&bracket, s->c.width)) {
+        Trial inner;
+        const double length = next_length(&bracket, s->c.q.m, s->c.width);
+        attempt(s, time, x0, k1, length, &inner);
+        if (narrow(&bracket, s->c.q.m, length, inner.z)) *trial = inner;
+    }
+    return bracket.high;
 }
 
 /* Puts the states back onto the constraints that index reduction left, by the shortest way. */
@@ -763,6 +789,11 @@ static CoreStatus settle_now(Instance *s) {
     return status == CORE_OK ? record_delays(s) : status; /* what the event changed jumps here */
 }
 
+/* Bracket of an event in a communication step, s. */
+static double event_width(double time, double step) {
+    return larger(smaller(EVENT_WIDTH, WIDTH_SHARE * step), 4 * DBL_EPSILON * fabs(time));
+}
+
 CoreStatus core_step(Instance *s, double time, double step) {
     const double end = time + step, longest = s->c.q.p[P_MAX_STEP];
     double held = time; /* modes are kept until then */
@@ -770,7 +801,7 @@ CoreStatus core_step(Instance *s, double time, double step) {
 #if JUMPING
     s->c.doubts = 0;
 #endif
-    s->c.width = larger(smaller(EVENT_WIDTH, WIDTH_SHARE * step), 4 * DBL_EPSILON * fabs(time));
+    s->c.width = event_width(time, step);
     int events = 0;
     if (!(end - (end - longest) > 0.5 * longest)) /* a sampled clock would tick for ever without getting there */
         return say(s, CORE_ERROR, "logStatusError", "a step to t = %g s: its end is no number that internal steps of %g s can reach", end, longest);

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 
 __all__ = ["LONGEST", "Whitener", "quoted", "whitener_of"]
 
@@ -102,16 +101,21 @@ def quoted(sigma: float, error: float, rows: float) -> Whitener:
     """
     lags = error**2 * np.exp(-np.arange(LONGEST + 1) / rows)
     lags[0] += sigma**2 + TINY * error**2
-    coefficients = np.asarray(solve_toeplitz(lags[:-1], lags[1:]))
+    coefficients = np.asarray(np.linalg.solve(_toeplitz(lags[:-1]), lags[1:]), dtype=float)
     return Whitener(coefficients, math.sqrt(float(lags[0] - coefficients @ lags[1:])))
+
+
+def _toeplitz(lags: Array) -> Array:
+    """(N, N) of autocovariances (N,)."""
+    places = np.arange(len(lags))
+    return np.asarray(lags[np.abs(np.subtract.outer(places, places))])
 
 
 def _bounded(kernels: Array, lags: Array, least: float, slow: float) -> Array:
     """Kernels with their roots drawn inwards as far as the noise at frequency 0 needs to be `slow`.
     lags: autocovariance.
     """
-    places = np.arange(LONGEST + 1)
-    among = lags[np.abs(np.subtract.outer(places, places))]
+    places, among = np.arange(LONGEST + 1), _toeplitz(lags)
 
     def held(drawn: Array) -> NDArray[np.bool_]:
         power = np.maximum(((drawn @ among) * drawn).sum(axis=1), 0.0)

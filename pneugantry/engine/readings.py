@@ -62,7 +62,11 @@ class Readings:
             values = self._value(signal, record, errors)
         if not self.averaging:
             return Course(values, values)
-        return Course(values, np.append(0.5 * (values[:-1] + values[1:]), values[-1]))
+        over = np.empty_like(values)
+        np.add(values[:-1], values[1:], out=over[:-1])
+        over[:-1] *= 0.5
+        over[-1] = values[-1]
+        return Course(values, over)
 
     def _speed(self, signal: str, record: Record) -> str | None:
         speed = self.pairs.get(signal)

@@ -9,6 +9,7 @@ another signal's reading that leaks in).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -88,8 +89,14 @@ def slope(values: Array, period: float, window: int = SLOPE) -> Array:
 
 
 def _own(signal: str, values: Mapping[str, float]) -> dict[str, float]:
+    return {what: values[k] for what, k in _named(signal, tuple(values))}
+
+
+@lru_cache(maxsize=4096)  # a diagnosis asks thousands of times about the same few sets of names
+def _named(signal: str, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    """(what, name) of the parameters that are a sensor's own."""
     prefix = f"{PREFIX}{signal}."
-    return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
+    return tuple((k.removeprefix(prefix), k) for k in names if k.startswith(prefix))
 
 
 def _crosstalk(own: Mapping[str, float], record: Record) -> Iterator[Array]:

@@ -33,7 +33,7 @@ from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.readings import Readings
 from pneugantry.engine.recent import Recent
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.sensors import PREFIX, sensed, signal_of
+from pneugantry.engine.sensors import PREFIX, affine, sensed, signal_of
 from pneugantry.engine.threads import on_threads
 
 __all__ = [
@@ -126,6 +126,8 @@ class SubsystemView:
             if s.removeprefix(RATE) not in self.plant.inputs
         }
         self._all = {*self._read, *self.signals}
+        self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
+        self._means: Recent[Array] = Recent(KEPT)
 
     @property
     def known(self) -> frozenset[str]:
@@ -172,20 +174,41 @@ class SubsystemView:
         self._pieces.prepare(given, settings)
 
     def residuals(self, runs: Sequence[Run]) -> list[Array]:
-        own = [(r, {k: v for k, v in given.items() if self.depends_on(k)}) for r, given in runs]
+        own = [(r, {k: given[k] for k in self._own(given)}) for r, given in runs]
         made = zip(own, self.simulate(own), strict=True)
         return [self.error(record, simulated, given) for (record, given), simulated in made]
 
+    def _own(self, given: Values) -> tuple[str, ...]:
+        """Names of what it depends on."""
+        every = tuple(given)
+        if every not in self._names:
+            self._names[every] = tuple(k for k in every if self.depends_on(k))
+        return self._names[every]
+
     def error(self, record: Record, simulated: Array, values: Values) -> Array:
         """Residual (rows, signals) of true signals (N, signals) under sensors' errors."""
-        each, end = self.decimation, record.rows - record.rows % self.decimation
-        result = np.empty((record.rows // each, len(self.signals)))
+        result = np.empty((record.rows // self.decimation, len(self.signals)))
         for c, signal in enumerate(self.signals):
-            error = record.signals[signal] - sensed(signal, simulated[:, c], record, values)
-            if record.judged is not None and self.corrected:
-                error[~record.judged] = 0.0
-            result[:, c] = error[:end].reshape(-1, each) @ np.full(each, 1 / each)
+            own, true = affine(signal, values), simulated[:, c]
+            if own is None or (record.judged is not None and self.corrected):
+                error = record.signals[signal] - sensed(signal, true, record, values)
+                if record.judged is not None and self.corrected:
+                    error[~record.judged] = 0.0
+                result[:, c] = self._decimated(error)
+            else:  # means of what is affine are affine in the means
+                result[:, c] = self._mean(record, signal) - own[0] * self._decimated(true) - own[1]
         return result
+
+    def _mean(self, record: Record, signal: str) -> Array:
+        """A reading (rows,) at the residual's rate."""
+        made = self._decimated
+        return self._means.of((record, signal), lambda: made(record.signals[signal]))
+
+    def _decimated(self, values: Array) -> Array:
+        """Means (rows,) of the rows that make one of the residual."""
+        each = self.decimation
+        end = len(values) - len(values) % each
+        return np.asarray(values[:end].reshape(-1, each) @ np.full(each, 1 / each))
 
     def simulate(self, runs: Sequence[Run]) -> list[Array]:
         """True signals (N, signals) of each run; those that feel the same are one."""

@@ -17,10 +17,9 @@ from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.hypothesis import Hypothesis
-from pneugantry.engine.plant import Data, Record
+from pneugantry.engine.plant import Data
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
-from pneugantry.engine.task import Task
 from pneugantry.engine.threads import on_threads, one_blas_thread
 from pneugantry.learn.calibrated import calibrated, read_by
 from pneugantry.learn.candidates import WORTH, main, most, shaped, worth_fitting
@@ -36,8 +35,9 @@ from pneugantry.learn.rivals import Rivals
 from pneugantry.learn.screen import Candidate, Screen, Screening
 from pneugantry.learn.shaping import Shaping
 from pneugantry.learn.term import Term, with_term
+from pneugantry.learn.wanted import wanted, whole
 
-__all__ = ["learn", "wanted"]
+__all__ = ["learn"]
 
 NOTHING = "no variable of any component foretells what is left of a log that its curve has not seen"
 Say = Callable[[str], None]
@@ -48,20 +48,7 @@ COMPOSITES = 5  # known effects with a form beside them that are fitted
 PLAINER = 3  # pairs of which plainer forms are fitted
 CROSSED = 3  # terms that are fitted beside each base
 BESIDE = 2  # known effects beside which a term is looked for once more
-LIKELY = 0.2  # probability of what no catalogue has, from which on it is looked for
 OUT = 0.3  # share of the worst view's excess from which on a view's equations are tried
-
-
-def wanted(found: Found) -> bool:
-    """Whether there may be something to learn: what no catalogue explains is likely enough."""
-    foreign = isinstance(found.task.plant, ForeignPlant)
-    return found.decision.unknown >= LIKELY and not foreign and bool(_whole(found.task))
-
-
-def _whole(task: Task) -> list[Record]:
-    """Fitted records of all signals: a plant's variables are computed from these."""
-    needed = {s.name for s in task.plant.signals}
-    return [r for r in task.data.fitted if needed <= set(r.signals)]
 
 
 @one_blas_thread()
@@ -278,7 +265,7 @@ class _Learning:
         own = {n for r in task.data.fitted for n in r.parameters}
         stand_out = [v for v in self.apart.views if blamed is None or v.name in blamed]
         on_threads(lambda v: v.prepare(moving | own, fit.hypothesis.settings), stand_out)
-        return Screening(self.apart, fit, of_views, _whole(task), self.rules, blamed)
+        return Screening(self.apart, fit, of_views, whole(task), self.rules, blamed)
 
     def _worth(self, screen: Screen) -> list[Candidate]:
         return worth_fitting(screen, self.apart, self.rules)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pneugantry.engine.result import to_json as diagnosis_json
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
-from pneugantry.learn.answer import answered
-from pneugantry.learn.learn import learn, wanted
-from pneugantry.learn.learned import Learned
-from pneugantry.learn.result import to_json as learned_json
+from pneugantry.learn.wanted import wanted
 from pneugantry.plants.gantry.diagnosis import finished
 from pyfmi_runner.campaign import Campaign
+
+if TYPE_CHECKING:
+    from pneugantry.learn.learned import Learned
 
 __all__ = ["to_json", "with_missing_term"]
 
@@ -32,6 +32,9 @@ def with_missing_term(
     if found.task.epoch is not None or not wanted(found):
         return found, None
 
+    from pneugantry.learn.answer import answered  # its import is dear, for who learns
+    from pneugantry.learn.learn import learn
+
     def finish(other: Found) -> Found:
         return other if campaign is None else finished(other, campaign, rules)
 
@@ -46,4 +49,8 @@ def with_missing_term(
 def to_json(found: Found, learned: Learned | None) -> dict[str, Any]:
     """gap/1, with `learned` where a term was looked for."""
     told = diagnosis_json(found.diagnosis)
-    return told if learned is None else {**told, "learned": learned_json(learned)}
+    if learned is None:
+        return told
+    from pneugantry.learn.result import to_json as learned_json
+
+    return {**told, "learned": learned_json(learned)}

@@ -193,6 +193,70 @@ def test_a_run_does_not_depend_on_what_runs_beside_it(
     assert np.ptp(found[0][:, 0]) > 0.01
 
 
+RATCHET = """package Toy
+  model Ratchet "Friction, a push that swings with time, a pawl that counts and takes speed"
+    parameter Real m = 1.0;
+    parameter Real F = 0.5;
+    parameter Real loss = 0.3;
+    parameter Real pitch = 0.02;
+    input Real u;
+    output Real s(start = 0, fixed = true);
+    output Real v(start = 0, fixed = true);
+    output Real teeth;
+    output Real side;
+  protected
+    discrete Real n(start = 0, fixed = true);
+    discrete Real turns(start = 0, fixed = true);
+    Real pushed, drag;
+  equation
+    pushed = u + 0.3 * sin(40 * time);
+    der(s) = v;
+    drag = if v > 1e-3 then F elseif v < -1e-3 then -F else max(-F, min(F, pushed));
+    m * der(v) = pushed - drag;
+    when s > pitch * (pre(n) + 1) then
+      n = pre(n) + 1;
+      reinit(v, (1 - loss) * v);
+    end when;
+    when v < -0.01 then
+      turns = pre(turns) + 1;
+    end when;
+    teeth = n;
+    side = if s > pitch * n then turns else -turns;
+  end Ratchet;
+end Toy;
+"""
+
+
+@pytest.mark.parametrize("longest", [PERIOD, 0.4 * PERIOD])
+def test_events_within_rows_are_those_of_a_run_without_lanes(
+    tmp_path: Path, longest: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Relations that change on the way and when-clauses that they fire, in rows of one step and of
+    several, in few lanes or in all, under equations that read the time: the same bits.
+    """
+    (tmp_path / "Toy.mo").write_text(RATCHET, encoding="utf-8")
+    outputs = ["s", "v", "teeth", "side"]
+    compiled = cut(tmp_path / "Toy.mo", "Toy.Ratchet", outputs)
+    ratchet = Subsystem(build_part(compiled, tmp_path, "ratchet"))
+    monkeypatch.setattr(batch, "PART_FLAGS", (*batch.PART_FLAGS, "-DLANED=0"))
+    plain = Subsystem(build_part(compiled, tmp_path, "plain ratchet"))
+    rng = np.random.default_rng(7)
+    time = PERIOD * np.arange(1500)
+    seen = np.where(rng.random((1500, 1)) < 0.3, rng.normal(0, 5e-3, (1500, 1)), np.nan)
+    drives = [
+        Drive({"u": np.sin(9 * time) + 0.3 + 0.02 * rng.standard_normal(1500)}),
+        Drive({"u": 0.3 + 1.2 * np.sin(31 * time)}, Correction(("v",), seen, (0.2,))),
+    ]
+    names = ["m", "F", "loss", "pitch", "solver.max_step"]
+    low, high = [0.2, 0.1, 0.0, 1e-3], [2.0, 0.8, 0.9, 0.03]
+    values = np.column_stack([rng.uniform(low, high, (10, 4)), np.full(10, longest)])
+    for drive in drives:
+        found = ratchet.run(names, values, drive, outputs, PERIOD)
+        np.testing.assert_array_equal(found, plain.run(names, values, drive, outputs, PERIOD))
+        assert np.isfinite(found).all()
+        assert np.ptp(found[:, -1, 2:]) > 1  # it has counted
+
+
 def test_rows_that_are_steady_are_stepped_as_those_beside_them(cart: Subsystem) -> None:
     """An input that differs within some rows of one drive changes no bit of another's runs."""
     fine = np.sin(np.arange(400) / 15).reshape(200, 2)

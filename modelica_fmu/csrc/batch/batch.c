@@ -5,7 +5,8 @@
  * read at the rows; then a state may be drawn towards a measured value by a fixed share (an observer): outputs are predictions. Calls
  * are independent: several threads may run at once.
  */
-#include "core.c" /* in one piece with the driver: a row is short, and calls would be half of it */
+#include "core.c" /* in one piece with the driver and the model: a row is short, and calls would be half of it */
+#include "model.c"
 #include <math.h>
 #include <stdlib.h>
 
@@ -19,10 +20,11 @@
 #define STEPS_AT_FIRST 2000
 #define STEPS_PER_ROW 100
 
-/* A model for lanes: nothing but states, relations, memories and clocks that set these. */
+/* A model for lanes: nothing but states, relations, memories, clocks that set these; delays in runs that read none of them, assertions
+ * that hold or not from the start on (ASSERTED_ONCE). */
 #ifndef LANED
 #define CLOCKS_LANED (N_SAMPLES == 0 || (N_STATES > 0 && !CHAINED))
-#define LANED (N_DELAYS + N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS + N_ASSERTIONS == 0 && CLOCKS_LANED)
+#define LANED (N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS == 0 && (N_ASSERTIONS == 0 || ASSERTED_ONCE) && CLOCKS_LANED)
 #endif
 
 typedef struct {
@@ -110,7 +112,7 @@ static void correct(Instance *s, const Batch *b, const Plan *plan, size_t k) {
  * them may change: so does a row that they leave to core.c. */
 static int pass(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     const double time = (double)k * b->period, part = b->period / (double)b->n_parts;
-    if (!LANED && plan->kind[k] & STEADY) return core_step(s, time, b->period) <= CORE_WARNING;
+    if ((!LANED || delays_matter(s)) && plan->kind[k] & STEADY) return core_step(s, time, b->period) <= CORE_WARNING;
     for (size_t j = 0; j < b->n_parts; j++) {
         if (j > 0) put_over(s, b, plan, k, j);
         if (core_step(s, time + (double)j * part, part) > CORE_WARNING) return 0;
@@ -144,9 +146,9 @@ static void end_run(const Batch *b, const Plan *plan, size_t k, double *result) 
     for (size_t i = k * b->n_outputs; i < plan->rows * b->n_outputs; i++) result[i] = NAN;
 }
 
-static int one_run(Instance *s, const Batch *b, const Plan *plan, size_t run) {
+/* Of a run that has begun, well or not. Whether all rows are good. */
+static int all_rows(Instance *s, const Batch *b, const Plan *plan, size_t run, int good) {
     size_t k = 0;
-    int good = begin_run(s, b, plan, run);
     for (; good && k < plan->sound; k += good) good = one_row(s, b, plan, k, b->result[run]);
     end_run(b, plan, k, b->result[run]);
     return k == plan->rows;
@@ -190,10 +192,12 @@ static int group(const Batch *b, const Plan *plans, size_t first, int n) {
     w->q.path = 1;
     w->q.n = n;
     for (; l < n && (w->run[l] = core_new(NULL, NULL)) != NULL; l++) {
-        w->plan[l] = plans + b->drive[first + (size_t)l];
-        w->result[l] = b->result[first + (size_t)l];
-        w->failed[l] = !begin_run(w->run[l], b, w->plan[l], first + (size_t)l);
-        if (w->failed[l]) end_run(b, w->plan[l], 0, w->result[l]);
+        const size_t run = first + (size_t)l;
+        w->plan[l] = plans + b->drive[run];
+        w->result[l] = b->result[run];
+        const int good = begin_run(w->run[l], b, w->plan[l], run);
+        w->done[l] = !good || delays_matter(w->run[l]);
+        if (w->done[l]) w->failed[l] = !all_rows(w->run[l], b, w->plan[l], run, good);
     }
     if (l == n) failed = lanes_run(w, b);
     while (l-- > 0) core_free(w->run[l]);
@@ -217,7 +221,7 @@ static int all_runs(const Batch *b, const Plan *plans) {
         } else {
             n = 1;
             core_reset(s);
-            found = !one_run(s, b, plans + b->drive[run], run);
+            found = !all_rows(s, b, plans + b->drive[run], run, begin_run(s, b, plans + b->drive[run], run));
         }
         failed = found < 0 ? -1 : failed + found;
     }

@@ -1,0 +1,24 @@
+"""Whether a term is to be learnt, and of which records."""
+
+from __future__ import annotations
+
+from pneugantry.engine.foreign import ForeignPlant
+from pneugantry.engine.plant import Record
+from pneugantry.engine.run import Found
+from pneugantry.engine.task import Task
+
+__all__ = ["wanted", "whole"]
+
+LIKELY = 0.2  # probability of what no catalogue has, from which on it is looked for
+
+
+def wanted(found: Found) -> bool:
+    """Whether there may be something to learn: what no catalogue explains is likely enough."""
+    foreign = isinstance(found.task.plant, ForeignPlant)
+    return found.decision.unknown >= LIKELY and not foreign and bool(whole(found.task))
+
+
+def whole(task: Task) -> list[Record]:
+    """Fitted records of all signals: a plant's variables are computed from these."""
+    needed = {s.name for s in task.plant.signals}
+    return [r for r in task.data.fitted if needed <= set(r.signals)]
