@@ -74,10 +74,9 @@ class Pieces:
 
     def prepare(self, moving: Collection[str], settings: Values) -> None:
         """Makes the piece for runs in which `moving` may move, `settings` keep these values and the
-        rest the model's own; loads the whole part where that is what serves: one without states
-        costs little as it is.
+        rest the model's own; loads the whole part where that is what serves.
         """
-        if self._again is None or not self.whole.states:
+        if self._again is None:
             _ = self.whole.subsystem
             return
         fixed = {

@@ -33,7 +33,7 @@ from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.readings import Readings
 from pneugantry.engine.recent import Recent
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.sensors import PREFIX, affine, sensed, signal_of
+from pneugantry.engine.sensors import PREFIX, sensed, signal_of
 from pneugantry.engine.threads import on_threads
 
 __all__ = [
@@ -127,7 +127,6 @@ class SubsystemView:
         }
         self._all = {*self._read, *self.signals}
         self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
-        self._means: Recent[Array] = Recent(KEPT)
 
     @property
     def known(self) -> frozenset[str]:
@@ -186,29 +185,17 @@ class SubsystemView:
         return self._names[every]
 
     def error(self, record: Record, simulated: Array, values: Values) -> Array:
-        """Residual (rows, signals) of true signals (N, signals) under sensors' errors."""
-        result = np.empty((record.rows // self.decimation, len(self.signals)))
+        """Residual (rows, signals) of true signals (N, signals) under sensors' errors. Means of the
+        differences, not differences of means: these would have fewer digits (0129).
+        """
+        each, end = self.decimation, record.rows - record.rows % self.decimation
+        result = np.empty((record.rows // each, len(self.signals)))
         for c, signal in enumerate(self.signals):
-            own, true = affine(signal, values), simulated[:, c]
-            if own is None or (record.judged is not None and self.corrected):
-                error = record.signals[signal] - sensed(signal, true, record, values)
-                if record.judged is not None and self.corrected:
-                    error[~record.judged] = 0.0
-                result[:, c] = self._decimated(error)
-            else:  # means of what is affine are affine in the means
-                result[:, c] = self._mean(record, signal) - own[0] * self._decimated(true) - own[1]
+            error = record.signals[signal] - sensed(signal, simulated[:, c], record, values)
+            if record.judged is not None and self.corrected:
+                error[~record.judged] = 0.0
+            result[:, c] = error[:end].reshape(-1, each) @ np.full(each, 1 / each)
         return result
-
-    def _mean(self, record: Record, signal: str) -> Array:
-        """A reading (rows,) at the residual's rate."""
-        made = self._decimated
-        return self._means.of((record, signal), lambda: made(record.signals[signal]))
-
-    def _decimated(self, values: Array) -> Array:
-        """Means (rows,) of the rows that make one of the residual."""
-        each = self.decimation
-        end = len(values) - len(values) % each
-        return np.asarray(values[:end].reshape(-1, each) @ np.full(each, 1 / each))
 
     def simulate(self, runs: Sequence[Run]) -> list[Array]:
         """True signals (N, signals) of each run; those that feel the same are one."""
