@@ -113,6 +113,11 @@ class Course:
         at, over = (np.ascontiguousarray(v, dtype=float) for v in values)
         return cls(at, over)
 
+    @cached_property
+    def addresses(self) -> tuple[int, int]:
+        """Where its values lie; asked for once, for that takes as long as many additions."""
+        return self.at.ctypes.data, self.over.ctypes.data
+
     @property
     def values(self) -> Array | tuple[Array, Array]:
         """As `of` takes them."""
@@ -225,15 +230,14 @@ class Subsystem:
         held = drives[0].correction or Correction((), np.zeros((1, 1)), (0.0,))
         shares = np.array(held.shares)
         lists = [self._references_of(n) for n in (names, tuple(inputs), held.states, outputs)]
-        tables = [_addresses([c.at for cs in courses for c in cs])]
-        tables.append(_addresses([c.over for cs in courses for c in cs]))
-        tables.append(np.array([c.parts for cs in courses for c in cs], dtype=np.uintp))
+        told = [(*c.addresses, c.parts) for cs in courses for c in cs]
+        tables = list(np.array(told, dtype=np.uintp).reshape(-1, 3).T.copy())
         measured, results = _addresses([d.measured for d in drives]), _addresses(made)
         runs = (len(values), len(names), drives[0].parts)
         sizes = (*runs, len(inputs), len(held.states), len(outputs), len(drives))
-        told = [self._kinds_of(cs, lists[1], d.rows) for cs, d in zip(courses, drives, strict=True)]
-        sound = np.array([n for n, _ in told], dtype=np.uintp)
-        kinds = _addresses([k for _, k in told])
+        each = [self._kinds_of(cs, lists[1], d.rows) for cs, d in zip(courses, drives, strict=True)]
+        sound = np.array([n for n, _ in each], dtype=np.uintp)
+        kinds = _addresses([k for _, k in each])
         arrays: tuple[NDArray[Any], ...] = (lists[0], values, own, lists[1], rows, sound, kinds)
         behind: tuple[NDArray[Any], ...] = (*tables, lists[2], measured, shares, lists[3], results)
         batch = _Batch(*sizes, period, *(a.ctypes.data for a in (*arrays, *behind)))
@@ -260,7 +264,7 @@ class Subsystem:
 
     def _kind_of(self, course: Course, reference: int) -> Kinds:
         kinds = np.empty(len(course.at), np.uint8)
-        pointers = [ctypes.c_void_p(a.ctypes.data) for a in (course.at, course.over, kinds)]
+        pointers = [ctypes.c_void_p(a) for a in (*course.addresses, kinds.ctypes.data)]
         sizes = [ctypes.c_size_t(n) for n in (len(course.at), course.parts)]
         sound = self._library.batch_kinds(ctypes.c_uint(reference), *sizes, *pointers)
         return int(sound), None if np.all(kinds == STEADY) else kinds

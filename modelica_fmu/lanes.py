@@ -15,7 +15,7 @@ MINMAX = """\
 static inline double model_min(double a, double b) { return a < b ? a : b; }
 static inline double model_max(double a, double b) { return a > b ? a : b; }
 """
-ELEMENTARY = re.compile(r"\b(exp|log|pow|sin|cos|tanh)\(")  # those of elementary.h
+ELEMENTARY = re.compile(r"\b(exp|log|pow|sin|cos|tan|tanh)\(")  # those of elementary.h
 CALLS = re.compile(r"\b(?!model_|vector_|fabs|sqrt)[a-z]\w*\(")  # no vector instruction
 NAME = re.compile(r"\bw\d+\b")
 HELD = re.compile(r"q->(?:time\b|(?:x|u|p|h|m|d|pre|fired|tick|late)\[\d+\])")
@@ -69,15 +69,15 @@ def asserted_once(source: str) -> bool:
     """Whether the assertions of a generated model.c hang on parameters alone."""
     start = source.index("void model_check(")
     read = source[start : source.index("\n}\n", start)].split(" {\n", 1)[1]
-    return "q->" not in CONSTANT.sub("", read).replace("(void)q", "")
+    return "q->" not in CONSTANT.sub("", read)
 
 
 def _contradict(source: str) -> str:
     """Adds to `off` how many relations of each lane their operands z contradict; straight on, for
     a loop over relations would wait for each sum in turn.
     """
-    told = re.search(r"model_inclusive\[\] = \{(.*)\};", source)
-    inclusive = told[1].split(", ") if told else []
+    (told,) = re.findall(r"model_inclusive\[\] = \{(.*)\};", source)
+    inclusive = told.split(", ")
     terms = [
         f"odd += fabs((z[{i}][l] {'>=' if own == '1' else '>'} 0 ? 1.0 : 0.0) - q->m[{i}][l]);"
         for i, own in enumerate(inclusive)

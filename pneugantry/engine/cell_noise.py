@@ -13,11 +13,14 @@ from pneugantry.engine import noise
 from pneugantry.engine.descent import FAILED
 from pneugantry.engine.noise import Noise, Whitener
 from pneugantry.engine.plant import Array, Plant
+from pneugantry.engine.recent import Recent
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell, Residuals, Simulation
 from pneugantry.engine.synthetic import changes_of, noisy
 
 __all__ = ["CellNoise"]
+
+KEPT = 256  # residuals of cells whose colour is kept
 
 
 class CellNoise:
@@ -29,6 +32,7 @@ class CellNoise:
         self.plant, self.simulation, self.rules, self.level = plant, simulation, rules, level
         self._floors: dict[Cell, tuple[Whitener, ...]] = {}
         self._erring = {cell: self._quoted_errors(cell) for cell in simulation.cells}
+        self._colours: Recent[tuple[Array, tuple[Whitener, ...]]] = Recent(KEPT)  # by array
 
     def quoted(self) -> dict[str, tuple[Whitener, ...]]:
         """White noise as the sensors are said to have, with the quoted errors of a right model."""
@@ -45,7 +49,11 @@ class CellNoise:
         return {cell: self.colour(cell, r) for cell, r in residuals.items()}
 
     def colour(self, cell: Cell, residual: Array) -> tuple[Whitener, ...]:
-        """The same of one cell, by signal."""
+        """The same of one cell, by signal; found once as long as the residual is the same array."""
+        key = cell, id(residual)  # of an array that is kept, so that no other has it
+        return self._colours.of(key, lambda: (residual, self._colour(cell, residual)))[1]
+
+    def _colour(self, cell: Cell, residual: Array) -> tuple[Whitener, ...]:
         finite, found = bool(np.isfinite(residual).all()), []
         for c, sigma in enumerate(self.simulation.views[cell[0]].sigmas):
             known, own = self.erring(cell)[c], residual[:, c]

@@ -67,6 +67,14 @@ class Weighing:
     def __init__(self, of_views: Noise, rules: Rules) -> None:
         self.noise, self.freedom = of_views, rules.tails
         self._white: dict[Cell, tuple[list[Array], Array]] = {}  # columns, and as innovations
+        self._left: dict[Cell, tuple[Array, Array]] = {}  # a residual, and as innovations
+
+    def of_residual(self, cell: Cell, residual: Array) -> Array:
+        """Innovations (rows,) of a cell's residual; kept as long as it is the same array."""
+        kept = self._left.get(cell)
+        if kept is None or kept[0] is not residual:
+            self._left[cell] = kept = (residual, self.innovations(cell, residual))
+        return kept[1]
 
     def innovations(self, cell: Cell, values: Array) -> Array:
         """Whitened residual or columns (..., rows, signals) of a cell, its signals in turn."""
@@ -90,7 +98,7 @@ class Weighing:
         for cell, r in residuals.items():
             cost = FAILED
             if np.isfinite(r).all():
-                cost = float(noise.loss(self.innovations(cell, r), self.freedom).sum())
+                cost = float(noise.loss(self.of_residual(cell, r), self.freedom).sum())
             found[cell[0]] = found.get(cell[0], 0.0) + cost
         return found
 
@@ -109,7 +117,7 @@ class Weighing:
         for cell, r in residuals.items():
             index = [i for i, name in enumerate(names) if (cell, name) in columns]
             if index and np.isfinite(r).all():
-                w = self.innovations(cell, r)
+                w = self.of_residual(cell, r)
                 root = np.sqrt(noise.weights(w, self.freedom))
                 j = self.whitened(columns, cell, [names[i] for i in index]) * root
                 normal[np.ix_(index, index)] += j @ j.T

@@ -227,12 +227,14 @@ end Toy;
 """
 
 
-@pytest.mark.parametrize("longest", [PERIOD, 0.4 * PERIOD])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-12])
+@pytest.mark.parametrize("longest", [PERIOD, 0.4 * PERIOD, 0.6 * PERIOD])
 def test_events_within_rows_are_those_of_a_run_without_lanes(
-    tmp_path: Path, longest: float, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, longest: float, tolerance: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Relations that change on the way and when-clauses that they fire, in rows of one step and of
-    several, in few lanes or in all, under equations that read the time: the same bits.
+    several, in few lanes or in all, under equations that read the time, and where steps' errors are
+    some of the tolerance: the same bits.
     """
     (tmp_path / "Toy.mo").write_text(RATCHET, encoding="utf-8")
     outputs = ["s", "v", "teeth", "side"]
@@ -247,9 +249,10 @@ def test_events_within_rows_are_those_of_a_run_without_lanes(
         Drive({"u": np.sin(9 * time) + 0.3 + 0.02 * rng.standard_normal(1500)}),
         Drive({"u": 0.3 + 1.2 * np.sin(31 * time)}, Correction(("v",), seen, (0.2,))),
     ]
-    names = ["m", "F", "loss", "pitch", "solver.max_step"]
+    names = ["m", "F", "loss", "pitch", "solver.max_step", "solver.tolerance"]
     low, high = [0.2, 0.1, 0.0, 1e-3], [2.0, 0.8, 0.9, 0.03]
-    values = np.column_stack([rng.uniform(low, high, (10, 4)), np.full(10, longest)])
+    solver = np.tile([longest, tolerance], (40, 1))
+    values = np.hstack([rng.uniform(low, high, (40, 4)), solver])
     for drive in drives:
         found = ratchet.run(names, values, drive, outputs, PERIOD)
         np.testing.assert_array_equal(found, plain.run(names, values, drive, outputs, PERIOD))

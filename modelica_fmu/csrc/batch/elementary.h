@@ -99,6 +99,7 @@ ELEMENTARY double turned_sine(double x, uint64_t turns) {
 
 ELEMENTARY double vector_sin(double x) { return turned_sine(x, 0); }
 ELEMENTARY double vector_cos(double x) { return turned_sine(x, 1); }
+ELEMENTARY double vector_tan(double x) { return turned_sine(x, 0) / turned_sine(x, 1); }
 
 ELEMENTARY double vector_tanh(double x) {
     const double twice = 2 * fabs(x), far = 44; /* from there on 1 */
@@ -118,6 +119,7 @@ ASKING(exp)
 ASKING(log)
 ASKING(sin)
 ASKING(cos)
+ASKING(tan)
 ASKING(tanh)
 
 ELEMENTARY double scalar_pow(double x, double y) {

@@ -1,4 +1,5 @@
 /* What lanes do within a row: events at its beginning, steps, and events on the way. Included by lanes.h. */
+
 /* Flags are doubles, as what they are made of: vectors are not converted. */
 static inline void refuse_endless(const Lane *values, int n, double *restrict off) {
     for (int i = 0; i < n; i++)
@@ -100,6 +101,7 @@ static inline void relations_lanes(Lanes *w) {
         memset(odd, 0, sizeof odd);
         evaluate_lanes(w);
         contradict(&w->q, w->z, odd);
+        for (int l = 0; l < LANES; l++) odd[l] = w->off[l] == 0 ? odd[l] : 0;
         if (!any(odd)) return;
         for (int i = 0; i < N_RELATIONS; i++) {
             const int inclusive = model_inclusive[i];
@@ -111,8 +113,10 @@ static inline void relations_lanes(Lanes *w) {
 
 /* New relations, when-clauses and memories in lanes that are busy, as iterate_events of core.c. */
 APART void iterate_lanes(Lanes *w, double *busy) {
+#if N_SAMPLES > 0
     Lane began;
     memcpy(began, busy, sizeof began);
+#endif
     keep_lanes(w);
     for (int round = 0; round < ROUNDS && any(busy); round++) {
         memcpy(w->q.pre, w->q.d, sizeof w->q.pre);
@@ -120,6 +124,7 @@ APART void iterate_lanes(Lanes *w, double *busy) {
         update_lanes(w, busy);
     }
     for (int l = 0; l < LANES; l++) w->off[l] += busy[l];
+    refuse_endless(w->q.x, N_STATES, w->off);
     refuse_endless(w->dx, N_STATES, w->off);
 #if N_SAMPLES > 0
     Lane now[AT_LEAST_1(N_BRANCHES)];
@@ -136,6 +141,7 @@ static inline void settle_lanes(Lanes *w) {
     due_lanes(w, busy);
     evaluate_lanes(w);
     contradict(&w->q, w->z, busy);
+    for (int l = 0; l < LANES; l++) busy[l] = w->off[l] == 0 ? busy[l] : 0;
     if (any(busy)) iterate_lanes(w, busy);
     else refuse_endless(w->dx, N_STATES, w->off);
 }
@@ -148,8 +154,9 @@ static inline void stage(Lane *restrict x, const Lane *restrict x0, const double
 }
 
 /* One Runge-Kutta step of length h from (begun, x0, k1), as attempt_explicit of core.c: to q.x, with rates dx and operands z there.
- * last: rates before the last ones; passed: more where a relation was contradicted on the way. */
-static inline void attempt_lanes(Lanes *w, const double *begun, const Lane *x0, const Lane *k1, const double *h, Lane *last, double *passed) {
+ * before: rates before the last ones; passed: more where a relation was contradicted on the way. */
+static inline void attempt_lanes(Lanes *w, const double *begun, const Lane *x0, const Lane *k1, const double *h, Lane *before,
+                                 double *passed) {
     LaneData *q = &w->q;
     Lane half, k2[N_STATES], k3[N_STATES];
     for (int l = 0; l < LANES; l++) half[l] = 0.5 * h[l], q->time[l] = begun[l] + half[l];
@@ -160,21 +167,21 @@ static inline void attempt_lanes(Lanes *w, const double *begun, const Lane *x0, 
     contradict(q, w->z, passed);
     for (int l = 0; l < LANES; l++) q->time[l] = begun[l] + h[l];
     stage(q->x, x0, h, k3);
-    lanes_rates(q, last, w->z);
+    lanes_rates(q, before, w->z);
     for (int i = 0; i < N_STATES; i++)
-        for (int l = 0; l < LANES; l++) q->x[i][l] = x0[i][l] + h[l] / 6 * (k1[i][l] + 2 * (k2[i][l] + k3[i][l]) + last[i][l]);
+        for (int l = 0; l < LANES; l++) q->x[i][l] = x0[i][l] + h[l] / 6 * (k1[i][l] + 2 * (k2[i][l] + k3[i][l]) + before[i][l]);
     lanes_rates(q, w->dx, w->z);
 }
 
 /* A lane is off whose step's error is not small, or not finite. calm: of each lane, the least that is not small. */
-static inline void refuse_rough(Lanes *w, const Lane *last, const double *restrict h, const double *restrict calm) {
+static inline void refuse_rough(Lanes *w, const Lane *before, const double *restrict h, const double *restrict calm) {
     for (int i = 0; i < N_STATES; i++) {
-        const double *restrict x = w->q.x[i], *restrict before = last[i], *restrict dx = w->dx[i], *restrict tolerance = w->q.p[P_TOLERANCE];
+        const double *restrict x = w->q.x[i], *restrict k4 = before[i], *restrict dx = w->dx[i], *restrict tolerance = w->q.p[P_TOLERANCE];
         const double nominal = model_nominals[i];
         double *restrict off = w->off;
         for (int l = 0; l < LANES; l++) {
             const double size = fabs(x[l]) > nominal ? fabs(x[l]) : nominal;
-            const double error = fabs(h[l] * 0.1 * (before[l] - dx[l]));
+            const double error = fabs(h[l] * 0.1 * (k4[l] - dx[l]));
             off[l] += error <= calm[l] * tolerance[l] * size ? 0.0 : 1.0;
         }
     }
@@ -194,17 +201,18 @@ static inline void copy_lane(Lane *to, const Lane *from, int n, int l) {
 APART void locate_lanes(Lanes *w, const double *begun, const Lane *x0, const Lane *k1, const Lane *z0, const double *found, double width,
                         double *h) {
     Bracket bracket[LANES];
-    Lane x[N_STATES], dx[N_STATES], z[AT_LEAST_1(N_RELATIONS)], last[N_STATES], length, passed = {0};
-    double own_z[AT_LEAST_1(N_RELATIONS)], own_m[AT_LEAST_1(N_RELATIONS)];
+    Lane x[N_STATES], dx[N_STATES], z[AT_LEAST_1(N_RELATIONS)], length;
+    Lane before[N_STATES], passed = {0}; /* of no account here */
+    double start_z[AT_LEAST_1(N_RELATIONS)], own_z[AT_LEAST_1(N_RELATIONS)], own_m[AT_LEAST_1(N_RELATIONS)];
     memcpy(x, w->q.x, sizeof x);
     memcpy(dx, w->dx, sizeof dx);
     memcpy(z, w->z, sizeof z);
     memcpy(length, h, sizeof length);
     for (int l = 0; l < LANES; l++) {
         if (found[l] == 0) continue;
-        gather(own_m, z0, N_RELATIONS, l);
+        gather(start_z, z0, N_RELATIONS, l);
         gather(own_z, w->z, N_RELATIONS, l);
-        open_bracket(bracket + l, own_m, own_z, h[l]);
+        open_bracket(bracket + l, start_z, own_z, h[l]);
     }
     for (int trying = 1; trying;) {
         int tries[LANES] = {0};
@@ -215,7 +223,7 @@ APART void locate_lanes(Lanes *w, const double *begun, const Lane *x0, const Lan
             length[l] = next_length(bracket + l, own_m, width);
             trying = tries[l] = 1;
         }
-        if (trying) attempt_lanes(w, begun, x0, k1, length, last, passed);
+        if (trying) attempt_lanes(w, begun, x0, k1, length, before, passed);
         for (int l = 0; l < LANES; l++) {
             if (!tries[l]) continue;
             gather(own_m, w->q.m, N_RELATIONS, l);
@@ -241,56 +249,67 @@ static inline void step_lengths(const double *restrict at, double end, double lo
     }
 }
 
+/* Error up to which a step is small. Another one may follow behind an event: core.c makes that no longer than grows from this one. */
+static inline double calm_of(int last) { return last ? CALM : CALM / 16; }
+
+/* A step of each lane from where it stands towards `end`, as advance of core.c. found: more in lanes where it ends in an event. */
+static inline void advance_lanes(Lanes *w, double *at, double end, double width, double *found) {
+    LaneData *q = &w->q;
+    Lane x0[N_STATES], k1[N_STATES], z0[AT_LEAST_1(N_RELATIONS)], h, whole, calm, before[N_STATES], passed = {0};
+    int last[LANES];
+    step_lengths(at, end, w->run[0]->c.q.p[P_MAX_STEP], h, last);
+    for (int l = 0; l < LANES; l++) calm[l] = calm_of(last[l]);
+    memcpy(x0, q->x, sizeof x0);
+    memcpy(k1, w->dx, sizeof k1);
+    memcpy(z0, w->z, sizeof z0);
+    memcpy(whole, h, sizeof whole);
+    attempt_lanes(w, at, x0, k1, h, before, passed);
+    contradict(q, w->z, found);
+    refuse_rough(w, before, h, calm);
+    for (int i = 0; i < N_STATES; i++)
+        for (int l = 0; l < LANES; l++) q->x[i][l] = at[l] < end ? q->x[i][l] : x0[i][l]; /* with the sign that a 0 has */
+    for (int l = 0; l < LANES; l++) {
+        w->off[l] += found[l] == 0 ? passed[l] : 0;
+        found[l] = w->off[l] == 0 && at[l] < end ? found[l] : 0;
+    }
+    if (any(found)) locate_lanes(w, at, x0, k1, z0, found, width, h);
+    for (int l = 0; l < LANES; l++) q->time[l] = at[l] = last[l] && h[l] >= whole[l] ? end : at[l] + h[l];
+    refuse_endless(q->x, N_STATES, w->off);
+    refuse_endless(w->dx, N_STATES, w->off);
+}
+
 /* Lanes from where each stands (at, with states q.x) on to `end`, event after event, as core_step. */
 APART void pass_events(Lanes *w, double *at, double end, double width) {
-    LaneData *q = &w->q;
-    const double longest = w->run[0]->c.q.p[P_MAX_STEP];
+    Lane events = {0};
     keep_lanes(w);
-    memcpy(q->time, at, sizeof q->time);
+    memcpy(w->q.time, at, sizeof w->q.time);
     evaluate_lanes(w);
-    for (int events = 0;; events++) {
-        Lane x0[N_STATES], k1[N_STATES], z0[AT_LEAST_1(N_RELATIONS)], h, calm, last_rates[N_STATES], passed = {0}, found = {0};
-        int last[LANES], left = 0;
-        for (int l = 0; l < LANES; l++) at[l] = w->off[l] == 0 ? at[l] : end;
-        for (int l = 0; l < LANES; l++) left |= at[l] < end;
-        if (!left) return;
-        step_lengths(at, end, longest, h, last);
-        for (int l = 0; l < LANES; l++) calm[l] = last[l] ? CALM : CALM / 16; /* else core.c may make the next one no longer than this */
-        memcpy(x0, q->x, sizeof x0);
-        memcpy(k1, w->dx, sizeof k1);
-        memcpy(z0, w->z, sizeof z0);
-        attempt_lanes(w, at, x0, k1, h, last_rates, passed);
-        contradict(q, w->z, found);
-        refuse_rough(w, last_rates, h, calm);
-        for (int i = 0; i < N_STATES; i++)
-            for (int l = 0; l < LANES; l++) q->x[i][l] = at[l] < end ? q->x[i][l] : x0[i][l]; /* with the sign that a 0 has */
+    for (;;) {
+        Lane found = {0};
+        int left = 0;
         for (int l = 0; l < LANES; l++) {
-            w->off[l] += found[l] == 0 ? passed[l] : 0;
-            w->off[l] += found[l] != 0 && events == EVENTS_LANED ? 1 : 0;
-            found[l] = w->off[l] == 0 ? found[l] : 0;
+            w->off[l] += events[l] >= EVENTS_LANED ? 1 : 0;
+            at[l] = w->off[l] == 0 ? at[l] : end;
+            left |= at[l] < end;
         }
-        if (any(found)) {
-            Lane whole;
-            memcpy(whole, h, sizeof whole);
-            locate_lanes(w, at, x0, k1, z0, found, width, h);
-            for (int l = 0; l < LANES; l++) last[l] &= h[l] >= whole[l];
-        }
-        for (int l = 0; l < LANES; l++) q->time[l] = at[l] = last[l] ? end : at[l] + h[l];
-        refuse_endless(q->x, N_STATES, w->off);
+        if (!left) return;
+        advance_lanes(w, at, end, width, found);
+        for (int l = 0; l < LANES; l++) events[l] += found[l] != 0 ? 1 : 0;
         if (any(found)) iterate_lanes(w, found);
     }
 }
 
-/* One step of length h of all lanes, to a time. Whether it is to be taken to an event in some; then q.x, at: where each lane stands. */
-static inline int step_lanes(Lanes *w, const double *h, double to, double *at) {
+/* One step of length h of all lanes, to a time; last: of its part of a row. Whether it is to be taken to an event in some lanes; then
+ * q.x, at: where each lane stands. */
+static inline int step_lanes(Lanes *w, const double *h, int last, double to, double *at) {
     LaneData *q = &w->q;
-    Lane x0[N_STATES], begun, last[N_STATES], passed = {0}, found = {0}, calm;
-    for (int l = 0; l < LANES; l++) calm[l] = CALM;
+    Lane x0[N_STATES], begun, before[N_STATES], passed = {0}, found = {0}, calm;
+    for (int l = 0; l < LANES; l++) calm[l] = calm_of(last);
     memcpy(begun, q->time, sizeof begun);
     memcpy(x0, q->x, sizeof x0);
-    attempt_lanes(w, begun, x0, w->dx, h, last, passed);
+    attempt_lanes(w, begun, x0, w->dx, h, before, passed);
     contradict(q, w->z, found);
-    refuse_rough(w, last, h, calm);
+    refuse_rough(w, before, h, calm);
     for (int l = 0; l < LANES; l++) {
         w->off[l] += found[l] == 0 ? passed[l] : 0;
         found[l] = w->off[l] == 0 ? found[l] : 0;
@@ -316,7 +335,7 @@ static inline void pass_lanes(Lanes *w, double time, double length) {
         last = pieces <= 1;
         for (int l = 0; l < LANES; l++) h[l] = step;
         now = last ? end : now + step;
-        if (step_lanes(w, h, now, at)) {
+        if (step_lanes(w, h, last, now, at)) {
             pass_events(w, at, end, event_width(time, length));
             return;
         }

@@ -1,23 +1,26 @@
 /* Several runs of a model side by side: the same step for all of them, each in a lane of its own (SIMD).
  *
- * A lane does what core.c does in most rows: ticks of clocks that are due and new relations, then one Runge-Kutta step with the modes
- * that hold. Where any other when-clause fires, a clock ticks within a step, a relation changes on the way, the error is not small or a
- * value is not finite, the lane is off: core.c does that row for its run alone, from where it began. So a run's result does not depend
- * on what runs beside it. model_lanes.h holds the model's own functions as loops over the lanes.
+ * A lane does what core.c does: ticks of clocks that are due, events, then Runge-Kutta steps with the modes that hold, to events on the way
+ * and on (lane_steps.h). Where a relation changes and changes back within a step, when-clauses follow from one another, a clock ticks within
+ * a row, an input that is no number switches, events are many, the error is not small or a value is not finite, the lane is off: core.c does
+ * that row for its run alone, from where it began. So a run's result does not depend on what runs beside it. model_lanes.h holds the model's
+ * own functions as loops over the lanes.
  */
 #define LANES 8
 #define ROUNDS 6    /* of settling relations; core.c tries more */
 #define AHEAD 32    /* rows */
 #define ALL_INPUTS AT_LEAST_1(N_INPUTS)
-#define EVENTS_LANED 6 /* in a part of a row; core.c makes modes last from MAX_EVENTS on */
+#define EVENTS_LANED 6 /* of a lane in a part of a row; core.c makes modes last from MAX_EVENTS on */
 #define CALM 0.6561 /* error, in units of the tolerance, up to which core.c does not shorten its next step: 0.9^4 */
 
 #if LANED
-#define APART static __attribute__((noinline)) /* called from several places: copies would take long to compile */
+#define APART static __attribute__((noinline)) /* long: copies would take long to compile */
 
 #define WIDE __attribute__((aligned(64))) /* a vector that lies in two cache lines costs twice as much */
 typedef double Lane[LANES] WIDE;
 typedef int64_t Whole[LANES] WIDE; /* as wide: no vector is split */
+
+_Static_assert(EVENTS_LANED < MAX_EVENTS, "lanes leave many events to core.c");
 
 typedef struct {
     double initial, path; /* of all lanes */
@@ -79,6 +82,7 @@ static inline void look_ahead(Lanes *w, const Batch *b, size_t k) {
     for (int l = 0; l < LANES; l++) {
         const Plan *plan = w->plan[l];
         const size_t rows = to_come(w, l, k);
+        if (rows == 0) continue;
         for (size_t i = 0; i < b->n_inputs; i++) {
             const size_t apart = plan->apart[i];
             const int place = plan->place[i];
@@ -159,12 +163,9 @@ static int begin_row(Lanes *w, size_t k) {
 
 /* Whether any lane is off that is not over. */
 static inline int some_off(const Lanes *w) {
-    Whole off, over;
-    int64_t found = 0;
-    memcpy(off, w->off, sizeof off);
-    memcpy(over, w->over, sizeof over);
-    for (int l = 0; l < LANES; l++) found |= off[l] ^ over[l];
-    return found != 0;
+    Lane found;
+    for (int l = 0; l < LANES; l++) found[l] = w->over[l] == 0 ? w->off[l] : 0;
+    return any(found);
 }
 
 /* Rows from k on, until one that some lane leaves to core.c: that row. */
