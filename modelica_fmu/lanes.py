@@ -138,7 +138,7 @@ def _loops(statements: Sequence[_Statement], results: Sequence[str]) -> list[str
     wholes = {s.name: s.whole for s in statements}
     lines = [f"{'Whole' if wholes[n] else 'Lane'} {n};" for n in sorted(shared)]
     for loop in loops:
-        lines += _gated(loop, [_assigned(s, shared) for s in loop], shared)
+        lines += _gated(loop, [line for s in loop for line in _assigned(s, shared)], shared)
     return lines + _over_lanes([_put(r, shared) for r in results])
 
 
@@ -161,16 +161,22 @@ def _indented(lines: Sequence[str]) -> list[str]:
     return [f"    {line}" for line in lines]
 
 
-def _assigned(s: _Statement, shared: Collection[str]) -> str:
-    text = _of_lane(s.text, shared)
+def _assigned(s: _Statement, shared: Collection[str]) -> list[str]:
+    """What is no call is computed in any case, and chosen afterwards: where a choice holds what is
+    computed, compilers make branches of it that they cannot take back.
+    """
+    text, kind = _of_lane(s.text, shared), "int64_t" if s.whole else "double"
     if both := re.fullmatch(r"(.*) (&&|\|\|) (.*)", text):
         text = f"{_true(both[1])} {both[2][0]} {_true(both[3])}"
+    lines = []
     if s.conditions:
+        if not s.calls:
+            lines, text = [f"const {kind} {s.name}_any = {text};"], f"{s.name}_any"
         joint = " && " if s.calls else " & "
         text = f"({joint.join(_true(_of_lane(c, shared)) for c in s.conditions)}) ? ({text}) : 0"
     if s.name in shared:
-        return f"{s.name}[l] = {text};"
-    return f"const {'int64_t' if s.whole else 'double'} {s.name} = {text};"
+        return [*lines, f"{s.name}[l] = {text};"]
+    return [*lines, f"const {kind} {s.name} = {text};"]
 
 
 def _put(result: str, shared: Collection[str]) -> str:

@@ -2,6 +2,8 @@
  * the last place, of x^y as many times |y log x| more. What lies outside their range gives NaN: a lane leaves such a row to core.c,
  * which asks the mathematical library then. Both get the same bits elsewhere.
  *
+ * No && of comparisons: choices one behind the other are what compilers make vectors of.
+ *
  * Arguments are reduced as Cody and Waite do (constants in parts whose products are exact); polynomials are Taylor's, long enough.
  */
 #ifndef ELEMENTARY_H
@@ -70,7 +72,8 @@ ELEMENTARY double vector_log(double x) {
     const double sum = polynomial(square, 1 / 3.0, 1 / 5.0, 1 / 7.0, 1 / 9.0, 1 / 11.0, 1 / 13.0, 1 / 15.0, 1 / 17.0, 1 / 19.0, 1 / 21.0,
                                   1 / 23.0, 0);
     const double value = n * LN2_HIGH + (2 * s + (2 * s * square * sum + n * LN2_LOW));
-    return x >= DBL_MIN && x <= DBL_MAX ? value : NAN;
+    const double bounded = x <= DBL_MAX ? value : NAN;
+    return x >= DBL_MIN ? bounded : NAN;
 }
 
 /* x^y; of a negative x with an integer y. */
@@ -78,8 +81,9 @@ ELEMENTARY double vector_pow(double x, double y) {
     const double size = vector_exp(y * vector_log(fabs(x))), half = 0.5 * y;
     const double whole = (y + ROUNDER) - ROUNDER, even = (half + ROUNDER) - ROUNDER;
     const double turned = half == even ? size : -size;
-    const double of_negative = fabs(y) < 0x1p50 && whole == y ? turned : NAN;
-    return x > 0 ? size : x == 0 && y > 0 ? 0 : of_negative;
+    const double of_whole = whole == y ? turned : NAN, of_negative = fabs(y) < 0x1p50 ? of_whole : NAN;
+    const double of_zero = y > 0 ? 0 : of_negative, other = x == 0 ? of_zero : of_negative;
+    return x > 0 ? size : other;
 }
 
 /* sin(x + turns pi/2) */
