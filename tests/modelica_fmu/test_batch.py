@@ -24,6 +24,7 @@ from modelica_fmu.batch import (
 from modelica_fmu.compiled import CompiledModel
 from modelica_fmu.cut import cut
 from modelica_fmu.errors import InputError
+from modelica_fmu.lanes import asserted_once
 from modelica_fmu.toolchain import PLATFORMS, Compiler, host_platform, own_processor
 from pyfmi_runner.build import build_fmu, cache_folder, default_model
 from pyfmi_runner.campaign import LogSetup
@@ -169,6 +170,7 @@ def test_a_run_does_not_depend_on_what_runs_beside_it(
     """
     (tmp_path / "Toy.mo").write_text(SLED, encoding="utf-8")
     compiled = cut(tmp_path / "Toy.mo", "Toy.Sled", outputs)
+    assert asserted_once(compiled.sources["model.c"])  # else no run had a lane
     sled = Subsystem(build_part(compiled, tmp_path, f"sled {outputs[0]}"))
     monkeypatch.setattr(batch, "PART_FLAGS", (*batch.PART_FLAGS, "-DLANED=0"))
     plain = Subsystem(build_part(compiled, tmp_path, f"plain sled {outputs[0]}"))
@@ -239,6 +241,7 @@ def test_events_within_rows_are_those_of_a_run_without_lanes(
     (tmp_path / "Toy.mo").write_text(RATCHET, encoding="utf-8")
     outputs = ["s", "v", "teeth", "side"]
     compiled = cut(tmp_path / "Toy.mo", "Toy.Ratchet", outputs)
+    assert asserted_once(compiled.sources["model.c"])  # else no run had a lane
     ratchet = Subsystem(build_part(compiled, tmp_path, "ratchet"))
     monkeypatch.setattr(batch, "PART_FLAGS", (*batch.PART_FLAGS, "-DLANED=0"))
     plain = Subsystem(build_part(compiled, tmp_path, "plain ratchet"))

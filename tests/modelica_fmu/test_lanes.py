@@ -9,7 +9,7 @@ import pytest
 
 from modelica_fmu.batch import CSRC, PART_FLAGS, Drive, Subsystem, build_part
 from modelica_fmu.cut import cut
-from modelica_fmu.lanes import in_lanes
+from modelica_fmu.lanes import asserted_once, in_lanes
 from modelica_fmu.toolchain import compile_library, find_compiler, host_platform
 
 UNARY = ("exp", "log", "sin", "cos", "tan", "tanh")
@@ -160,6 +160,16 @@ void model_rates(const ModelData *q, double *dx) {
     dx[0] = w4;
 }
 """
+
+
+def test_an_assertion_of_parameters_alone_holds_from_the_start_on() -> None:
+    """What reads a state or an input may fail later."""
+    text = (
+        "void model_check(const ModelData *q, double *ok) {{\n    (void)q;\n    ok[0] = {};\n}}\n"
+    )
+    assert asserted_once(text.format("q->p[0] != 0.0 && q->h[12] > 1.0"))
+    for read in ("q->x[0]", "q->u[3]", "q->time", "q->d[0]"):
+        assert not asserted_once(text.format(f"q->p[0] != {read}"))
 
 
 def test_nothing_in_a_loop_branches_and_a_library_s_function_stands_alone() -> None:
