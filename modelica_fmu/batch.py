@@ -230,8 +230,8 @@ class Subsystem:
         held = drives[0].correction or Correction((), np.zeros((1, 1)), (0.0,))
         shares = np.array(held.shares)
         lists = [self._references_of(n) for n in (names, tuple(inputs), held.states, outputs)]
-        told = [(*c.addresses, c.parts) for cs in courses for c in cs]
-        tables = list(np.array(told, dtype=np.uintp).reshape(-1, 3).T.copy())
+        places = [(*c.addresses, c.parts) for cs in courses for c in cs]
+        tables = list(np.array(places, dtype=np.uintp).reshape(-1, 3).T.copy())
         measured, results = _addresses([d.measured for d in drives]), _addresses(made)
         runs = (len(values), len(names), drives[0].parts)
         sizes = (*runs, len(inputs), len(held.states), len(outputs), len(drives))
@@ -336,9 +336,9 @@ def _write(compiled: CompiledModel, folder: Path) -> None:
     sources = {name: (CSRC / name).read_text(encoding="utf-8") for name in core}
     for name in ("batch.c", "elementary.h", "lanes.h", "lane_steps.h"):
         sources[name] = (CSRC / "batch" / name).read_text(encoding="utf-8")
-    told = {"MAX_EVENTS": EVENTS, "STIFF_WATCH": STIFF[0], "STIFF_STEPS": STIFF[1]}
-    told["ASSERTED_ONCE"] = int(asserted_once(compiled.sources["model.c"]))
-    defines = "".join(f"#define {name} {value}\n" for name, value in told.items())
+    limits = {"MAX_EVENTS": EVENTS, "STIFF_WATCH": STIFF[0], "STIFF_STEPS": STIFF[1]}
+    limits["ASSERTED_ONCE"] = int(asserted_once(compiled.sources["model.c"]))
+    defines = "".join(f"#define {name} {value}\n" for name, value in limits.items())
     sources["core.c"] = defines + sources["core.c"]
     sources |= dict(compiled.sources)
     sources["model.c"] = with_elementary(compiled.sources["model.c"])
@@ -347,8 +347,8 @@ def _write(compiled: CompiledModel, folder: Path) -> None:
     (folder / SOURCES).write_text(json.dumps(sources), encoding="utf-8")
     keys = ("name", "kind", "type", "start", "unit", "min", "max")
     variables = [{k: v for k, v in asdict(x).items() if k in keys} for x in compiled.variables]
-    described = {"variables": variables, "switching": sorted(compiled.switching)}
-    (folder / "part.json").write_text(json.dumps(described), encoding="utf-8")
+    told = {"variables": variables, "switching": sorted(compiled.switching)}
+    (folder / "part.json").write_text(json.dumps(told), encoding="utf-8")
 
 
 def _compiled(part: Part) -> Path:

@@ -14,7 +14,6 @@ from modelica_fmu.compiled import Variable
 from modelica_fmu.emit import Emitter, Hoist
 from modelica_fmu.hybrid import TIME, HybridSystem
 from modelica_fmu.iterated import initial_functions, loop_functions
-from modelica_fmu.lanes import MINMAX
 from modelica_fmu.symbols import Scalar
 from modelica_fmu.tearing import Loop
 
@@ -36,6 +35,10 @@ TYPE = {
 }
 
 
+MINMAX = """\
+static inline double model_min(double a, double b) { return a < b ? a : b; }
+static inline double model_max(double a, double b) { return a > b ? a : b; }
+"""
 SOLVER = {"solver.max_step": "P_MAX_STEP", "solver.tolerance": "P_TOLERANCE"}  # places in q->p
 
 

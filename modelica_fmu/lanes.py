@@ -9,12 +9,8 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-__all__ = ["MINMAX", "asserted_once", "in_lanes", "with_elementary"]
+__all__ = ["asserted_once", "in_lanes", "with_elementary"]
 
-MINMAX = """\
-static inline double model_min(double a, double b) { return a < b ? a : b; }
-static inline double model_max(double a, double b) { return a > b ? a : b; }
-"""
 ELEMENTARY = re.compile(r"\b(exp|log|pow|sin|cos|tan|tanh)\(")  # those of elementary.h
 CALLS = re.compile(r"\b(?!model_|vector_|fabs|sqrt)[a-z]\w*\(")  # no vector instruction
 NAME = re.compile(r"\bw\d+\b")

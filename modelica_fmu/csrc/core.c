@@ -685,6 +685,13 @@ static void project(Instance *s) {
 #endif
 }
 
+/* The first of as few equal steps over what is left as are no longer than `longest`; `last`: it is the only one. */
+static inline double piece_of(double left, double longest, int *last) {
+    const double pieces = ceil(left / longest * (1 - 1e-9));
+    *last = pieces <= 1;
+    return *last ? left : left / pieces;
+}
+
 /* One accepted internal step, not beyond `end`. Sets `event` where it ends in one. */
 static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     Core *c = &s->c;
@@ -697,10 +704,10 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
     double h = c->step < longest ? c->step : longest;
     for (int i = 0; i < N_DELAYS; i++) /* a moving signal is not known further ahead than its delay; a held one is */
         if (s->c.delay_used[i] && history_moves(&s->history[i]) && h > s->delay[i]) h = s->delay[i] > 1e-5 ? s->delay[i] : 1e-5;
-    double left = end - time;
-    double pieces = ceil(left / h * (1 - 1e-9));
-    int last = pieces <= 1, jumps = 0, shortened = 0;
-    h = last ? left : left / pieces;
+    const double left = end - time;
+    int last, jumps = 0, shortened = 0;
+    h = piece_of(left, h, &last);
+    const int whole = last;
 #if JUMPING
     memcpy(s->from, c->q.w, sizeof s->from);
     jumps = locating && c->leap > 0;
@@ -720,7 +727,7 @@ static CoreStatus advance(Instance *s, double end, int locating, int *event) {
             invalidate(s);
             if (!take_jacobian(s)) return say(s, CORE_FATAL, "logStatusFatal", "out of memory for the Jacobian");
             h = wanted;
-            last = pieces <= 1;
+            last = whole;
             continue;
         }
         h *= trial.error < 1e8 ? fmax(0.2, 0.9 / sqrt(sqrt(trial.error))) : 0.1;

@@ -129,7 +129,9 @@ end Toy;
 def mill(tmp_path_factory: pytest.TempPathFactory) -> Subsystem:
     folder = tmp_path_factory.mktemp("mill")
     (folder / "Toy.mo").write_text(MODEL, encoding="utf-8")
-    return Subsystem(build_part(cut(folder / "Toy.mo", "Toy.Mill", ["s", "v"]), folder, "mill"))
+    compiled = cut(folder / "Toy.mo", "Toy.Mill", ["s", "v"])
+    assert asserted_once(compiled.sources["model.c"])  # else no run had a lane
+    return Subsystem(build_part(compiled, folder, "mill"))
 
 
 def test_lanes_that_need_different_parts_give_the_bits_of_single_runs(mill: Subsystem) -> None:

@@ -109,7 +109,7 @@ static void correct(Instance *s, const Batch *b, const Plan *plan, size_t k) {
 }
 
 /* From row k to the next; at once, where no input changes on the way. Lanes take the parts of all rows one by one, for what is beside
- * them may change: so does a row that they leave to core.c. */
+ * them may change: so does a row that they leave to core.c. A run that reads what is delayed has no lane. */
 static int pass(Instance *s, const Batch *b, const Plan *plan, size_t k) {
     const double time = (double)k * b->period, part = b->period / (double)b->n_parts;
     if ((!LANED || delays_matter(s)) && plan->kind[k] & STEADY) return core_step(s, time, b->period) <= CORE_WARNING;

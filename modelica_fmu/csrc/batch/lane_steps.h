@@ -103,10 +103,8 @@ static inline void relations_lanes(Lanes *w) {
         contradict(&w->q, w->z, odd);
         for (int l = 0; l < LANES; l++) odd[l] = w->off[l] == 0 ? odd[l] : 0;
         if (!any(odd)) return;
-        for (int i = 0; i < N_RELATIONS; i++) {
-            const int inclusive = model_inclusive[i];
-            for (int l = 0; l < LANES; l++) w->q.m[i][l] = (inclusive ? w->z[i][l] >= 0 : w->z[i][l] > 0) ? 1 : 0;
-        }
+        for (int i = 0; i < N_RELATIONS; i++)
+            for (int l = 0; l < LANES; l++) w->q.m[i][l] = holds(i, w->z[i][l]);
     }
     for (int l = 0; l < LANES; l++) w->off[l] += odd[l];
 }
@@ -240,15 +238,6 @@ APART void locate_lanes(Lanes *w, const double *begun, const Lane *x0, const Lan
     memcpy(w->z, z, sizeof z);
 }
 
-/* The step of each lane from `at` towards `end`, as core.c takes it, and whether it is the last. */
-static inline void step_lengths(const double *restrict at, double end, double longest, double *restrict h, int *last) {
-    for (int l = 0; l < LANES; l++) {
-        const double left = end - at[l], pieces = ceil(left / longest * (1 - 1e-9));
-        last[l] = pieces <= 1;
-        h[l] = last[l] ? left : left / pieces;
-    }
-}
-
 /* Error up to which a step is small. Another one may follow behind an event: core.c makes that no longer than grows from this one. */
 static inline double calm_of(int last) { return last ? CALM : CALM / 16; }
 
@@ -257,8 +246,10 @@ static inline void advance_lanes(Lanes *w, double *at, double end, double width,
     LaneData *q = &w->q;
     Lane x0[N_STATES], k1[N_STATES], z0[AT_LEAST_1(N_RELATIONS)], h, whole, calm, before[N_STATES], passed = {0};
     int last[LANES];
-    step_lengths(at, end, w->run[0]->c.q.p[P_MAX_STEP], h, last);
-    for (int l = 0; l < LANES; l++) calm[l] = calm_of(last[l]);
+    for (int l = 0; l < LANES; l++) {
+        h[l] = piece_of(end - at[l], w->run[0]->c.q.p[P_MAX_STEP], last + l);
+        calm[l] = calm_of(last[l]);
+    }
     memcpy(x0, q->x, sizeof x0);
     memcpy(k1, w->dx, sizeof k1);
     memcpy(z0, w->z, sizeof z0);
@@ -330,9 +321,8 @@ static inline void pass_lanes(Lanes *w, double time, double length) {
     settle_lanes(w);
     refuse_ticks(w, end);
     for (int last = 0; !last;) {
-        const double left = end - now, pieces = ceil(left / longest * (1 - 1e-9)), step = pieces <= 1 ? left : left / pieces;
+        const double step = piece_of(end - now, longest, &last);
         Lane h, at;
-        last = pieces <= 1;
         for (int l = 0; l < LANES; l++) h[l] = step;
         now = last ? end : now + step;
         if (step_lanes(w, h, last, now, at)) {
