@@ -1,6 +1,9 @@
 """A sensor's learnt error taken out of its readings: other views take them as known, and positions
 are smoothed by speeds before any view sees them. What all views make of the corrected readings
 tells its parameters.
+
+The view of the sensor itself has the error added to what its part computes instead: taken out of
+the readings it would take of their noise as well, and the less noise, the likelier.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ import numpy as np
 
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
-from pneugantry.engine.views import Run, View
+from pneugantry.engine.views import Run, SubsystemView, View
 from pneugantry.learn.term import Term
 
 __all__ = ["Calibrated", "calibrated", "read_by"]
@@ -91,8 +94,24 @@ class Calibrated:
         for values, members in alike.items():
             shown = [self._record(runs[i][0], values) for i in members]
             made = [(r or runs[i][0], runs[i][1]) for r, i in zip(shown, members, strict=True)]
-            for i, r, residual in zip(members, shown, self.view.residuals(made), strict=True):
+            told = self._residuals(made, [runs[i][0] for i in members], values)
+            for i, r, residual in zip(members, shown, told, strict=True):
                 found[i] = residual if r is not None else np.full_like(residual, np.nan)
+        return found
+
+    def _residuals(
+        self, runs: Sequence[Run], read: Sequence[Record], values: tuple[float, ...]
+    ) -> list[Array]:
+        """Of runs over records without the error; read: the records as they are."""
+        view = self.view
+        if not (isinstance(view, SubsystemView) and self.signal in view.signals):
+            return view.residuals(runs)
+        column, term = view.signals.index(self.signal), self.term.at(values)
+        found = []
+        for record, (_, given), true in zip(read, runs, view.simulate(runs), strict=True):
+            sensed = true.copy()
+            sensed[:, column] += _error(true[:, column], record.period, term)
+            found.append(view.error(record, sensed, given))
         return found
 
     def _record(self, record: Record, values: tuple[float, ...]) -> Record | None:

@@ -26,14 +26,23 @@ class Judge:
     before: Found
     fits: TermFits
 
+    @property
+    def _plain(self) -> Fit:
+        """The likelier of the nominal plant and that with the effects found."""
+        return min(self.before.search.null, self.before.decision.best, key=self._cost)
+
+    def _cost(self, fit: Fit) -> float:
+        return fit.evidence + 2 * self.fits.rules.entry * len(fit.keys)
+
+    def helps(self, tried: Tried) -> bool:
+        """Whether the fitted logs are likelier with a term than with what is known alone."""
+        return tried.cost <= self._cost(self._plain) - self.fits.rules.entry
+
     def judged(self, best: Tried, after: Found) -> tuple[bool, str]:
         """Whether the term stands, and why."""
-        before, price = self.before, 2 * self.fits.rules.entry
-        known = (before.search.null, before.decision.best)
-        plain = min(known, key=lambda f: f.evidence + price * len(f.keys))
-        if best.cost > plain.evidence + price * len(plain.keys) - self.fits.rules.entry:
+        if not self.helps(best):
             return False, "the term brings the fitted logs nothing: located, not explained"
-        old, new = before.gap, after.gap
+        before, old, new = self.before, self.before.gap, after.gap
         if old is None or new is None or before.augmented is None or after.augmented is None:
             return False, "no log could be replayed: located, not explained"
         verb = "falls" if new.augmented < old.augmented else "goes"
@@ -42,7 +51,7 @@ class Judge:
         better = noise.doubted(falls, self.fits.rules.doubt) > self.fits.rules.entry
         hangs = _hangs(old) or _hangs(new)
         if not better and (hangs or new.augmented < old.augmented):
-            better = self._foretells(best, plain)
+            better = self._foretells(best, self._plain)
         if not better and new.augmented < LEFT * old.augmented:
             return False, f"{fall}, in too few stretches to tell: located, not explained"
         if not better:

@@ -40,6 +40,7 @@ from pneugantry.learn.wanted import wanted, whole
 __all__ = ["learn"]
 
 NOTHING = "no variable of any component foretells what is left of a log that its curve has not seen"
+NO_FIT = "no term of any variable that was tried fits the logs better than what is known"
 Say = Callable[[str], None]
 CLEARLY = 1.1  # times the gain of single variables, from which on products are fitted first
 FINALISTS = 2  # pairs of equation and variable that are fitted
@@ -142,16 +143,20 @@ class _Learning:
             tried += self._crossed(tried, bases)
         if not tried:
             return Learned(found, None, (), (), main(screens), False, NOTHING, 0.0)
+        judge = Judge(found, self.fits)
+        if told is None and not any(map(judge.helps, tried)):
+            tried += self._further(twofold, tried)
+            if not any(map(judge.helps, tried)):
+                return Learned(found, None, (), _ordered(tried), main(screens), False, NO_FIT, 0.0)
         tried, told = self._told(tried, screens, told)
         if told.formless or wanted(told.after):  # a single variable does not tell it all
             self.say("missing term: products")
             tried, told = self._told([*tried, *self._further(twofold, tried)], screens, told)
         screens += twofold
         answers, after = told.answers, told.after
-        accepted, why = Judge(self.found, self.fits).judged(answers[0], after)
-        kept = main(screens), accepted, why
-        experiment, ordered = self._experiment(answers), sorted(tried, key=lambda t: t.cost)
-        return Learned(found, after, answers, tuple(ordered), *kept, 0.0, experiment)
+        kept = main(screens), *judge.judged(answers[0], after)
+        experiment = self._experiment(answers)
+        return Learned(found, after, answers, _ordered(tried), *kept, 0.0, experiment)
 
     def _likeliest(self, tried: Sequence[Tried]) -> Tried | None:
         """In the form of fewest parameters that is as likely."""
@@ -356,6 +361,11 @@ class _Learning:
         if any(r is None for r in each.values()):
             return None
         return data.each(lambda r: each[r] or r)
+
+
+def _ordered(tried: Sequence[Tried]) -> tuple[Tried, ...]:
+    """The likeliest first."""
+    return tuple(sorted(tried, key=lambda t: t.cost))
 
 
 def _blamed(found: Found) -> frozenset[str] | None:

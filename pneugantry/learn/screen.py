@@ -60,6 +60,7 @@ class Course:
     values: Mapping[str, Array]
     factors: Mapping[str, Array] | None  # by which its term is multiplied
     periods: Mapping[str, float] = field(default_factory=dict)  # of rows, s
+    sensor: str = ""  # whose view has it, where it is not what is measured
 
     def shapes(self, basis: Basis | Remembered) -> dict[str, Array]:
         """Shapes (rows, coefficients) of each record."""
@@ -159,6 +160,7 @@ class Screening:
     views: frozenset[str] | None = None
     _zero: dict[Cell, Array] = field(default_factory=dict)
     _walks: Walks = field(default_factory=Walks)
+    _sensed: dict[str, dict[str, Array]] = field(default_factory=dict)  # see `_simulated`
 
     def __post_init__(self) -> None:
         self.base = base_of(self.fit, self.noise, self.rules)
@@ -241,7 +243,7 @@ class Screening:
                     continue
                 if regressor.within(head) and not self._circular(head, regressor):
                     own = response.times(group.factor(head))
-                    course = Course(values, regressor.factors(self._series), self.periods)
+                    course = self._course(head, regressor, values)
                     headed, product = group.of(head), (regressor.component, regressor.times)
                     if regressor.times and course.factors is not None:
                         if product not in ratios:
@@ -251,6 +253,35 @@ class Screening:
                     pair = headed, own, regressor
                     found += [self._candidate(*pair, b, course) for b in bases]
         return found
+
+    def _course(self, point: Point, regressor: Regressor, values: Mapping[str, Array]) -> Course:
+        """What a sensor reads is taken as its view has it, less that sensor's noise: of its own
+        readings that noise would be a function.
+        """
+        series, sensor = self._series, ""
+        for name in (regressor.name, regressor.times):
+            read = Regressor(regressor.component, name)
+            if name and point.is_read(name):
+                series = {**series, read: {**series[read], **self._simulated(point)}}
+                sensor = point.equation.left
+        values = series[regressor.plain] if sensor and not regressor.travelled else values
+        return Course(values, regressor.factors(series), self.periods, sensor)
+
+    def _simulated(self, point: Point) -> dict[str, Array]:
+        """What a sensor would read without error by record, where a view has it."""
+        read = point.equation.left
+        if read not in self._sensed:
+            signal = next((s.name for s in self.opened.plant.signals if s.variable == read), None)
+            views = [v for v in self.opened.views if signal in v.signals]
+            self._sensed[read] = {
+                r.name: v.simulate([(self.quiet[r.name], self.values[r.name])])[0][
+                    :, v.signals.index(str(signal))
+                ]
+                for v in views
+                for r in self.records
+                if (v.name, r.name) in self.base.white
+            }
+        return self._sensed[read]
 
     def _ratio(self, response: Response, factors: Mapping[str, Array]) -> float:
         """By how much less than a factor a wave of size 1 does to the residuals."""
@@ -391,7 +422,9 @@ class Screening:
             tried = memory.tried(float(high - low), max(step.values()), length)
             if tried:
                 made = {
-                    c: self._walks.of((regressor.label, c[1]), memory, tried, v, step[c])
+                    c: self._walks.of(
+                        (regressor.label, course.sensor, c[1]), memory, tried, v, step[c]
+                    )
                     for c, v in over.items()
                 }
                 falls = trial_over(response, made).falls
