@@ -296,8 +296,9 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     parameter Position lambda[8](each min = 1e-4, each max = 100) = {0.060, 0.027, 0.013, 0.1, 0.1, 0.1, 0.1, 0.1} "Surface finish, wavelengths; the first three [A]";
     parameter Angle phi[8](each min = -10, each max = 10) = {0.3, 1.1, 2.0, 0, 0, 0, 0, 0} "Surface finish, phases; the first three [A]";
     parameter Position rise[61](each min = -0.1, each max = 0.1) = zeros(61) "Unevenness, coefficients of cubic B-splines at nodes evenly spaced from x_low to x_high; neutral 0";
-    parameter Position x_low(min = -10, max = 10) = 0.4 "First node of rise";
-    parameter Position x_high(min = -10, max = 10) = 1.0 "Last node of rise";
+    parameter Position rise_fine[121](each min = -0.1, each max = 0.1) = zeros(121) "The same at nodes half as far apart; neutral 0";
+    parameter Position x_low(min = -10, max = 10) = 0.4 "First node of rise and rise_fine";
+    parameter Position x_high(min = -10, max = 10) = 1.0 "Last node of rise and rise_fine";
     input Position x "Position along the x axis";
     input Position profile_at "Own profile: position about which it is expanded";
     input Position profile_height "Own profile: z_w at profile_at";
@@ -316,8 +317,12 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Real node "Place among the nodes, 0 at the first";
     Position wide[69] = cat(1, zeros(4), rise, zeros(4));
     Position jump[65] = {wide[i] - 4*wide[i + 1] + 6*wide[i + 2] - 4*wide[i + 3] + wide[i + 4] for i in 1:65} "Of the third derivative, at each node from the second ahead of the first on";
-    Position h_uneven;
-    Ratio t_uneven;
+    Boolean uneven_fine "Any unevenness at the finer nodes";
+    Real node_fine "Place among these, 0 at the first";
+    Position wide_fine[129] = cat(1, zeros(4), rise_fine, zeros(4));
+    Position jump_fine[125] = {wide_fine[i] - 4*wide_fine[i + 1] + 6*wide_fine[i + 2] - 4*wide_fine[i + 3] + wide_fine[i + 4] for i in 1:125};
+    Position h_uneven, h_fine;
+    Ratio t_uneven, t_fine;
     Ratio s_rise "Position within the 50 deg bump, 0..1";
     Ratio s_dip "Position within the -10 deg bump, 0..1";
     Position h_shape, d;
@@ -341,9 +346,13 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     node = noEvent(min(max(60*(x - x_low)/(x_high - x_low), -2), 62));
     h_uneven = noEvent(if uneven then sum(jump[i]*max(node - i + 3, 0)^3 for i in 1:65)/6 else 0);
     t_uneven = noEvent(if uneven then sum(jump[i]*max(node - i + 3, 0)^2 for i in 1:65)*30/(x_high - x_low) else 0);
+    uneven_fine = noEvent(sum(abs(rise_fine[i]) for i in 1:121) > 0);
+    node_fine = noEvent(min(max(120*(x - x_low)/(x_high - x_low), -2), 122));
+    h_fine = noEvent(if uneven_fine then sum(jump_fine[i]*max(node_fine - i + 3, 0)^3 for i in 1:125)/6 else 0);
+    t_fine = noEvent(if uneven_fine then sum(jump_fine[i]*max(node_fine - i + 3, 0)^2 for i in 1:125)*60/(x_high - x_low) else 0);
     d = x - profile_at;
-    height = h_shape + h_finish + h_uneven + (tan(extra_angle) + extra_bow*(x - x_0)/2)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
-    slope = t_shape + t_finish + t_uneven + tan(extra_angle) + extra_bow*(x - x_0) + profile_slope + d*profile_curvature;
+    height = h_shape + h_finish + h_uneven + h_fine + (tan(extra_angle) + extra_bow*(x - x_0)/2)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
+    slope = t_shape + t_finish + t_uneven + t_fine + tan(extra_angle) + extra_bow*(x - x_0) + profile_slope + d*profile_curvature;
   end Workpiece;
 
   block Contact "Springy contact between the bearing on the end effector and the edge (Eq. 3-8, 3-9, 4-3, 4-4)"
@@ -681,18 +690,25 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
 
     model UnevenEdge "Coefficients that are squares give a parabola: sum of i^2 B(u - i) = u^2 + 1/3"
       Workpiece workpiece(rise = {1e-6*(i - 1)^2 for i in 1:61});
+      Workpiece fine(rise_fine = {1e-6*(i - 1)^2 for i in 1:121}) "Its nodes are half as far apart";
       parameter Real tolerance = 1e-12;
       output Real error;
     protected
-      Real u "Place among the nodes";
+      Real u, w "Places among the nodes";
     equation
       workpiece.x = 0.95 - 0.15*time;
       workpiece.profile_at = 0;
       workpiece.profile_height = 0;
       workpiece.profile_slope = 0;
       workpiece.profile_curvature = 0;
+      fine.x = workpiece.x;
+      fine.profile_at = 0;
+      fine.profile_height = 0;
+      fine.profile_slope = 0;
+      fine.profile_curvature = 0;
       u = (workpiece.x - 0.4)/0.01;
-      error = abs(workpiece.height - 1e-6*(u^2 + 1/3)) + abs(workpiece.slope - 2e-4*u);
+      w = 2*u;
+      error = abs(workpiece.height - 1e-6*(u^2 + 1/3)) + abs(workpiece.slope - 2e-4*u) + abs(fine.height - 1e-6*(w^2 + 1/3)) + abs(fine.slope - 4e-4*w);
     end UnevenEdge;
 
     model FineTable "Nodes on a parabola give that parabola between them"

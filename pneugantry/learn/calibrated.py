@@ -2,8 +2,9 @@
 are smoothed by speeds before any view sees them. What all views make of the corrected readings
 tells its parameters.
 
-The view of the sensor itself has the error added to what its part computes instead: taken out of
-the readings it would take of their noise as well, and the less noise, the likelier.
+Readings' density is that of what they stand for times the slope of one by the other, at each row.
+Without it an error that turns noise into less noise would be likely: a reading less a play of
+itself is such a one.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ import numpy as np
 
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
-from pneugantry.engine.views import Run, SubsystemView, View
+from pneugantry.engine.views import Run, View
 from pneugantry.learn.term import Term
 
 __all__ = ["Calibrated", "calibrated", "read_by"]
 
 KEPT = 256  # records that a view keeps
 ROUNDS = 60  # steps of the inversion, at most
+FLAT = 1e-3  # slope that counts as none
 EXACT = 1e-3  # of an error's size, left by the last one
 
 
@@ -66,6 +68,7 @@ class Calibrated:
         self.name, self.signals, self.blocks = view.name, view.signals, view.blocks
         self.sigmas, self.decimation = view.sigmas, view.decimation
         self._records: Recent[Record | None] = Recent(KEPT)
+        self._slopes: Recent[float] = Recent(KEPT)
 
     @property
     def defaults(self) -> Mapping[str, float]:
@@ -94,29 +97,35 @@ class Calibrated:
         for values, members in alike.items():
             shown = [self._record(runs[i][0], values) for i in members]
             made = [(r or runs[i][0], runs[i][1]) for r, i in zip(shown, members, strict=True)]
-            told = self._residuals(made, [runs[i][0] for i in members], values)
-            for i, r, residual in zip(members, shown, told, strict=True):
-                found[i] = residual if r is not None else np.full_like(residual, np.nan)
+            for i, r, residual in zip(members, shown, self.view.residuals(made), strict=True):
+                told = residual * self._slope(r, values) if r is not None else np.nan * residual
+                found[i] = told
         return found
 
-    def _residuals(
-        self, runs: Sequence[Run], read: Sequence[Record], values: tuple[float, ...]
-    ) -> list[Array]:
-        """Of runs over records without the error; read: the records as they are."""
-        view = self.view
-        if not (isinstance(view, SubsystemView) and self.signal in view.signals):
-            return view.residuals(runs)
-        column, term = view.signals.index(self.signal), self.term.at(values)
-        found = []
-        for record, (_, given), true in zip(read, runs, view.simulate(runs), strict=True):
-            sensed = true.copy()
-            sensed[:, column] += _error(true[:, column], record.period, term)
-            found.append(view.error(record, sensed, given))
+    def _slope(self, record: Record, values: tuple[float, ...]) -> Array:
+        """Of each column, by what it is to be multiplied: of the sensor's own the mean slope of its
+        readings by what they stand for, row by row; the geometric one, as densities have it.
+        """
+        found = np.ones(len(self.signals))
+        if self.signal in self.signals:
+            column, term = self.signals.index(self.signal), self.term.at(values)
+            sigma = self.sigmas[column] * math.sqrt(self.decimation)
+            found[column] = self._slopes.of(
+                (record, values), lambda: _steep(record, sigma, self.signal, term)
+            )
         return found
 
     def _record(self, record: Record, values: tuple[float, ...]) -> Record | None:
         term = self.term.at(values)
         return self._records.of((record, values), lambda: calibrated(record, self.signal, term))
+
+
+def _steep(record: Record, sigma: float, signal: str, term: Term) -> float:
+    """How much of a sensor's noise, another sign at each row, comes through an error: a mean."""
+    true = np.asarray(record.signals[signal], dtype=float)
+    noise = sigma * np.random.default_rng(0).choice((-1.0, 1.0), len(true))
+    errors = [_error(z, record.period, term) for z in (true + noise, true - noise)]
+    return float(np.exp(np.mean(np.log(np.abs(1 + (errors[0] - errors[1]) / (2 * noise)) + FLAT))))
 
 
 def _error(true: Array, period: float, term: Term) -> Array:

@@ -256,7 +256,7 @@ class Screening:
 
     def _course(self, point: Point, regressor: Regressor, values: Mapping[str, Array]) -> Course:
         """What a sensor reads is taken as its view has it, less that sensor's noise: of its own
-        readings that noise would be a function.
+        readings that noise would be a function. But not where the view integrates and so drifts.
         """
         series, sensor = self._series, ""
         for name in (regressor.name, regressor.times):
@@ -272,7 +272,7 @@ class Screening:
         read = point.equation.left
         if read not in self._sensed:
             signal = next((s.name for s in self.opened.plant.signals if s.variable == read), None)
-            views = [v for v in self.opened.views if signal in v.signals]
+            views = [v for v in self.opened.views if signal in v.signals and not v.remembers]
             self._sensed[read] = {
                 r.name: v.simulate([(self.quiet[r.name], self.values[r.name])])[0][
                     :, v.signals.index(str(signal))
