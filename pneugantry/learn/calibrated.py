@@ -121,11 +121,16 @@ class Calibrated:
 
 
 def _steep(record: Record, sigma: float, signal: str, term: Term) -> float:
-    """How much of a sensor's noise, another sign at each row, comes through an error: a mean."""
-    true = np.asarray(record.signals[signal], dtype=float)
-    noise = sigma * np.random.default_rng(0).choice((-1.0, 1.0), len(true))
-    errors = [_error(z, record.period, term) for z in (true + noise, true - noise)]
-    return float(np.exp(np.mean(np.log(np.abs(1 + (errors[0] - errors[1]) / (2 * noise)) + FLAT))))
+    """Slope of readings by what they stand for, with what came before: a geometric mean."""
+    true, law = np.asarray(record.signals[signal], dtype=float), term.law
+    if law.memory is None:
+        ends = [law.law(true + sign * sigma, term.values) for sign in (1, -1)]
+        slope = (ends[0] - ends[1]) / (2 * sigma)
+    else:
+        size, *rest = term.values
+        off = law.memory.walk(true, record.period, rest)
+        slope = size * np.asarray(law.memory.slope(off, record.period, rest))
+    return float(np.exp(np.mean(np.log(np.abs(1 + slope) + FLAT))))
 
 
 def _error(true: Array, period: float, term: Term) -> Array:

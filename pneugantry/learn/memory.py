@@ -14,6 +14,7 @@ from pneugantry.engine.plant import Array
 __all__ = ["MEMORIES", "Memory", "Remembered", "Walks"]
 
 Walk = Callable[[Array, float, Sequence[float]], Array]
+Slope = Callable[[Array, float, Sequence[float]], Array | float]
 PACE = 2e-3  # s, in which the state of a play follows the end of its band that it is pushed by
 SHARES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of a variable's range, half widths of a play
 RATIO = 1.5  # of two lags that are tried
@@ -32,6 +33,7 @@ class Memory:
     rates: str  # equations of the states, in z, s and p2, ...
     shapes: int  # p2, ...
     walk: Walk  # z - s over evenly spaced rows of z, their period (s) and (p2, ...)
+    slope: Slope  # of z - s at each row by z there, with what came before; of z - s, period, p
     tried: Callable[[float, float, float], list[tuple[float, ...]]]  # (p2, ...) to try, for a range
     # of z, the period of rows and the length of a record, s
 
@@ -94,6 +96,11 @@ def _play(z: Array, period: float, p: Sequence[float]) -> Array:
     return np.asarray(z - followed)
 
 
+def _within(off: Array, period: float, p: Sequence[float]) -> Array:
+    """The band follows z at its ends."""
+    return np.asarray(np.abs(off) < p[0] * (1 - 1e-9), dtype=float)
+
+
 def _halves(span: float, period: float, length: float) -> list[tuple[float, ...]]:
     return [(share * span,) for share in SHARES]
 
@@ -102,11 +109,15 @@ def _lag(z: Array, period: float, p: Sequence[float]) -> Array:
     """Exact where z is straight between rows."""
     from scipy.signal import lfilter  # its import is dear, for who learns
 
-    (tau,) = p
-    fade = float(np.exp(-period / tau))
-    behind = tau / period * (1 - fade)  # of a ramp, in one row
-    left = lfilter([behind], [1.0, -fade], np.diff(z, prepend=z[0]))
+    fade = float(np.exp(-period / p[0]))
+    left = lfilter([_behind(z, period, p)], [1.0, -fade], np.diff(z, prepend=z[0]))
     return np.asarray(left)
+
+
+def _behind(off: Array, period: float, p: Sequence[float]) -> float:
+    """Of a ramp of 1 a row, in one row."""
+    (tau,) = p
+    return tau / period * (1 - float(np.exp(-period / tau)))
 
 
 def _lags(span: float, period: float, length: float) -> list[tuple[float, ...]]:
@@ -117,12 +128,22 @@ def _resonance(z: Array, period: float, p: Sequence[float]) -> Array:
     """By the bilinear transform that keeps the natural frequency."""
     from scipy.signal import lfilter  # its import is dear, for who learns
 
-    turn, zeta = p
-    w = 2 * np.pi / turn
-    c = w / np.tan(w * period / 2)  # d/dt = c (1 - q)/(1 + q)
-    below = [c**2 + 2 * zeta * w * c + w**2, 2 * (w**2 - c**2), c**2 - 2 * zeta * w * c + w**2]
+    w, below = _turning(period, p)
     moved = lfilter([w**2, 2 * w**2, w**2], below, z - z[0])
     return np.asarray(z - z[0] - moved)
+
+
+def _turning(period: float, p: Sequence[float]) -> tuple[float, list[float]]:
+    """Natural frequency, rad/s, and denominator of the filter."""
+    turn, zeta = p
+    w = 2 * np.pi / turn
+    c = float(w / np.tan(w * period / 2))  # d/dt = c (1 - q)/(1 + q)
+    return w, [c**2 + 2 * zeta * w * c + w**2, 2 * (w**2 - c**2), c**2 - 2 * zeta * w * c + w**2]
+
+
+def _unmoved(off: Array, period: float, p: Sequence[float]) -> float:
+    w, below = _turning(period, p)
+    return 1 - w**2 / below[0]
 
 
 def _turns(span: float, period: float, length: float) -> list[tuple[float, ...]]:
@@ -142,9 +163,10 @@ MEMORIES = (
         f"    der(s) = noEvent((z - s - min(max(z - s, -p2), p2))/{PACE!r});\n",
         1,
         _play,
+        _within,
         _halves,
     ),
-    Memory("lag", "", "    der(s) = (z - s)/p2;\n", 1, _lag, _lags),
+    Memory("lag", "", "    der(s) = (z - s)/p2;\n", 1, _lag, _behind, _lags),
     Memory(
         "resonance",
         "    Real s_rate(start = 0, fixed = true);\n",
@@ -152,6 +174,7 @@ MEMORIES = (
         "    der(s_rate) = 6.283185307179586/p2*(6.283185307179586/p2*(z - s) - 2*p3*s_rate);\n",
         2,
         _resonance,
+        _unmoved,
         _turns,
     ),
 )

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from pneugantry.api.diagnosis import diagnose
 from pneugantry.cli import main
 from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.sensors import PREFIX
@@ -182,6 +184,52 @@ def test_a_view_is_shown_readings_without_the_error_that_is_asked(tmp_path: Path
     assert reader.moving == {"k"}
     assert view.shows(record)
     assert (view.remembers, view.defaults, view.signals) == (True, {"k": 2.0}, ("f",))
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("play", (0.8, 3e-4)), ("play", (0.8, 3e-3)), ("lag", (0.5, 0.05)), ("linear", (0.5,))],
+)
+def test_an_error_that_smooths_a_sensor_s_noise_is_not_the_likelier_for_it(
+    tmp_path: Path, name: str, values: tuple[float, ...]
+) -> None:
+    """A sensor at rest: what is left of its noise is told in units of what it reads."""
+    _, term = _term(tmp_path, name, values)
+    noise = 1e-3 * np.random.default_rng(3).standard_normal(ROWS)
+    reader = _Reader(np.zeros(ROWS))
+    reader.signals, reader.sigmas = ("x",), (1e-3,)
+    (found,) = Calibrated(reader, "x", term).residuals(
+        [(Record("run", PERIOD, {}, {"x": noise}, {}), {"k": 1.0})]
+    )
+    assert np.std(found) > 0.99 * np.std(noise)
+
+
+def test_a_sound_rig_s_sensors_have_no_error(tmp_path: Path) -> None:
+    """A reading less what it remembers of itself is its noise: the only thing to be explained."""
+    model = tmp_path / "Slide.mo"
+    model.write_text(MODEL, encoding="utf-8")
+    (tmp_path / "effects.toml").write_text(EFFECT, encoding="utf-8")
+    plant = PLANT.replace("sigma = 0.05", "sigma = 2.0")  # N, a play's width is tried that small
+    (tmp_path / "plant.toml").write_text(plant, encoding="utf-8")
+    rng = np.random.default_rng(6)
+    for log, slow, fast in (("swings", 1.7, 4.1), ("sweeps", 0.8, 2.9), ("other", 1.2, 5.3)):
+        t = 0.01 * T[:1200] / PERIOD
+        u = np.round(14 * np.sin(slow * t) + 8 * np.sin(fast * t + 1), 3)
+        s = _travel(u, 1.97, 4.1, 206.0)
+        read = s + 3e-4 * rng.standard_normal(len(s))
+        f = 206.0 * s + 2.0 * rng.standard_normal(len(s))
+        pd.DataFrame({"u": u, "x": read, "f": f}).to_csv(tmp_path / f"{log}.csv", index=False)
+    found = diagnose(tmp_path / "plant.toml")
+    assert found.verdict == "none"
+    likely = replace(found.found.decision, unknown=1.0)  # looked for all the same
+    learned = (
+        replace(found, found=replace(found.found, decision=likely)).with_missing_term().learned
+    )
+    assert learned is not None
+    own = [c.gain for c in learned.screen.candidates if c.point.equation.left == "f_read"]
+    assert own
+    assert max(own) < 40
+    assert learned.best is None, learned.why
 
 
 def test_all_views_tell_a_scale_s_error(tmp_path: Path) -> None:

@@ -52,6 +52,20 @@ def test_a_play_stays_where_it_is_until_its_band_ends() -> None:
     assert left == pytest.approx([0.0, 0.2, 0.3, 0.3, 0.1, -0.3, -0.3])
 
 
+@pytest.mark.parametrize(
+    ("name", "p"), [("play", (0.3,)), ("lag", (0.1,)), ("resonance", (0.2, 0.1))]
+)
+def test_its_slope_is_that_of_one_row_alone(name: str, p: tuple[float, ...]) -> None:
+    memory, z = OF_NAME[name], np.sin(np.arange(40)) + 0.2 * np.cos(2.3 * np.arange(40))
+    off = memory.walk(z, 0.01, p)
+    slope = np.broadcast_to(memory.slope(off, 0.01, p), z.shape)
+    assert np.ptp(slope) > 0 or name != "play"  # its ends are met
+    for k in range(1, len(z)):
+        moved = np.where(np.arange(len(z)) == k, z + 1e-6, z)
+        other = (memory.walk(moved, 0.01, p)[k] - off[k]) / 1e-6
+        assert slope[k] == pytest.approx(other, abs=1e-6)
+
+
 def test_a_lag_is_behind_a_ramp_by_its_own_time() -> None:
     left = OF_NAME["lag"].walk(4 * T + 1, PERIOD, (0.3,))
     assert left == pytest.approx(4 * 0.3 * (1 - np.exp(-T / 0.3)), abs=1e-12)
