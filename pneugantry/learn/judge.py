@@ -4,6 +4,7 @@ stood out do so no longer.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from pneugantry.engine import noise
@@ -25,6 +26,7 @@ class Judge:
 
     before: Found
     fits: TermFits
+    among: int = 1  # curves of variables that were tried
 
     @property
     def _plain(self) -> Fit:
@@ -35,8 +37,11 @@ class Judge:
         return fit.evidence + 2 * self.fits.rules.entry * len(fit.keys)
 
     def helps(self, tried: Tried) -> bool:
-        """Whether the fitted logs are likelier with a term than with what is known alone."""
-        return tried.cost <= self._cost(self._plain) - self.fits.rules.entry
+        """Whether a term brings the fitted logs what makes a known effect as likely as none, and
+        what says which of those it is that were tried.
+        """
+        bar = self.before.task.chances.entry + 2 * math.log(self.among)
+        return tried.cost <= self._cost(self._plain) - bar
 
     def judged(self, best: Tried, after: Found) -> tuple[bool, str]:
         """Whether the term stands, and why."""

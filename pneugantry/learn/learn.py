@@ -143,7 +143,7 @@ class _Learning:
             tried += self._crossed(tried, bases)
         if not tried:
             return Learned(found, None, (), (), main(screens), False, NOTHING, 0.0)
-        judge = Judge(found, self.fits)
+        judge = Judge(found, self.fits, sum(s.tried for s in (*screens, *twofold)))
         if told is None and not any(map(judge.helps, tried)):
             tried += self._further(twofold, tried)
             if not any(map(judge.helps, tried)):
