@@ -13,7 +13,17 @@ import numpy as np
 
 from pneugantry.engine.plant import Array
 
-__all__ = ["JUMP", "SIZES", "Basis", "FineKnots", "Knots", "Wave", "finer", "knots_over"]
+__all__ = [
+    "JUMP",
+    "SIZES",
+    "Basis",
+    "FineKnots",
+    "Knots",
+    "Wave",
+    "finer",
+    "knots_over",
+    "waves_of",
+]
 
 COUNT = 11
 FINE = 41  # knots of a curve with narrow features
@@ -124,11 +134,16 @@ class Wave:
         return (1.0,)
 
     def shapes(self, values: Array) -> Array:
-        phase = 2 * np.pi * values / self.period
-        return np.column_stack([np.sin(phase), np.cos(phase)])
+        return waves_of(values, np.array([self.period]))
 
     def prior(self, size: float, bend: float) -> Array:
         return np.eye(2 * self.phases) / size**2
+
+
+def waves_of(values: Array, periods: Array) -> Array:
+    """Sines and cosines of several periods, those of one behind the other: (rows, 2 periods)."""
+    phase = 2 * np.pi * values[:, None] / periods
+    return np.stack([np.sin(phase), np.cos(phase)], axis=2).reshape(len(values), -1)
 
 
 def knots_over(values: Array) -> Knots | None:

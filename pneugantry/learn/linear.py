@@ -255,11 +255,10 @@ class Response:
         pull: Array | float = 0.0
         for cell, own in self.products.items():
             s = shapes[cell]
-            one = s.reshape(len(s), -1, 2)
-            for p in own.values():
-                both = (p.square @ s).reshape(len(s), -1, 2)
-                square = square + np.einsum("bni,bnj->nij", one, both)
-                pull = pull + (s.T @ p.pull).reshape(-1, 2)
+            whole = reduce(Products.__add__, own.values())
+            one, both = (x.reshape(len(s), -1, 2) for x in (s, whole.square @ s))
+            square = square + np.einsum("bni,bnj->nij", one, both)
+            pull = pull + (s.T @ whole.pull).reshape(-1, 2)
         return np.asarray(self.factor**2 * square), np.asarray(self.factor * pull)
 
 

@@ -89,11 +89,14 @@ class Walks:
 
 def _play(z: Array, period: float, p: Sequence[float]) -> Array:
     (half,), s = p, float(z[0])
-    followed = np.empty(len(z))
-    for k, value in enumerate(z.tolist()):
-        s = min(max(s, value - half), value + half)
-        followed[k] = s
-    return np.asarray(z - followed)
+    followed = []
+    for value in z.tolist():
+        if s < value - half:
+            s = value - half
+        elif s > value + half:
+            s = value + half
+        followed.append(s)
+    return np.asarray(z - np.array(followed))
 
 
 def _within(off: Array, period: float, p: Sequence[float]) -> Array:

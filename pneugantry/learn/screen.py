@@ -19,7 +19,7 @@ from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell
 from pneugantry.engine.threads import on_threads
-from pneugantry.learn.curve import SIZES, Basis, Wave, finer, knots_over
+from pneugantry.learn.curve import SIZES, Basis, Wave, finer, knots_over, waves_of
 from pneugantry.learn.linear import (
     Answer,
     Base,
@@ -500,8 +500,7 @@ def _powers(response: Response, over: Mapping[Cell, Array], periods: Array) -> A
     """
     found: list[Array] = []
     for start in range(0, len(periods), PAIRS):
-        waves = [Wave(float(p)) for p in periods[start : start + PAIRS]]
-        shapes = {c: np.column_stack([w.shapes(v) for w in waves]) for c, v in over.items()}
+        shapes = {c: waves_of(v, periods[start : start + PAIRS]) for c, v in over.items()}
         square, pull = response.pairs(shapes)
         size = np.trace(square, axis1=1, axis2=2) + 1e-300
         told = np.linalg.solve(square + 1e-9 * size[:, None, None] * np.eye(2), pull[..., None])
