@@ -690,7 +690,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
 
     model UnevenEdge "Coefficients that are squares give a parabola: sum of i^2 B(u - i) = u^2 + 1/3"
       Workpiece workpiece(rise = {1e-6*(i - 1)^2 for i in 1:61});
-      Workpiece fine(rise_fine = {1e-6*(i - 1)^2 for i in 1:121}) "Its nodes are half as far apart";
+      Workpiece fine(rise_fine = {2.5e-7*(i - 1)^2 for i in 1:121}) "The same edge: its nodes are half as far apart";
       parameter Real tolerance = 1e-12;
       output Real error;
     protected
@@ -708,7 +708,7 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
       fine.profile_curvature = 0;
       u = (workpiece.x - 0.4)/0.01;
       w = 2*u;
-      error = abs(workpiece.height - 1e-6*(u^2 + 1/3)) + abs(workpiece.slope - 2e-4*u) + abs(fine.height - 1e-6*(w^2 + 1/3)) + abs(fine.slope - 4e-4*w);
+      error = abs(workpiece.height - 1e-6*(u^2 + 1/3)) + abs(workpiece.slope - 2e-4*u) + abs(fine.height - 2.5e-7*(w^2 + 1/3)) + abs(fine.slope - 1e-4*w);
     end UnevenEdge;
 
     model FineTable "Nodes on a parabola give that parabola between them"
