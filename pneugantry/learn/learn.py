@@ -40,7 +40,7 @@ from pneugantry.learn.wanted import wanted, whole
 __all__ = ["learn"]
 
 NOTHING = "no variable of any component foretells what is left of a log that its curve has not seen"
-NO_FIT = "no term of any variable that was tried fits the logs better than what is known"
+NO_FIT = "no term of any variable that was tried fits the logs clearly better than what is known"
 Say = Callable[[str], None]
 CLEARLY = 1.1  # times the gain of single variables, from which on products are fitted first
 FINALISTS = 2  # pairs of equation and variable that are fitted

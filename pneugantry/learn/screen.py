@@ -260,27 +260,26 @@ class Screening:
         """
         series, sensor = self._series, ""
         for name in (regressor.name, regressor.times):
-            read = Regressor(regressor.component, name)
-            if name and point.is_read(name):
-                series = {**series, read: {**series[read], **self._simulated(point)}}
-                sensor = point.equation.left
-        values = series[regressor.plain] if sensor and not regressor.travelled else values
+            made = self._simulated(point) if name and point.is_read(name) else {}
+            if made:
+                read = Regressor(regressor.component, name)
+                series, sensor = {**series, read: {**series[read], **made}}, point.equation.left
+        values = series[regressor.plain] if sensor else values
         return Course(values, regressor.factors(series), self.periods, sensor)
 
     def _simulated(self, point: Point) -> dict[str, Array]:
-        """What a sensor would read without error by record, where a view has it."""
+        """What a sensor would read without noise by record, where a view computes it afresh."""
         read = point.equation.left
         if read not in self._sensed:
-            signal = next((s.name for s in self.opened.plant.signals if s.variable == read), None)
-            views = [v for v in self.opened.views if signal in v.signals and not v.remembers]
-            self._sensed[read] = {
-                r.name: v.simulate([(self.quiet[r.name], self.values[r.name])])[0][
-                    :, v.signals.index(str(signal))
-                ]
-                for v in views
-                for r in self.records
-                if (v.name, r.name) in self.base.white
-            }
+            made: dict[str, Array] = {}
+            signal = next((s.name for s in self.opened.plant.signals if s.variable == read), "")
+            for v in self.opened.views:
+                if signal in v.signals and not v.remembers:
+                    names = [r for r in self.quiet if (v.name, r) in self.base.white]
+                    told = v.simulate([(self.quiet[r], self.values[r]) for r in names])
+                    column = v.signals.index(signal)
+                    made |= {r: t[:, column] for r, t in zip(names, told, strict=True)}
+            self._sensed[read] = made
         return self._sensed[read]
 
     def _ratio(self, response: Response, factors: Mapping[str, Array]) -> float:
