@@ -60,7 +60,8 @@ def _parameters(layout: Layout, translate: Translator, fixed: set[str]) -> Itera
         yield _variable(s, "parameter", i, translate, role, generate.constant_start(s))
     for i, s in enumerate(layout.calculated, start=len(layout.parameters)):
         role = Role("calculatedParameter", "fixed" if s.name in fixed else "tunable", "calculated")
-        yield _variable(s, "calculated", i, translate, role)
+        if not s.variable.protected:
+            yield _variable(s, "calculated", i, translate, role)
 
 
 def _inputs(layout: Layout, translate: Translator) -> Iterator[Variable]:

@@ -286,6 +286,26 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     rise := mean*s + b1*sin(6.283185307179586*s);
   end bump;
 
+  block Unevenness "Cubic B-splines at nodes evenly spaced; 0 from two nodes beyond each end"
+    parameter Integer n = 3 "Number of nodes";
+    parameter Position c[n] = zeros(n) "Coefficients; neutral 0";
+    parameter Position low = 0 "First node";
+    parameter Position high = 1 "Last node";
+    input Position x "Position";
+    output Position height;
+    output Ratio slope "d height / dx";
+  protected
+    Boolean uneven "Any unevenness";
+    Real node "Place among the nodes, 0 at the first";
+    Position wide[n + 8] = cat(1, zeros(4), c, zeros(4));
+    Position jump[n + 4] = {wide[i] - 4*wide[i + 1] + 6*wide[i + 2] - 4*wide[i + 3] + wide[i + 4] for i in 1:n + 4} "Of the third derivative, at each node from the second ahead of the first on";
+  equation
+    uneven = noEvent(sum(abs(c[i]) for i in 1:n) > 0);
+    node = noEvent(min(max((n - 1)*(x - low)/(high - low), -2), n + 1));
+    height = noEvent(if uneven then sum(jump[i]*max(node - i + 3, 0)^3 for i in 1:n + 4)/6 else 0);
+    slope = noEvent(if uneven then sum(jump[i]*max(node - i + 3, 0)^2 for i in 1:n + 4)*(n - 1)/(2*(high - low)) else 0);
+  end Unevenness;
+
   block Workpiece "Edge z_w(x) of the workpiece, relative to the stand-off"
     parameter EdgeShape shape = EdgeShape.straight "Edge profile";
     parameter Angle incline(min = -1.5, max = 1.5) = 0 "Slope angle of the inclined edge";
@@ -313,16 +333,8 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     constant Ratio dip_mean = -0.08782564314072659 "mean of tan(-10 deg sin^2)";
     constant Real dip_c[8] = {1.4022526617908586e-02, -2.6850468486211090e-05, 3.0404902901525346e-06, -1.7260308597737895e-08, 1.4391041359498592e-09, -1.2625943955454048e-11, 8.2946695360982402e-13, -9.5917034616943022e-15};
     Boolean rough "Any surface finish";
-    Boolean uneven "Any unevenness";
-    Real node "Place among the nodes, 0 at the first";
-    Position wide[69] = cat(1, zeros(4), rise, zeros(4));
-    Position jump[65] = {wide[i] - 4*wide[i + 1] + 6*wide[i + 2] - 4*wide[i + 3] + wide[i + 4] for i in 1:65} "Of the third derivative, at each node from the second ahead of the first on";
-    Boolean uneven_fine "Any unevenness at the finer nodes";
-    Real node_fine "Place among these, 0 at the first";
-    Position wide_fine[129] = cat(1, zeros(4), rise_fine, zeros(4));
-    Position jump_fine[125] = {wide_fine[i] - 4*wide_fine[i + 1] + 6*wide_fine[i + 2] - 4*wide_fine[i + 3] + wide_fine[i + 4] for i in 1:125};
-    Position h_uneven, h_fine;
-    Ratio t_uneven, t_fine;
+    Unevenness coarse(n = 61, c = rise, low = x_low, high = x_high);
+    Unevenness fine(n = 121, c = rise_fine, low = x_low, high = x_high);
     Ratio s_rise "Position within the 50 deg bump, 0..1";
     Ratio s_dip "Position within the -10 deg bump, 0..1";
     Position h_shape, d;
@@ -342,17 +354,11 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
       elseif shape == EdgeShape.inclined then tan(incline) else 0);
     h_finish = noEvent(if rough then sum(A[i]*sin(2*pi*x/lambda[i] + phi[i]) for i in 1:8) else 0);
     t_finish = noEvent(if rough then sum(A[i]*2*pi/lambda[i]*cos(2*pi*x/lambda[i] + phi[i]) for i in 1:8) else 0);
-    uneven = noEvent(sum(abs(rise[i]) for i in 1:61) > 0);
-    node = noEvent(min(max(60*(x - x_low)/(x_high - x_low), -2), 62));
-    h_uneven = noEvent(if uneven then sum(jump[i]*max(node - i + 3, 0)^3 for i in 1:65)/6 else 0);
-    t_uneven = noEvent(if uneven then sum(jump[i]*max(node - i + 3, 0)^2 for i in 1:65)*30/(x_high - x_low) else 0);
-    uneven_fine = noEvent(sum(abs(rise_fine[i]) for i in 1:121) > 0);
-    node_fine = noEvent(min(max(120*(x - x_low)/(x_high - x_low), -2), 122));
-    h_fine = noEvent(if uneven_fine then sum(jump_fine[i]*max(node_fine - i + 3, 0)^3 for i in 1:125)/6 else 0);
-    t_fine = noEvent(if uneven_fine then sum(jump_fine[i]*max(node_fine - i + 3, 0)^2 for i in 1:125)*60/(x_high - x_low) else 0);
+    coarse.x = x;
+    fine.x = x;
     d = x - profile_at;
-    height = h_shape + h_finish + h_uneven + h_fine + (tan(extra_angle) + extra_bow*(x - x_0)/2)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
-    slope = t_shape + t_finish + t_uneven + t_fine + tan(extra_angle) + extra_bow*(x - x_0) + profile_slope + d*profile_curvature;
+    height = h_shape + h_finish + coarse.height + fine.height + (tan(extra_angle) + extra_bow*(x - x_0)/2)*(x - x_0) + profile_height + d*(profile_slope + d*profile_curvature/2);
+    slope = t_shape + t_finish + coarse.slope + fine.slope + tan(extra_angle) + extra_bow*(x - x_0) + profile_slope + d*profile_curvature;
   end Workpiece;
 
   block Contact "Springy contact between the bearing on the end effector and the edge (Eq. 3-8, 3-9, 4-3, 4-4)"

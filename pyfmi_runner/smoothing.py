@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from pyfmi_runner.machine_code import kept
 
-__all__ = ["Smoothed", "smooth_axis"]
+__all__ = ["Smoothed", "jumps", "smooth_axis", "within_jumps"]
 
 Array = NDArray[np.float64]
+STANDS_OUT = 10  # standard deviations of a speed's noise by which a change is a jump
+ABOUT = 100  # rows before and after it that tell when; over more, errors of scales add up
 
 
 class Smoothed(NamedTuple):
@@ -26,8 +28,8 @@ class Smoothed(NamedTuple):
 
 
 @kept
-def _filter(s: Array, v: Array, dt: float, q: float, r: float) -> tuple[Array, Array, Array]:
-    """Kalman filter of s' = v with measured v as input (noise variance q per step), then
+def _filter(s: Array, v: Array, dt: float, q: Array, r: float) -> tuple[Array, Array, Array]:
+    """Kalman filter of s' = v with measured v as input (noise variance q of each step), then
     Rauch-Tung-Striebel backwards.
     """
     n = len(s)
@@ -37,7 +39,7 @@ def _filter(s: Array, v: Array, dt: float, q: float, r: float) -> tuple[Array, A
     for k in range(n):
         if k > 0:
             x += 0.5 * dt * (v[k - 1] + v[k])
-            p += q
+            p += q[k - 1]
         predicted[k], before[k] = x, p
         innovation[k] = (s[k] - x) / math.sqrt(p + r) if k > 0 else 0.0
         gain = p / (p + r) if k > 0 else 0.0
@@ -52,18 +54,65 @@ def _filter(s: Array, v: Array, dt: float, q: float, r: float) -> tuple[Array, A
     return smoothed, innovation, variance
 
 
-def smooth_axis(
+def jumps(speed: Array, sigma: float) -> Array:
+    """By how much a speed (N,) jumps within the step from each row to the next (N - 1,), both in
+    m/s: how much more it changes there than in the steps before and after; 0 where noise (sigma,
+    RMS) or a steady motion may do that.
+    """
+    change = np.abs(np.diff(np.asarray(speed, float)))
+    beside = np.zeros(len(change))
+    beside[1:] = change[:-1]
+    beside[:-1] = np.maximum(beside[:-1], change[1:])
+    excess = change - beside
+    return np.where(excess > STANDS_OUT * sigma, excess, 0.0)
+
+
+def within_jumps(
     position: Array, speed: Array, sigma_position: float, sigma_speed: float, dt: float = 1e-3
+) -> Array | None:
+    """What to add to the mean of a speed's two readings for its mean over the step (N - 1,), in
+    m/s, 0 but where it jumps; None where it never does.
+
+    When a speed jumped within a step its readings do not tell: each time is as likely. How far the
+    axis got does: the estimate is that of its position's readings about the step, drawn to the
+    middle as their noise says.
+    """
+    jump = jumps(speed, sigma_speed)
+    at = np.flatnonzero(jump)
+    if not len(at):
+        return None
+    result = np.zeros(len(jump))
+    for k, before, after in zip(at, [-1, *at[:-1]], [*at[1:], len(jump)], strict=True):
+        first, last = max(k - ABOUT, before) + 1, min(k + ABOUT, after) + 1
+        way = np.cumsum(0.5 * dt * (speed[first : last - 1] + speed[first + 1 : last]))
+        ahead = position[first:last] - np.concatenate([[0.0], way])
+        split = k + 1 - first
+        found = (ahead[split:].mean() - ahead[:split].mean()) / dt
+        noise = (sigma_position / dt) ** 2 * (1 / split + 1 / (last - 1 - k))
+        prior = jump[k] ** 2 / 12
+        result[k] = np.clip(prior / (prior + noise) * found, -0.5 * jump[k], 0.5 * jump[k])
+    return result
+
+
+def smooth_axis(
+    position: Array,
+    speed: Array,
+    sigma_position: float,
+    sigma_speed: float,
+    dt: float = 1e-3,
+    jump: Array | None = None,
 ) -> Smoothed:
     """Smoothed position (N,) from measured position [m] and speed [m/s], (N,) each, with their RMS
-    noise.
+    noise. jump: of the speed within each step (N - 1,); None: as the speed has them.
 
     The integral of white speed noise wanders by sigma_speed*dt a step, far less than the position's
     own noise, so the smoothed position is some ten times as exact as the measured one (0.1 mm and
-    0.5 mm/s give 5 um).
+    0.5 mm/s give 5 um). A speed that jumps may do so at any time within the step.
     """
-    q = (sigma_speed * dt) ** 2
+    speed = np.asarray(speed, float)
+    jump = jumps(speed, sigma_speed) if jump is None else jump
+    q = (sigma_speed * dt) ** 2 + (jump * dt) ** 2 / 12
     smoothed, innovation, variance = _filter(
-        np.asarray(position, float), np.asarray(speed, float), dt, q, sigma_position**2
+        np.asarray(position, float), speed, dt, q, sigma_position**2
     )
     return Smoothed(smoothed, innovation, math.sqrt(variance[len(variance) // 2]))

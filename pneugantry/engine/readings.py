@@ -18,7 +18,7 @@ from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.recent import Recent
 from pneugantry.engine.sensors import affine, signal_of, slope, true_signal
 from pneugantry.engine.smooth import Widest, savgol, widest
-from pyfmi_runner.smoothing import smooth_axis
+from pyfmi_runner.smoothing import jumps, smooth_axis, within_jumps
 
 __all__ = ["Readings"]
 
@@ -66,7 +66,18 @@ class Readings:
         np.add(values[:-1], values[1:], out=over[:-1])
         over[:-1] *= 0.5
         over[-1] = values[-1]
+        if what == "value" and (jumped := self._within_jumps(signal, record, errors)) is not None:
+            over[:-1] += jumped
         return Course(values, over)
+
+    def _within_jumps(self, speed: str, record: Record, errors: Errors) -> Array | None:
+        """What its position tells of a speed that jumps between two rows."""
+        position = next((p for p, v in self.pairs.items() if v == speed), None)
+        if position is None or position not in record.signals:
+            return None
+        sigmas = self.sigmas[position], self.sigmas[speed]
+        values = true_signal(speed, record, errors)
+        return within_jumps(record.signals[position], values, *sigmas, record.period)
 
     def _speed(self, signal: str, record: Record) -> str | None:
         speed = self.pairs.get(signal)
@@ -94,8 +105,9 @@ class Readings:
         """
         if speed is not None and rate is not None:
             sigmas, nought = (self.sigmas[signal], self.sigmas[speed]), np.zeros(len(values))
+            jump = jumps(rate, sigmas[1])
             return tuple(
-                smooth_axis(s, v, *sigmas, period).position
+                smooth_axis(s, v, *sigmas, period, jump).position
                 for s, v in ((values, nought), (nought, rate), (nought, nought + 1))
             )
         if signal in self.corrected:

@@ -580,6 +580,33 @@ end M;
     assert m.get("y") == pytest.approx(7.0)
 
 
+def test_what_a_protected_component_is_given_is_not_told(tmp_path):
+    path = tmp_path / "M.mo"
+    path.write_text("""
+package P
+  block Gain
+    parameter Real k = 1;
+    input Real u;
+    output Real y;
+  equation
+    y = k*u;
+  end Gain;
+  model M
+    parameter Real a = 2;
+    parameter Real b = 3*a;
+    output Real y;
+  protected
+    Gain hidden(k = b, u = time);
+  equation
+    y = hidden.y;
+  end M;
+end P;
+""")
+    told = {v.name: v.causality for v in compile_model(path, "P.M").variables}
+    assert not [n for n in told if n.startswith("hidden")]
+    assert (told["a"], told["b"], told["y"]) == ("parameter", "calculatedParameter", "output")
+
+
 def test_start_values_follow_parameters(tiny):
     m = tiny("""
 model M

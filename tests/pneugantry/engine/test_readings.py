@@ -1,0 +1,39 @@
+"""What a view integrates of a speed's readings, where the axis runs into its end between two rows."""
+
+import numpy as np
+import pytest
+
+from pneugantry.engine.plant import Record, thinned
+from pneugantry.engine.readings import Readings
+
+PERIOD = 1e-3  # s
+SIGMA_S, SIGMA_V = 3e-4, 5e-4  # m, m/s
+
+
+def stopped(into: float, seed: int) -> tuple[Record, float]:
+    """Of an axis at 0.5 m/s that meets its end `into` of the row from row 700 on; how far it goes
+    in all, m.
+    """
+    rng = np.random.default_rng(seed)
+    rows = np.arange(2000)
+    true = 0.5 * PERIOD * np.minimum(rows, 700 + into)
+    speed = np.where(rows <= 700, 0.5, 0.0)
+    signals = {
+        "s": true + SIGMA_S * rng.standard_normal(2000),
+        "v": 1.01 * speed + SIGMA_V * rng.standard_normal(2000),
+    }
+    return Record("r", PERIOD, {}, signals, {}), float(true[-1])
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_the_position_tells_when_a_speed_jumped(every: int) -> None:
+    off = []
+    for seed, into in enumerate(np.linspace(0.02, 0.98, 25)):
+        record, way = stopped(into, seed)
+        record = thinned(record, every)
+        readings = Readings({"s": SIGMA_S, "v": SIGMA_V}, {"s": "v"}, frozenset(), averaging=True)
+        found = readings.value("v", record, {"sensors.v.scale": 1.01})
+        off.append(record.period * found.over[:-1].sum() - way)
+    noise = SIGMA_V * PERIOD * np.sqrt(2000)  # of the readings' sum
+    assert np.sqrt(np.mean(np.square(off))) < np.hypot(0.16 * 0.5 * PERIOD, noise)
+    # half a row at most, evenly: 0.29 of a row, where the readings of the speed are all there is
