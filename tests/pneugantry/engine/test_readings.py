@@ -1,4 +1,4 @@
-"""What a view integrates of a speed's readings, where the axis runs into its end between two rows."""
+"""What a view integrates of a speed, where the axis runs into its end between two rows."""
 
 import numpy as np
 import pytest
