@@ -111,18 +111,60 @@ def _named_command(arguments: Sequence[str]) -> str:
     return next((word for word in arguments if not word.startswith("-")), "")
 
 
+class Lasting:
+    """A stream whose reader may leave (`| head`): what is still told goes nowhere, and the command
+    goes on to the files that it writes.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self.stream, self.left = stream, False
+
+    def write(self, text: str) -> int:
+        try:
+            return int(self.stream.write(text))
+        except BrokenPipeError:
+            self._leave()
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            self.stream.flush()
+        except BrokenPipeError:
+            self._leave()
+
+    def _leave(self) -> None:
+        self.left = True
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self.stream.fileno())  # what its buffer still holds goes there as well
+        os.close(nowhere)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Runs one command; returns its exit code."""
     words = sys.argv[1:] if arguments is None else arguments
+    stdout, stderr = sys.stdout, sys.stderr
+    told = sys.stdout = Lasting(stdout)
+    sys.stderr = Lasting(stderr)
     try:
-        options = parser(only=_named_command(words)).parse_args(words)
-    except SystemExit as end:  # --help, or a wrong option
-        return int(end.code or 0)
-    gc.set_threshold(100_000)  # few objects lie in cycles; to look for them takes long
-    to_stdout = options.json == "-"
-    stdout = sys.stdout
+        try:
+            options = parser(only=_named_command(words)).parse_args(words)
+        except SystemExit as end:  # --help, or a wrong option
+            return int(end.code or 0)
+        gc.set_threshold(100_000)  # few objects lie in cycles; to look for them takes long
+        code = _executed(options, told)
+        told.flush()
+        return code or int(told.left and options.json in (None, "-"))  # a result that nobody has
+    finally:
+        sys.stdout, sys.stderr = stdout, stderr
+
+
+def _executed(options: argparse.Namespace, stdout: Lasting) -> int:
+    """Exit code of a command that was carried out."""
     try:
-        if to_stdout:
+        if options.json == "-":
             sys.stdout = sys.stderr  # what a command prints for people stays out of the JSON
         refuse_overwriting_inputs(options)
         with build_told(options.command) if options.command != "build" else nullcontext():
@@ -139,9 +181,6 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("pneugantry: cancelled", file=sys.stderr)
         return 1
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return 1
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         print(
@@ -150,8 +189,6 @@ def main(arguments: list[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 2
-    finally:
-        sys.stdout = stdout
 
 
 def _write_json(result: dict[str, Any], target: str, stdout: Any) -> None:

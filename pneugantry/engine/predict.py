@@ -11,8 +11,8 @@ lets the best of them foretell best. Each by its own would let a wrong one buy i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -23,14 +23,38 @@ from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Coordinate
 from pneugantry.engine.noise import Noise
 from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.rules import Rules
 from pneugantry.engine.simulation import Cell, Point
 from pneugantry.engine.surveys import ROUGH
 from pneugantry.engine.views import View
 
-__all__ = ["Foretelling", "Foretold"]
+__all__ = ["Foretelling", "Foretold", "Told"]
 
 WIDER = tuple(float(w) for w in 10 ** (np.arange(7) / 2))  # times a fit's covariance
 WIDENED = 4  # at most
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What records that a fit has not seen say of it, in -2 log evidence."""
+
+    price: float = 0.0  # prior with Occam's factor
+    stretches: Mapping[Cell, Array] = field(default_factory=dict)  # of the likelihood
+    sizes: Mapping[Cell, int] = field(default_factory=dict)  # values in each cell
+
+    @property
+    def cost(self) -> float:
+        return self.price + sum(float(s.sum()) for s in self.stretches.values())
+
+    def beside(self, other: Told) -> Told:
+        """Of two records."""
+        stretches, sizes = {**self.stretches, **other.stretches}, {**self.sizes, **other.sizes}
+        return Told(self.price + other.price, stretches, sizes)
+
+    def fall(self, to: Told, rules: Rules) -> float:
+        """To another fit's, less its doubt and what is immaterial."""
+        sure = fallen(self.stretches, to.stretches, self.sizes, rules)
+        return self.price - to.price + sure
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,25 +93,28 @@ class Foretelling:
         against the base and the others against it, each fall less its doubt and what is immaterial:
         where it missed one event, that tells nothing of the others.
         """
-        (before, *others), of_views = self.foretold([base, *fits])
-        stretches = [self._stretches(f, of_views) for f in (before, *others)]
-        sizes = {c: r.size for c, r in before.solution.residuals.items()}
+        found, of_views = self.foretold([base, *fits])
+        before, first, *others = (self._told(f, of_views) for f in found)
+        rules = self.fitter.rules
+        gain = before.fall(first, rules)
+        return [gain, *(gain + first.fall(other, rules) for other in others)]
 
-        def fall(start: int, end: int) -> float:
-            prices = [(before, *others)[i].price for i in (start, end)]
-            sure = fallen(stretches[start], stretches[end], sizes, self.fitter.rules)
-            return prices[0] - prices[1] + sure
+    def told(self, fit: Fit, of_views: Noise | None = None) -> tuple[Told, Noise]:
+        """What the record says of one fit; and the noise under which it does, None: what it leaves
+        itself.
+        """
+        (found,), noise_of_views = self.foretold([fit], of_views)
+        return self._told(found, noise_of_views), noise_of_views
 
-        first = fall(0, 1)
-        return [first, *(first + fall(1, k) for k in range(2, len(stretches)))]
-
-    def foretold(self, fits: Sequence[Fit]) -> tuple[list[Foretold], Noise]:
-        """Each fit's, equally wide, under the noise that the first leaves."""
+    def foretold(
+        self, fits: Sequence[Fit], of_views: Noise | None = None
+    ) -> tuple[list[Foretold], Noise]:
+        """Each fit's, equally wide, under the noise that the first leaves, if not another one."""
         self.fitter.prepare([f.hypothesis for f in fits])
         together = self.fitter.simulation.side_by_side
         starts = together(self._starts, fits)
         noise_of = self.fitter.noise.plain if self.plain else self.fitter.noise.coloured
-        of_views = noise_of(starts[0][1].residuals)
+        of_views = of_views or noise_of(starts[0][1].residuals)
         told = [*zip(fits, starts, strict=True)]
         found = together(lambda each: self._foretold(each[0], 1.0, each[1], of_views), told)
         for _ in range(WIDENED):
@@ -156,10 +183,10 @@ class Foretelling:
         point = Point(coordinates, theta, fit.hypothesis.settings)
         return point, Parabola(tuple(c.name for c in coordinates), square, square @ theta)
 
-    def _stretches(self, found: Foretold, of_views: Noise) -> dict[Cell, Array]:
-        """-2 log likelihood by stretch."""
+    def _told(self, found: Foretold, of_views: Noise) -> Told:
         left = found.solution.residuals
-        return {c: self.fitter.noise.stretches(c, r, of_views[c]) for c, r in left.items()}
+        by_stretch = {c: self.fitter.noise.stretches(c, r, of_views[c]) for c, r in left.items()}
+        return Told(found.price, by_stretch, {c: r.size for c, r in left.items()})
 
 
 def _price(theta: Array, known: Parabola, normal: Array) -> float:

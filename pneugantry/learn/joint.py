@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pneugantry.engine import noise
-from pneugantry.engine.confirm import Replay, replays, values_on
+from pneugantry.engine.confirm import Replay, values_on
 from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.noise import Noise
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record
+from pneugantry.engine.predict import Foretelling, Told
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.sensors import PREFIX
 from pneugantry.engine.task import Task
@@ -22,11 +25,9 @@ from pneugantry.learn.places import place_of
 from pneugantry.learn.points import Opened, recut
 from pneugantry.learn.term import Term, with_term
 
-__all__ = ["NO_STRETCHES", "TermFits"]
+__all__ = ["TermFits"]
 
-LOST = 1e6  # -2 log density of a replay that fails
 ANYWHERE = 0.29  # standard deviation of a place that nothing tells, as a share of the period
-NO_STRETCHES = np.zeros(0)  # of a record that there is not
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,25 +104,34 @@ class TermFits:
                 fitter.close()
         return replace(tried, term=replace(term, places=places))
 
-    @staticmethod
-    def values(tried: Tried, record: Record) -> dict[str, float]:
-        """What a fit with a term says of a record that it has not seen."""
-        own = tried.term.within(record).parameters
-        return {
-            **values_on(tried.fit, record),
-            **{k: own[k] for k in own.keys() - record.parameters},
-        }
+    @contextmanager
+    def foretelling(self, term: Term, record: Record) -> Iterator[Foretelling]:
+        """A record that no fit saw, beside fits with a term, under noise of the sensors' colour,
+        for that of the residuals holds a term that repeats.
+        """
+        fitter = self.fitter(term)
+        try:
+            views = list(fitter.simulation.views.values())
+            made = Foretelling(fitter, views, term.within(record), plain=True)
+            try:
+                yield made
+            finally:
+                made.close()
+        finally:
+            fitter.close()
 
-    def foretold(self, tried: Tried) -> Array:
-        """-2 log density of the record that no fit saw, replayed with a term, by stretch."""
-        task, record = self.task, self.task.data.held_out
-        if record is None:
-            return NO_STRETCHES
-        plant = with_term(task.plant, tried.term, task.cache, blank=True)
-        replay = replays(plant, record, [self.values(tried, record)], task.cache)[0]
-        if replay is None:
-            return np.array([LOST])
-        return self.loss(replay)
+    def told(self, tried: Sequence[Tried]) -> dict[Tried, Told]:
+        """What the records that no fit saw say of each term, by the views, under the noise that the
+        first leaves: a whole replay hangs on single events (a carriage that breaks away).
+        """
+        found = dict.fromkeys(tried, Told())
+        for record in self.task.data.unseen if len(tried) > 1 else ():
+            of_views: Noise | None = None
+            for t in tried:
+                with self.foretelling(t.term, record) as foretelling:
+                    one, of_views = foretelling.told(t.fit, of_views)
+                found[t] = found[t].beside(one)
+        return found
 
     def loss(self, replay: Replay) -> Array:
         """-2 log density (stretches,) of a replay."""

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pneugantry.engine import noise
 from pneugantry.engine.confirm import Gap
 from pneugantry.engine.fit import Fit
-from pneugantry.engine.predict import Foretelling
 from pneugantry.engine.run import Found
 from pneugantry.learn.joint import TermFits
 from pneugantry.learn.learned import Tried
@@ -76,23 +75,14 @@ class Judge:
         return True, fall
 
     def _foretells(self, best: Tried, plain: Fit) -> bool:
-        """Whether the views foretell the record that no fit saw better with a term, under noise of
-        the sensors' colour, for that of the residuals holds a term that repeats: a whole replay
+        """Whether the views foretell the record that no fit saw better with a term: a whole replay
         hangs on single events (a carriage that breaks away).
         """
         record = self.before.task.data.held_out
         if record is None:
             return False
-        fitter = self.fits.fitter(best.term)
-        try:
-            views = list(fitter.simulation.views.values())
-            foretelling = Foretelling(fitter, views, best.term.within(record), plain=True)
-            try:
-                (gain,) = foretelling.gains([best.fit], plain)
-            finally:
-                foretelling.close()
-        finally:
-            fitter.close()
+        with self.fits.foretelling(best.term, record) as foretelling:
+            (gain,) = foretelling.gains([best.fit], plain)
         return gain > self.fits.rules.effect
 
 

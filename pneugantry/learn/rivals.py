@@ -10,7 +10,8 @@ import numpy as np
 
 from pneugantry.engine import noise
 from pneugantry.engine.plant import Array
-from pneugantry.learn.joint import NO_STRETCHES, TermFits
+from pneugantry.engine.predict import Told
+from pneugantry.learn.joint import TermFits
 from pneugantry.learn.learned import Tried
 from pneugantry.learn.points import Point
 from pneugantry.learn.regressors import TIME, Regressor
@@ -42,10 +43,10 @@ class Rivals:
         rest = [self.fits.placed(self.fits.again(t)) for t in near]
         least = min(t.cost for t in rest)
         rest = [t for t in rest if t.cost < least + FAR]
-        told = {t: self.fits.foretold(t) if len(rest) > 1 else NO_STRETCHES for t in rest}
-        likeliest = min(rest, key=lambda t: t.cost + float(told[t].sum()))
+        told = self.fits.told(sorted(rest, key=lambda t: t.cost))
+        likeliest = min(rest, key=lambda t: t.cost + told[t].cost)
         close = [t for t in rest if t is likeliest or not self._tells(likeliest, t, told)]
-        total = {t: t.cost + float(told[t].sum()) for t in close}
+        total = {t: t.cost + told[t].cost for t in close}
 
         roots = self.fits.apart.shape.roots
         fed = {roots.get(name, name) for name in self.fits.task.plant.inputs}
@@ -72,16 +73,18 @@ class Rivals:
             and t.cost < best.cost + far
             and (
                 t.cost < best.cost + self.fits.rules.entry
-                or not self._tells(best, t, {best: NO_STRETCHES, t: NO_STRETCHES})
+                or not self._tells(best, t, {best: Told(), t: Told()})
             )
         ]
         return min(close, key=lambda t: (len(t.term.values), t.cost), default=best)
 
-    def _tells(self, a: Tried, b: Tried, told: Mapping[Tried, Array]) -> bool:
+    def _tells(self, a: Tried, b: Tried, told: Mapping[Tried, Told]) -> bool:
         """Whether the records prefer a term to another by more than their noise."""
-        falls = [x - y for x, y in zip(_stretches(b), _stretches(a), strict=True)]
-        fall = noise.doubted(np.concatenate([*falls, told[b] - told[a]]), self.fits.rules.doubt)
-        rest = b.cost - a.cost - sum(float(f.sum()) for f in falls)  # Occam's share
+        fitted = [x - y for x, y in zip(_stretches(b), _stretches(a), strict=True)]
+        unseen = [told[b].stretches[c] - own for c, own in told[a].stretches.items()]
+        rest = b.cost - a.cost - sum(float(f.sum()) for f in fitted)  # Occam's share
+        rest += told[b].price - told[a].price
+        fall = noise.doubted(np.concatenate([*fitted, *unseen]), self.fits.rules.doubt)
         return fall + rest > self.fits.rules.entry
 
 

@@ -57,6 +57,20 @@ def said(capture: Capture, *arguments: str) -> tuple[int, str, str]:
     return code, out, err
 
 
+@pytest.mark.parametrize(("where", "code"), [(["--json", "told.json"], 0), ([], 1)])
+def test_a_command_whose_reader_leaves_still_writes_its_files(
+    where: list[str], code: int, tmp_path: Path
+) -> None:
+    """`pneugantry ... 2>&1 | head -1`: what it would tell further goes nowhere."""
+    command = [sys.executable, "-m", "pneugantry", "list", "effects", *where]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, cwd=tmp_path, stdout=pipe, stderr=subprocess.STDOUT) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.wait(60) == code
+    assert len(list(tmp_path.glob("told.json"))) == bool(where)
+
+
 def result(capture: Capture, *arguments: str) -> Any:
     """The JSON that a command that succeeds writes on standard output, which holds nothing else."""
     code, out, _ = said(capture, *arguments, "--json", "-")
