@@ -44,7 +44,7 @@ DRIVES = {  # a command acts by what it exceeds u_0
 }
 SAME = 0.999  # correlation from which on two variables of the model are one in these logs
 FORMS = {  # formula of the truth -> forms that are it
-    "r": {"linear"},
+    "r": {"linear", "line"},
     "r^2": {"square", "square beyond"},
     "r|r|": {"signed square"},
     "|r|": {"magnitude"},

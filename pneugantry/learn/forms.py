@@ -14,6 +14,7 @@ from pneugantry.learn.screen import Candidate
 
 __all__ = [
     "FORMS",
+    "LINE",
     "PERIODIC",
     "REMEMBERING",
     "Distilled",
@@ -23,6 +24,7 @@ __all__ = [
     "distilled",
     "doubted",
     "free_curve",
+    "line_of",
     "memory_of",
     "wave_of",
     "with_harmonics",
@@ -102,6 +104,9 @@ FORMS = (
         ("size", "size"),
     ),
 )
+LINE = FormLaw(
+    "line", "p1*(z - p2)", lambda z, p: p[0] * (z - p[1]), ("place",)
+)  # linear, with a constant that the rest of the model does not have
 HARMONICS = 5  # of a wave that is no sine
 
 
@@ -248,6 +253,19 @@ class _Fit:
         both = self.root.T @ np.column_stack([*columns, self.others])
         found, *_ = np.linalg.lstsq(both, self.curve, rcond=None)
         return np.asarray(found), np.asarray(self.curve - both @ found)
+
+
+def line_of(knots: Knots, curve: Array, covariance: Array) -> Distilled | None:
+    """The line through a curve, its constant included; None where it has no slope."""
+    level, vectors = np.linalg.eigh(covariance)
+    root = vectors / np.sqrt(np.maximum(level, 1e-9 * level.max()))
+    edge = 2 * knots.width
+    rising = knots.seen(knots.at, (-edge, edge))
+    columns = np.column_stack([rising, knots.seen(np.ones(len(knots.at)), (1.0, 1.0))])
+    (slope, constant), *_ = np.linalg.lstsq(root.T @ columns, root.T @ curve, rcond=None)
+    if slope == 0.0:
+        return None
+    return Distilled(LINE, (float(slope), float(-constant / slope)), 2 * PRICE)
 
 
 def _remembering(memory: Memory) -> FormLaw:

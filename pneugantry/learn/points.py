@@ -57,6 +57,7 @@ class Point:
     equation: EquationText
     sensor: bool = False  # whether it says what a sensor reads
     shared: Shared | None = None  # by the first component and others
+    declared: Declared | None = None  # its component, where that is one of the plant's own class
 
     @property
     def name(self) -> str:
@@ -78,7 +79,8 @@ class Point:
         """It for each of its components."""
         if self.shared is None:
             return (self,)
-        return tuple(replace(self, component=c, shared=None) for c in self.shared.components)
+        named = zip(self.shared.components, self.shared.declared, strict=True)
+        return tuple(replace(self, component=c, shared=None, declared=d) for c, d in named)
 
     @property
     def scope(self) -> str:
@@ -183,6 +185,17 @@ class Opened:
             return self.plant.blocks[max(paths, key=len)]
         readers = self.readers(point)
         return path or (readers[0].blocks[0] if readers else self.plant.name)
+
+    def fed(self, point: Point) -> list[str]:
+        """Measured states that the plant's own class can give to a point's component, which has
+        them not.
+        """
+        if point.declared is None or point.shared is not None:
+            return []
+        own = {self.shape.roots[n] for n in self.variables(point)}
+        measured = [s.variable for s in self.plant.signals]
+        roots = {n: self.shape.roots[n] for n in measured if "[" not in n}
+        return [n for n, root in roots.items() if root in self.shape.states - own]
 
     def quiet(self, record: Record) -> Record:
         """A record whose addends are 0."""
@@ -293,13 +306,15 @@ def _opened_view(
 def _points(plant: Plant, shape: Structure) -> list[Point]:
     equations = equations_of(plant.model)
     read = {s.variable for s in plant.signals}
+    components = components_of(plant.model, plant.class_name)
+    declared = declared_in(plant.model, plant.class_name, components)
     found = []
-    for component, classes in components_of(plant.model, plant.class_name).items():
+    for component, classes in components.items():
         for e in equations:
             if e.of_class not in classes:
                 continue
             if _computes(e, component, shape):
-                found.append(Point(component, e))
+                found.append(Point(component, e, declared=declared.get(component)))
             elif not component and e.left in read and named_again(e):
                 found.append(Point(component, e, sensor=True))
     return found
@@ -311,15 +326,14 @@ def _shared(plant: Plant, points: Sequence[Point]) -> list[Point]:
     section = next((e.section for e in equations_of(plant.model) if e.of_class == of_plant), None)
     if section is None:
         return []
-    declared = declared_in(plant.model, plant.class_name, {p.component for p in points})
     same: dict[EquationText, list[Point]] = {}
     for point in points:
-        if point.component in declared:
+        if point.declared is not None:
             same.setdefault(point.equation, []).append(point)
     found = []
     for members in (m for m in same.values() if len(m) > 1):
         paths = tuple(p.component for p in members)
-        shared = Shared(paths, tuple(declared[c] for c in paths), section)
+        shared = Shared(paths, tuple(p.declared for p in members if p.declared), section)
         found.append(replace(members[0], shared=shared))
     return found
 

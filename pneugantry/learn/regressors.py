@@ -1,5 +1,6 @@
 """What a missing term may be a function of: the component's own variables, what its speeds have
-travelled since the record began (what wears or warms with use follows it), and time.
+travelled since the record began (what wears or warms with use follows it), measured states of other
+components (a stiffness that grows along an axis), and time.
 """
 
 from __future__ import annotations
@@ -27,18 +28,24 @@ class Regressor:
     coefficient varies.
     """
 
-    component: str  # path; "" for the plant's own class, or for all of them (time)
+    component: str  # path; "" for the plant's own class, or for all of them (what is outside)
     name: str  # within the component's class
     speed: str = ""  # within the class, too
     width: float = 0.0  # of the speed, over which its smooth sign changes
     travelled: bool = False  # the integral of the variable's magnitude
     times: str = ""  # within the class, too
+    fed: bool = False  # a measured state that the plant's own class gives to the component
+
+    @property
+    def outside(self) -> bool:
+        """Whether it is no variable of the component."""
+        return self.fed or self.name == TIME
 
     @property
     def plain(self) -> Regressor:
         """The variable itself."""
         found = replace(self, speed="", width=0.0, times="")
-        return replace(found, component="") if self.name == TIME else found
+        return replace(found, component="") if self.outside else found
 
     @property
     def alone(self) -> bool:
@@ -59,12 +66,12 @@ class Regressor:
     def within(self, point: Point) -> bool:
         """Whether an equation can use it."""
         own = self.component == point.scope
-        return point.reads(self.times) and own if self.times else self.name == TIME or own
+        return point.reads(self.times) and own if self.times else self.outside or own
 
     @property
     def label(self) -> str:
         """In the whole plant."""
-        alone = not self.component or self.name == TIME
+        alone = not self.component or self.outside
         found = self.name if alone else f"{self.component}.{self.name}"
         found = f"travel of {found}" if self.travelled else found
         if self.times:
@@ -79,10 +86,11 @@ def regressors_of(
     values: Mapping[str, Mapping[str, float]],
 ) -> dict[Regressor, dict[str, Array]]:
     """Series by record of all variables of the points' components and of what their speeds have
-    travelled, each against each speed of its component as well, and of time. values: parameters by
-    record.
+    travelled, each against each speed of its component as well, of what the plant can give them,
+    and of time. values: parameters by record.
     """
-    names = sorted({n for own in wanted.values() for n in own})
+    fed = {n for point in wanted for n in opened.fed(point)}
+    names = sorted({n for own in wanted.values() for n in own} | fed)
     made = opened.series(names, records, values) if names else {}
     found: dict[Regressor, dict[str, Array]] = {}
     for point, own in wanted.items():
@@ -93,6 +101,8 @@ def regressors_of(
     speeds = _speeds(opened, found)
     found |= _travelled(speeds, records)
     found |= _against(speeds, found)
+    for name in sorted(fed):
+        found[Regressor("", name, fed=True)] = {r: made[r][:, names.index(name)] for r in made}
     found[Regressor("", TIME)] = {
         r.name: np.asarray(np.arange(r.rows) * r.period, dtype=np.float64) for r in records
     }
@@ -100,16 +110,16 @@ def regressors_of(
 
 
 def products_of(series: Mapping[Regressor, dict[str, Array]]) -> dict[Regressor, dict[str, Array]]:
-    """Each plain variable of a component, what it has travelled, and time, times each other
-    variable that varies: what hardly does so is a coefficient as it is.
+    """Each plain variable of a component, what it has travelled, and what is outside of it, times
+    each other variable that varies: what hardly does so is a coefficient as it is.
     """
     plain = [r for r in series if not r.speed]
-    others = [r for r in plain if r.name != TIME and not r.travelled and _varies(series[r])]
+    others = [r for r in plain if not (r.outside or r.travelled) and _varies(series[r])]
     return {
         replace(r, component=other.component, times=other.name): series[r]
         for other in others
         for r in plain
-        if r != other and (r.name == TIME or r.component == other.component)
+        if r != other and (r.outside or r.component == other.component)
     }
 
 

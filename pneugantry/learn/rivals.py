@@ -32,8 +32,9 @@ class Rivals:
         """The likeliest term, and the best one of each other pair of equation and variable that
         neither the fitted records nor the one that no fit saw tell from it. Of these a function
         of time comes last: it is none of the plant, and any state that all records pass at the
-        same time looks like one; before it what turns round with a speed, which says more. What is
-        fed to the plant comes first: what follows from it does the same.
+        same time looks like one; before it what has been travelled, what another component has, and
+        what turns round with a speed, which says more. What is fed to the plant comes first: what
+        follows from it does the same.
         """
         pairs: dict[tuple[Point, Regressor], Tried] = {}
         for t in tried:
@@ -56,7 +57,7 @@ class Rivals:
             follows = roots.get(own.plain.label) not in fed
             turned = bool(own.speed) or bool(own.times)
             beside = len(t.fit.keys)
-            return own.name == TIME, beside, own.travelled, turned, follows, total[t]
+            return own.name == TIME, beside, own.travelled, own.fed, turned, follows, total[t]
 
         return tuple(sorted(close, key=rank))
 

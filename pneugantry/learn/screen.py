@@ -241,7 +241,7 @@ class Screening:
                 once = regressor.name == TIME and not regressor.times
                 if (once and first != heads[0]) or (first.shared and not once):
                     continue
-                if regressor.within(head) and not self._circular(head, regressor):
+                if self._usable(head, regressor):
                     own = response.times(group.factor(head))
                     course = self._course(head, regressor, values)
                     headed, product = group.of(head), (regressor.component, regressor.times)
@@ -287,10 +287,16 @@ class Screening:
         waves = {r: np.sin(WAVE * np.arange(len(f)) * self.periods[r]) for r, f in factors.items()}
         return _strength(response, waves) / _strength(response, factors)
 
-    def _circular(self, point: Point, regressor: Regressor) -> bool:
-        """Whether what the equation lacks decides the variable, or what that is times."""
-        own = (regressor.name, regressor.times, regressor.speed)
-        return any(self.opened.decides(point, point.scope_prefix + n) for n in own if n)
+    def _usable(self, point: Point, regressor: Regressor) -> bool:
+        """Whether a term of an equation may be a function of a variable: not where what the
+        equation lacks decides it, or what it is times.
+        """
+        if not regressor.within(point) or (
+            regressor.fed and regressor.name not in self.opened.fed(point)
+        ):
+            return False
+        own = ("" if regressor.outside else regressor.name, regressor.times, regressor.speed)
+        return not any(self.opened.decides(point, point.scope_prefix + n) for n in own if n)
 
     # -- equations
 
@@ -401,7 +407,7 @@ class Screening:
             bases += [Wave(p, n) for p in periods for n in phases]
         if not regressor.times and regressor.name == TIME:
             bases.append(finer(knots))
-        elif not regressor.times and self._moves(regressor):
+        elif not (regressor.times or regressor.fed) and self._moves(regressor):
             bases.append(finer(knots))
             bases += [Wave(p) for p in self._lines(response, course)]
         return bases
@@ -410,7 +416,7 @@ class Screening:
         self, response: Response, regressor: Regressor, course: Course
     ) -> list[Remembered]:
         """Each memory of a variable, with the parameters that do best."""
-        if regressor.name == TIME or not regressor.alone:
+        if regressor.outside or not regressor.alone:
             return []
         over = {c: response.shapes(c, course.values)[:, 0] for c in response.replies}
         step = {c: response.replies[c].block * self.periods[c[1]] for c in over}

@@ -15,6 +15,7 @@ from pneugantry.learn.forms import (
     Distilled,
     distilled,
     free_curve,
+    line_of,
     memory_of,
     wave_of,
     with_harmonics,
@@ -79,10 +80,14 @@ class Shaping:
         free, candidate = fitted.free, fitted.candidate
         assert free is not None
         assert candidate is not None
-        forms = distilled(free.knots, *free.curve(fitted.term.values, fitted.covariance))
+        curve, covariance = free.curve(fitted.term.values, fitted.covariance)
+        forms = distilled(free.knots, curve, covariance)
         near = [d for d in forms if d.cost < forms[0].cost + CLOSE][:CLOSEST]
         if all(d.law.shapes for d in near):
             near.append(next(d for d in forms if not d.law.shapes))  # it may do as well
+        if any(d.law.name == "linear" for d in near):  # tolerance may not have its constant
+            line = line_of(free.knots, curve, covariance)
+            near += [line] if line is not None else []
         return [self.fits.joint(base, self.term(candidate, d)) for d in near]
 
     def plainer(

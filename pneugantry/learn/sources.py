@@ -152,7 +152,8 @@ def declared_in(model: Path, class_name: str, components: Collection[str]) -> di
         if word.text == "equation":
             break
         depth += (word.text in "([{") - (word.text in ")]}")
-        named = depth == 0 and word.text in own and behind.text in ("(", ";", ",")
+        follows = behind.kind == "string" or behind.text in ("(", ";", ",")
+        named = depth == 0 and word.text in own and follows
         if named and word.text in components and word.text not in found:
             alone = behind.text != "("
             at = word.at + len(word.text) if alone else behind.at + 1

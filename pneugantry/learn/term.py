@@ -11,7 +11,7 @@ import numpy as np
 
 from pneugantry.engine.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Array, Plant, Record
-from pneugantry.learn.forms import FORMS, PERIODIC, FormLaw
+from pneugantry.learn.forms import FORMS, LINE, PERIODIC, FormLaw
 from pneugantry.learn.points import Point, written
 from pneugantry.learn.regressors import TIME, Regressor
 from pneugantry.learn.sources import Addition
@@ -19,7 +19,7 @@ from pneugantry.learn.sources import Addition
 __all__ = ["NAME", "Term", "with_term"]
 
 NAME = "missing_term"
-SWITCHED = (*FORMS, PERIODIC)  # of one text, `form` says which
+SWITCHED = (*FORMS, LINE, PERIODIC)  # of one text, `form` says which
 LIMITS = "(min = -1e30, max = 1e30)"
 WIDE = 1e6  # bounds of a size, in starting values
 NARROW = 20.0  # bounds of a shape, as a factor
@@ -70,7 +70,8 @@ class Term:
         factor of it; "" where that is not declared. known: by variable of the whole plant.
         """
         own, point = self.regressor, self.point
-        unit = "s" if own.name == TIME else known.get(point.scope_prefix + own.name, "")
+        named = own.name if own.fed else point.scope_prefix + own.name
+        unit = "s" if own.name == TIME else known.get(named, "")
         if own.travelled:
             unit = unit.removesuffix("/s") if unit.endswith("/s") else ""
         added = "" if own.times else known.get(point.prefix + point.equation.left.strip(), "")
@@ -79,8 +80,13 @@ class Term:
     @property
     def _shown(self) -> str:
         """The regressor in a formula."""
-        named = "t" if self.variable == TIME else self.point.spelt(self.variable)
+        named = "t" if self.variable == TIME else self._spelt
         return f"travel({named})" if self.regressor.travelled else named
+
+    @property
+    def _spelt(self) -> str:
+        """The regressor, as the equation's class calls it, or the plant's."""
+        return self.variable if self.regressor.outside else self.point.spelt(self.variable)
 
     def formula(self, digits: int = 4) -> str:
         """As a reader writes it, with the values in place."""
@@ -124,8 +130,12 @@ class Term:
         return Addition(f"{block}\n  {kind} {name};", self._added(), self._fed(), bound)
 
     def _bound(self, values: Sequence[float]) -> tuple[tuple[int, str], ...]:
-        """Parameters of the plant's own class that all members have, declared and bound."""
+        """What the plant's own class binds: parameters that all members have, declared there; a
+        variable that it gives to the component.
+        """
         shared, own = self.point.shared, [f"{self._owner}p{k + 1}" for k in range(len(values))]
+        if self.regressor.fed and self.point.declared is not None:
+            return (self.point.declared.with_modifier(f"{self.point.name}(z = {self.variable})"),)
         if shared is None:
             return ()
         declared = "".join(
@@ -145,17 +155,19 @@ class Term:
                 f"  initial equation\n    s = z;\n  equation\n{memory.rates}"
             )
         if not self.regressor.travelled:
-            return "    input Real z;\n    output Real y;\n  equation\n"
+            unbound = " = 0" if self.regressor.fed else ""  # in other components of the class
+            return f"    input Real z{unbound};\n    output Real y;\n  equation\n"
         return (
             "    input Real speed;\n    output Real y;\n    Real z(start = 0, fixed = true);\n"
             "  equation\n    der(z) = noEvent(abs(speed));\n"
         )
 
     def _fed(self) -> str:
-        """What the block is fed."""
+        """What the block is fed within its class."""
+        if self.regressor.fed:
+            return ""
         own = "speed" if self.regressor.travelled else "z"
-        fed = TIME if self.variable == TIME else self.point.spelt(self.variable)
-        return f"    {self.point.name}.{own} = {fed};"
+        return f"    {self.point.name}.{own} = {self._spelt};"
 
     def _added(self) -> str:
         """What stands in the equation."""

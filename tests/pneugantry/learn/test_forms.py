@@ -13,7 +13,7 @@ from modelica_fmu.batch import Drive, Subsystem
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.views import part_of
 from pneugantry.learn.curve import Knots, knots_over
-from pneugantry.learn.forms import FORMS, FormLaw, distilled, free_curve
+from pneugantry.learn.forms import FORMS, LINE, FormLaw, distilled, free_curve, line_of
 from pneugantry.learn.linear import Answer, Base, Response
 from pneugantry.learn.points import Point, written
 from pneugantry.learn.regressors import TIME, Regressor, products_of
@@ -66,6 +66,14 @@ def test_a_form_is_recognised_through_noise_and_a_constant(form: FormLaw) -> Non
     assert np.ptp(left) < 0.05 * np.ptp(form.law(z, values_of(form)))  # but for a constant
 
 
+def test_a_line_has_the_constant_of_its_curve() -> None:
+    curve = curve_of(LINE, (1.3, 0.4))
+    curve += 1e-3 * np.random.default_rng(1).standard_normal(len(curve))
+    line = line_of(KNOTS, curve, 1e-6 * np.eye(len(curve)))
+    assert line is not None
+    assert line.values == pytest.approx((1.3, 0.4), abs=0.002)
+
+
 def test_a_curve_s_coefficients_make_it_again() -> None:
     z = np.linspace(-1.9, 2.9, 400)
     sign = next(f for f in FORMS if f.name == "fading sign")
@@ -77,7 +85,8 @@ def test_a_curve_s_coefficients_make_it_again() -> None:
 
 def test_every_form_and_a_free_curve_are_the_same_in_modelica(tmp_path: Path) -> None:
     start = free_curve(candidate(np.append(np.sin(KNOTS.at), 0.3), 0.1), KNOTS).start
-    laws = [(form, values_of(form)) for form in FORMS] + [(start.law, start.values)]
+    laws = [(form, values_of(form)) for form in FORMS]
+    laws += [(LINE, (1.3, 0.4)), (start.law, start.values)]
     told = simulated(laws, tmp_path, Regressor("", "u"))
     for (form, values), column in zip(laws, told.T, strict=True):
         assert column == pytest.approx(form.law(INPUT, values), abs=1e-7), form.name
