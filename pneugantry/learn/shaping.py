@@ -11,6 +11,7 @@ from pneugantry.engine.fit import Fit
 from pneugantry.learn.curve import Knots, Wave
 from pneugantry.learn.forms import (
     FORMS,
+    LINE,
     PERIODIC,
     Distilled,
     distilled,
@@ -29,7 +30,7 @@ from pneugantry.learn.term import Term
 __all__ = ["Shaping"]
 
 NEARLY = 0.8  # share of the best curve's fall from which on a curve's forms are fitted
-LINE = 0.02  # relative error of a period that a spectrum tells
+SPECTRAL = 0.02  # relative error of a period that a spectrum tells
 CLOSE = 8.0  # -2 log evidence by which a form may lie behind the closest one to be fitted
 CLOSEST = 3  # forms of a pair that are fitted
 MUCH_LIKE = 0.05  # share of a form's variance that one much like it leaves
@@ -140,7 +141,8 @@ def _spreads(d: Distilled, candidate: Candidate) -> tuple[float, ...]:
     if d.law.tables:
         return (0.5,) * len(d.values)  # an effect's prior is two usual sizes wide
     span = float(np.ptp(basis.at)) if isinstance(basis, Knots) else d.values[1]
-    width = 0.5 if isinstance(basis, Knots) else LINE
-    sizes = {"size": 0.0, "width": width, "place": 0.1 * span}
+    width = 0.5 if isinstance(basis, Knots) else SPECTRAL
+    place = span if d.law is LINE else 0.1 * span  # its constant is one with the model's own
+    sizes = {"size": 0.0, "width": width, "place": place}
     kinds = ("size", *d.law.shapes)
     return tuple(sizes[k] or max(abs(v), 1e-12) for k, v in zip(kinds, d.values, strict=True))
