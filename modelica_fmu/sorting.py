@@ -50,27 +50,31 @@ def solve(system: HybridSystem) -> dict[str, ca.SX]:
     n_blocks, rows, columns, row_starts, column_starts, *_ = pattern.btf()
     if n_blocks < 0 or ca.sprank(ca.DM(pattern, 1)) < len(unknowns):
         raise _singular(system, pattern, [name for name, _ in unknowns])
-    solved: dict[str, ca.SX] = {}
-    old: list[ca.SX] = []
-    new: list[ca.SX] = []
+    reads: list[list[int]] = [[] for _ in residuals]  # unknowns of each equation
+    for i, j in zip(*pattern.get_triplet(), strict=True):
+        reads[i].append(j)
+    found: dict[int, ca.SX] = {}
     for block in range(n_blocks):  # CasADi's block form: each block depends on earlier ones only
         equations = rows[row_starts[block] : row_starts[block + 1]]
         members = columns[column_starts[block] : column_starts[block + 1]]
         present = [residuals[i] for i in equations]
-        present = ca.substitute(present, old, new) if old else present
+        known = sorted({j for i in equations for j in reads[i]} & found.keys())
+        if known:
+            present = ca.substitute(
+                present, [unknowns[j][1] for j in known], [found[j] for j in known]
+            )
         trees = [system.residuals[i][1] for i in equations]
         block_unknowns = [unknowns[j] for j in members]
-        if _solvable(present, block_unknowns):
-            values = _solve_block(present, block_unknowns)
-            _watch_pivot(system, present, block_unknowns, trees)
+        own = ca.vertcat(*(symbol for _, symbol in block_unknowns))
+        residual = ca.vertcat(*present)
+        matrix = ca.jacobian(residual, own)
+        if len(members) <= LARGEST_BLOCK and not ca.depends_on(matrix, own):
+            values = _solve_block(residual, own, matrix)
+            _watch_pivot(system, matrix, block_unknowns, trees)
         else:
             values = _iterate(system, present, block_unknowns, trees)
-        for j, value in zip(members, values, strict=True):
-            name, symbol = unknowns[j]
-            solved[name] = value
-            old.append(symbol)
-            new.append(value)
-    return solved
+        found.update(zip(members, values, strict=True))
+    return {unknowns[j][0]: value for j, value in found.items()}
 
 
 def _singular(system: HybridSystem, pattern: ca.Sparsity, names: list[str]) -> InputError:
@@ -88,14 +92,13 @@ def _singular(system: HybridSystem, pattern: ca.Sparsity, names: list[str]) -> I
 
 
 def _watch_pivot(
-    system: HybridSystem, residuals: list[ca.SX], unknowns: list[tuple[str, ca.SX]], trees: list
+    system: HybridSystem, pivot: ca.SX, unknowns: list[tuple[str, ca.SX]], trees: list
 ) -> None:
     """A run stops where the factor of a block's unknowns, which the block is divided by, is 0.
 
     Nothing is watched where that cannot be. Raises InputError where it is 0 always.
     """
     source = system.table.source
-    pivot = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*(symbol for _, symbol in unknowns)))
     factor = pivot if len(unknowns) == 1 else ca.det(pivot)
     names = ", ".join(name for name, _ in unknowns)
     if factor.is_constant():
@@ -120,19 +123,10 @@ def _keeps_its_sign(system: HybridSystem, factor: ca.SX) -> bool:
     return (low is not None and low > 0) or (high is not None and high < 0)
 
 
-def _solvable(residuals: list[ca.SX], unknowns: list[tuple[str, ca.SX]]) -> bool:
-    """Whether a block is linear and small enough to be solved symbolically."""
-    symbols = ca.vertcat(*(symbol for _, symbol in unknowns))
-    matrix = ca.jacobian(ca.vertcat(*residuals), symbols)
-    return len(unknowns) <= LARGEST_BLOCK and not ca.depends_on(matrix, symbols)
-
-
-def _solve_block(residuals: list[ca.SX], unknowns: list[tuple[str, ca.SX]]) -> list[ca.SX]:
-    symbols = ca.vertcat(*(symbol for _, symbol in unknowns))
-    residual = ca.vertcat(*residuals)
-    matrix = ca.jacobian(residual, symbols)
-    right = -ca.substitute([residual], [symbols], [ca.SX.zeros(len(unknowns))])[0]
-    if len(unknowns) == 1:
+def _solve_block(residual: ca.SX, symbols: ca.SX, matrix: ca.SX) -> list[ca.SX]:
+    """Values of a linear block's unknowns; matrix: its Jacobian."""
+    right = -ca.substitute([residual], [symbols], [ca.SX.zeros(symbols.numel())])[0]
+    if symbols.numel() == 1:
         return [right / matrix]
     return list(ca.vertsplit(ca.solve(matrix, right)))
 
