@@ -77,7 +77,9 @@ class Shaping:
         return replace(fitted, free=free, candidate=candidate)
 
     def _forms(self, base: Fit, fitted: Tried) -> list[Tried]:
-        """The forms that are closest to a free curve as it has been fitted."""
+        """The forms that are closest to a free curve as it has been fitted, with all else where it
+        is beside that curve.
+        """
         free, candidate = fitted.free, fitted.candidate
         assert free is not None
         assert candidate is not None
@@ -89,7 +91,8 @@ class Shaping:
         if any(d.law.name == "linear" for d in near):  # tolerance may not have its constant
             line = line_of(free.knots, curve, covariance)
             near += [line] if line is not None else []
-        return [self.fits.joint(base, self.term(candidate, d)) for d in near]
+        beside = _beside(fitted.fit)
+        return [self.fits.joint(base, self.term(candidate, d), beside) for d in near]
 
     def plainer(
         self, best: Tried, screens: Sequence[Screen], known: Collection[str] = ()
@@ -131,6 +134,13 @@ class Shaping:
             spreads=tuple(s or size for s in spreads),
         )
         return [self.fits.joint(best.base, own)]
+
+
+def _beside(fit: Fit) -> dict[str, float]:
+    """What belongs to all records and to no effect, as a fit has it."""
+    values = fit.values(None)
+    own = (c for c in fit.point.coordinates if not c.effect and c.record is None)
+    return {c.parameter: values[c.parameter] for c in own if c.parameter in values}
 
 
 def _spreads(d: Distilled, candidate: Candidate) -> tuple[float, ...]:
