@@ -167,8 +167,7 @@ def distances(
     """Forms with their distances from a curve. A constant is left to the rest of the model: it is
     fitted beside, and so are further curves (coefficients, n).
     """
-    level, vectors = np.linalg.eigh(covariance)
-    root = vectors / np.sqrt(np.maximum(level, 1e-9 * level.max()))
+    root = _whitening(covariance)
     others = np.ones((len(curve), 1))
     others[len(knots.at) :] = 0.0  # a constant does not jump
     if beside is not None:
@@ -179,6 +178,12 @@ def distances(
         starts = sorted(_starts(form, knots.at), key=fit.cost)[:REFINED]
         found.append(min((fit.refined(s) for s in starts), key=lambda d: d.cost))
     return found
+
+
+def _whitening(covariance: Array) -> Array:
+    """What makes coefficients of a curve independent, of deviation 1: transposed, before them."""
+    level, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors / np.sqrt(np.maximum(level, 1e-9 * level.max())))
 
 
 def doubted(found: Sequence[Distilled], rows: int) -> list[float]:
@@ -257,8 +262,7 @@ class _Fit:
 
 def line_of(knots: Knots, curve: Array, covariance: Array) -> Distilled | None:
     """The line through a curve, its constant included; None where it has no slope."""
-    level, vectors = np.linalg.eigh(covariance)
-    root = vectors / np.sqrt(np.maximum(level, 1e-9 * level.max()))
+    root = _whitening(covariance)
     edge = 2 * knots.width
     rising = knots.seen(knots.at, (-edge, edge))
     columns = np.column_stack([rising, knots.seen(np.ones(len(knots.at)), (1.0, 1.0))])

@@ -44,7 +44,9 @@ class TermFits:
         return [v.name for v in self.apart.readers(term.point)]
 
     def joint(self, base: Fit, term: Term, starts: Mapping[str, float] | None = None) -> Tried:
-        """A term beside the effects of a fit; starts: of their parameters, where not as fitted."""
+        """A term beside the effects of a fit; starts: of parameters of effects, and of others that
+        are one for all records, where not as fitted.
+        """
         fitter, effect = self.fitter(term), term.effect
         try:
             hypothesis = base.hypothesis.plus(effect, effect.forms[0])

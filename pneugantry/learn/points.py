@@ -11,6 +11,7 @@ import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -190,12 +191,17 @@ class Opened:
         """Measured states that the plant's own class can give to a point's component, which has
         them not.
         """
-        if point.declared is None or point.shared is not None:
-            return []
-        own = {self.shape.roots[n] for n in self.variables(point)}
-        measured = [s.variable for s in self.plant.signals]
-        roots = {n: self.shape.roots[n] for n in measured if "[" not in n}
-        return [n for n, root in roots.items() if root in self.shape.states - own]
+        return self._fed.get(point, [])
+
+    @cached_property
+    def _fed(self) -> dict[Point, list[str]]:
+        """By point: a screen asks for each again and again."""
+        measured = [s.variable for s in self.plant.signals if "[" not in s.variable]
+        found = {}
+        for point in (p for p in self.points if p.declared is not None):
+            lacked = self.shape.states - {self.shape.roots[n] for n in self.variables(point)}
+            found[point] = [n for n in measured if self.shape.roots[n] in lacked]
+        return found
 
     def quiet(self, record: Record) -> Record:
         """A record whose addends are 0."""
