@@ -298,20 +298,17 @@ def source(
         *initial_functions(system, layout, e, inputs),
     ]
     functions.append(_delays_used(system, hoist))
-    calculated = _calculated(layout, e)
-    prepare = (
-        "void model_prepare(ModelData *q) {\n    (void)q;\n" + "\n".join(hoist.statements) + "\n}\n"
-    )
+    prepare, functions_text, hoisted = hoist.stored("\n".join(functions))
     text = "\n".join(
         [
             _preamble(),
             _tables(system, layout, e, variables, identity),
-            calculated,
+            _calculated(layout, e),
             prepare,
-            *functions,
+            functions_text,
         ]
     )
-    return header(system, layout, e, len(hoist.slots)), _silence_unused(text)
+    return header(system, layout, e, hoisted), _silence_unused(text)
 
 
 def _values(emitter: Emitter, layout: Layout, e: Expressions) -> list[str]:

@@ -5,6 +5,7 @@ shared and parameter-only parts.
 from __future__ import annotations
 
 import ctypes
+import re
 import subprocess
 
 import casadi as ca
@@ -125,8 +126,10 @@ typedef struct {{ double time, x[{N_X}], p[{N_P}], m[{N_M}], h[{MAX_SLOTS}]; }} 
 static inline double model_min(double a, double b) {{ return a < b ? a : b; }}
 static inline double model_max(double a, double b) {{ return a > b ? a : b; }}
 """
-    prepare = "void prepare(ModelData *q) {\n" + "\n".join(hoist.statements) + "\n}\n"
-    (folder / "f.c").write_text(head + prepare + _silence_unused("\n".join(texts)))
+    prepare, moved, stored = hoist.stored("\n".join(texts))
+    assert 50 < stored < len(hoist.slots)
+    assert prepare.count("static void prepare_") > 2  # parts that read what others have stored
+    (folder / "f.c").write_text(head + prepare + _silence_unused(moved))
     flags = [
         "-std=c11",
         "-O1",
@@ -172,7 +175,7 @@ def test_c_equals_casadi_on_random_expressions(functions):
         )
         x[rng.integers(N_X)] = p[rng.integers(N_P)]  # equality happens, too
         data.time, data.x[:], data.p[:], data.m[:] = time, x, p, m
-        library.prepare(ctypes.byref(data))
+        library.model_prepare(ctypes.byref(data))
         for i, f in enumerate(reference):
             getattr(library, f"f{i}")(ctypes.byref(data), y)
             np.testing.assert_allclose(
@@ -208,6 +211,25 @@ def test_parameter_only_values_are_hoisted_once():
     one = emitter.function("f", {"y": x[0] * parts}, "const ModelData *q, double *y")
     two = emitter.function("g", {"y": x[1] + ca.sin(parts)}, "const ModelData *q, double *y")
     assert len(hoist.slots) == 4  # exp, sqrt, their product, its sine
-    assert sum("exp(" in s for s in hoist.statements) == 1
+    assert sum("exp(" in s for s in hoist.slots) == 1
     assert "exp(" not in one + two
     assert "sin(" not in two
+
+
+def test_only_what_a_function_reads_is_stored():
+    x, p = ca.SX.sym("x"), ca.SX.sym("p", 2)
+    hoist = Hoist()
+    emitter = Emitter({"q->x": x, "q->p": p}, ("q->p",), hoist)
+    text = emitter.function(
+        "f", {"y": x * ca.sin(ca.exp(p[0])) + p[1] ** 2}, "const ModelData *q, double *y"
+    )
+    prepare, moved, stored = hoist.stored(text)
+    assert (len(hoist.slots), stored) == (3, 2)
+    assert prepare.count("const double h") == 3
+    assert {"q->h[0]", "q->h[1]"} == set(re.findall(r"q->h\[\d+\]", moved))
+
+
+def test_without_parameter_only_values_nothing_is_prepared():
+    prepare, moved, stored = Hoist().stored("void f(void) {}")
+    assert (moved, stored) == ("void f(void) {}", 0)
+    assert prepare.strip() == "void model_prepare(ModelData *q) { (void)q; }"
