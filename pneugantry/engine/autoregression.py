@@ -11,51 +11,96 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LONGEST", "Whitener", "quoted", "whitener_of"]
+from pyfmi_runner.first_order import first_order
+
+__all__ = ["LONGEST", "Whitener", "drifting", "quoted", "undrifted", "whitener_of"]
 
 Array = NDArray[np.float64]
 LONGEST = (
     12  # samples; every order leaves out as many rows at a log's start, so that orders compare
 )
+LASTING = (16.0, 32.0, 64.0, 128.0)  # rows, of drifts that are tried
+DRIFT = 0.95  # of a drift, that is taken out: what is constant stays in sight
 TINY = 1e-9  # share of a process's power that is taken as white, so that its order is bounded
 BISECTIONS = 12  # until a bound is met
 
 
 @dataclass(frozen=True, eq=False)
 class Whitener:
-    """e_k = (r_k - sum coefficients_i r_{k-i}) / sigma."""
+    """e_k = (s_k - sum coefficients_i s_{k-i}) / sigma, of s = r less most of its drift."""
 
     coefficients: Array
     sigma: float
+    lasting: float = 0.0  # rows over which the drift is told; 0: it has none
 
     def __call__(self, residual: Array) -> Array:
         """Innovations of residuals (..., N), from row LONGEST on."""
         rows = residual.shape[-1]
+        still = undrifted(residual, self.lasting) if self.lasting else residual
         if residual.ndim == 1 and len(self.coefficients):
             kernel = np.concatenate([[1.0], -self.coefficients])
-            return np.asarray(np.convolve(residual, kernel)[LONGEST:rows] / self.sigma)
-        found = residual[..., LONGEST:] / self.sigma
+            return np.asarray(np.convolve(still, kernel)[LONGEST:rows] / self.sigma)
+        found = still[..., LONGEST:] / self.sigma
         for i, coefficient in enumerate(self.coefficients, 1):
-            found -= (coefficient / self.sigma) * residual[..., LONGEST - i : rows - i]
+            found -= (coefficient / self.sigma) * still[..., LONGEST - i : rows - i]
         return np.asarray(found)
 
     def drawn(self, innovations: Array) -> Array:
         """Noise (N,) of which these are the innovations."""
         from scipy.signal import lfilter  # costs half a second, for who quotes a model's error
 
-        return np.asarray(lfilter([self.sigma], np.r_[1.0, -self.coefficients], innovations))
+        noise = lfilter([self.sigma], np.r_[1.0, -self.coefficients], innovations)
+        if self.lasting:
+            fade = math.exp(-1 / self.lasting)
+            noise = lfilter([1.0, -fade], [1.0, -fade - DRIFT * (1 - fade)], noise)
+        return np.asarray(noise)
+
+
+def undrifted(residual: Array, lasting: float) -> Array:
+    """Residuals (..., N) less DRIFT times m_{k-1}, the mean of the rows before, each counted less
+    by the factor e for every `lasting` rows that it lies back; 0 before the first. A random walk
+    under white noise of `lasting` times its step becomes white: the noise of what a view adds up.
+    """
+    fade, still = math.exp(-1 / lasting), np.array(residual, dtype=float, order="C")
+    for place in np.ndindex(residual.shape[:-1]):
+        row = still[place]
+        row[1:] -= DRIFT * first_order(row[:-1], 1 - fade, fade)
+    return still
+
+
+def drifting(residuals: Sequence[Array], least: float) -> Whitener:
+    """As `whitener_of`, of what is noise and nothing else: with the drift that it shows, if any."""
+    found = whitener_of(residuals, least)
+    rows = sum(len(r) - LONGEST for r in residuals)
+    cost = _cost(found, residuals)
+    for lasting in LASTING:
+        tried = whitener_of(residuals, least, lasting=lasting)
+        own = _cost(tried, residuals) + math.log(max(rows, 2))
+        if own < cost:
+            found, cost = tried, own
+    return found
+
+
+def _cost(whitener: Whitener, residuals: Sequence[Array]) -> float:
+    """-2 log likelihood, and what the order costs."""
+    rows = sum(len(r) - LONGEST for r in residuals)
+    squares = sum(float(w @ w) for w in map(whitener, residuals))
+    order = len(whitener.coefficients) * math.log(max(rows, 2))
+    return 2 * rows * math.log(whitener.sigma) + squares + order
 
 
 def whitener_of(
-    residuals: Sequence[Array], least: float = 1e-9, slow: float = math.inf
+    residuals: Sequence[Array], least: float = 1e-9, slow: float = math.inf, lasting: float = 0.0
 ) -> Whitener:
-    """Autoregression of the order 0..LONGEST of least n log s^2 + order log n over all residuals.
-    `least`: bound of sigma from below. `slow`: bound of the noise at frequency 0, as the sigma of
-    white noise that is as strong there: without it an error that hardly changes would be noise,
-    however large.
+    """Autoregression of the order 0..LONGEST of least n log s^2 + order log n over all residuals,
+    behind a drift that lasts as long as is known. `least`: bound of sigma from below. `slow`: bound
+    of the noise at frequency 0, as the sigma of white noise that is as strong there: without it an
+    error that hardly changes would be noise, however large.
 
     The mean is not taken out: a constant error is structure that an effect may explain.
     """
+    if lasting:
+        residuals, slow = [undrifted(r, lasting) for r in residuals], slow * (1 - DRIFT)
     n = sum(len(r) - LONGEST for r in residuals)
     lags = np.array(
         [sum(float(r[: len(r) - k] @ r[k:]) for r in residuals) for k in range(LONGEST + 1)]
@@ -67,7 +112,7 @@ def whitener_of(
     sizes = np.maximum(np.sqrt(squares), least)
     orders = np.arange(LONGEST + 1)
     best = int(np.argmin(n * (2 * np.log(sizes) + squares / sizes**2) + orders * math.log(n)))
-    return Whitener(-kernels[best, 1 : best + 1], float(sizes[best]))
+    return Whitener(-kernels[best, 1 : best + 1], float(sizes[best]), lasting)
 
 
 def _products(residual: Array) -> Array:

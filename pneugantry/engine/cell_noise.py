@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -61,7 +62,8 @@ class CellNoise:
                 found.append(noise.grown(known, own) if finite else known)
                 continue
             least, slow = self.rules.quietest * sigma, self.rules.slowest * sigma
-            found.append(noise.coloured([own] if finite else [], least, slow))
+            lasting = self.floor(cell)[c].lasting
+            found.append(noise.coloured([own] if finite else [], least, slow, lasting))
         return tuple(found)
 
     def floor(self, cell: Cell) -> tuple[Whitener, ...]:
@@ -71,7 +73,7 @@ class CellNoise:
             values: dict[str, float] = dict(record.parameters)
             changes = changes_of(view, record, [noisy(self.plant, record)], values)
             self._floors[cell] = tuple(
-                known or noise.coloured([c[:, i] for c in changes], sigma, math.inf)
+                known or noise.pure([c[:, i] for c in changes], sigma)
                 for i, (sigma, known) in enumerate(zip(view.sigmas, self.erring(cell), strict=True))
             )
         return self._floors[cell]
@@ -119,7 +121,7 @@ class CellNoise:
             ]
             sizes = [max(noise.spread(r), 1.0) for r in rows]
             found[cell] = tuple(
-                Whitener(w.coefficients, w.sigma * size) for w, size in zip(own, sizes, strict=True)
+                replace(w, sigma=w.sigma * size) for w, size in zip(own, sizes, strict=True)
             )
         return found
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.noise import LONGEST, NOISIEST, Whitener, spread, whitener_of
+from pneugantry.engine.noise import LONGEST, NOISIEST, Whitener, drifting, spread
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.simulation import Cell
 from pneugantry.engine.synthetic import changes_of, noisy
@@ -92,7 +92,7 @@ def _floors_in(fitter: Fitter, fit: Fit, cell: Cell, others: Sequence[Record]) -
         bound = CLIPPED * max(spread([r[:, c] for r in changes]), sigma)
         clipped = [np.clip(r[:, c], -bound, bound) for r in changes]
         known = fitter.noise.erring(cell)[c]
-        found[(name, signal), record] = known or whitener_of(clipped, sigma)
+        found[(name, signal), record] = known or drifting(clipped, sigma)
     return found
 
 

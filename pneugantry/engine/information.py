@@ -18,7 +18,7 @@ import numpy as np
 from pneugantry.engine.catalogue import Effect, Form
 from pneugantry.engine.fitter import Fitter
 from pneugantry.engine.hypothesis import Coordinate, effect_coordinate
-from pneugantry.engine.noise import LONGEST, Whitener, whitener_of
+from pneugantry.engine.noise import LONGEST, Whitener, drifting
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.simulation import Cell
 from pneugantry.engine.synthetic import changes_of
@@ -334,7 +334,7 @@ def _whiteners(
             own += [change for change in changes if len(change) > 4 * LONGEST]
         if own:
             found[name] = tuple(
-                known or whitener_of([r[:, c] for r in own], sigma)
+                known or drifting([r[:, c] for r in own], sigma)
                 for c, (sigma, known) in enumerate(
                     zip(view.sigmas, fitter.noise.erring_in(name), strict=True)
                 )

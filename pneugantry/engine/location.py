@@ -120,10 +120,7 @@ def floor_below(fitter: Fitter, fit: Fit, levels: Mapping[str, float] | None = N
     for name, view in sim.views.items():
         own = {cell: r for cell, r in drawn.items() if cell[0] == name}
         whiteners[name] = tuple(
-            known
-            or noise.coloured(
-                [r[:, c] for r in own.values()], rules.quietest * sigma, rules.slowest * sigma
-            )
+            known or noise.pure([r[:, c] for r in own.values()], rules.quietest * sigma)
             for c, (sigma, known) in enumerate(
                 zip(view.sigmas, fitter.noise.erring_in(name), strict=True)
             )

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from pneugantry.engine.autoregression import LONGEST, Whitener, quoted, whitener_of
+from pneugantry.engine.autoregression import LONGEST, Whitener, drifting, quoted, whitener_of
 from pneugantry.engine.plant import Array
 
 __all__ = [
@@ -21,9 +22,11 @@ __all__ = [
     "Whitener",
     "coloured",
     "doubted",
+    "drifting",
     "flat",
     "grown",
     "loss",
+    "pure",
     "quoted",
     "spread",
     "surely_above",
@@ -82,14 +85,25 @@ def grown(whitener: Whitener, residual: Array) -> Whitener:
     white = whitener(residual)
     bound = CLIPPED * max(spread([white]), 1.0)
     size = float(np.sqrt(np.mean(np.clip(white, -bound, bound) ** 2)))
-    return Whitener(whitener.coefficients, whitener.sigma * max(size, 1.0))
+    return replace(whitener, sigma=whitener.sigma * max(size, 1.0))
 
 
-def coloured(residuals: Sequence[Array], least: float, slow: float) -> Whitener:
+def coloured(
+    residuals: Sequence[Array], least: float, slow: float, lasting: float = 0.0
+) -> Whitener:
     """Autoregression of the bulk of the residuals; `least`: bound of its innovations' size; `slow`:
-    of the noise at frequency 0 (see `whitener_of`).
+    of the noise at frequency 0; `lasting`: of its drift (see `whitener_of`).
     """
     if not residuals:
         return Whitener(np.zeros(0), least)
+    return whitener_of(_bulk(residuals, least), least, slow, lasting)
+
+
+def pure(residuals: Sequence[Array], least: float) -> Whitener:
+    """Autoregression of the bulk of what is noise and nothing else, with its drift."""
+    return drifting(_bulk(residuals, least), least) if residuals else Whitener(np.zeros(0), least)
+
+
+def _bulk(residuals: Sequence[Array], least: float) -> list[Array]:
     bound = CLIPPED * max(spread(residuals), least)
-    return whitener_of([np.clip(r, -bound, bound) for r in residuals], least, slow)
+    return [np.clip(r, -bound, bound) for r in residuals]

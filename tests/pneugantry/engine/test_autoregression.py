@@ -7,7 +7,16 @@ import pytest
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from pneugantry.engine.autoregression import LONGEST, _kernels, quoted, whitener_of
+from pneugantry.engine.autoregression import (
+    DRIFT,
+    LASTING,
+    LONGEST,
+    _kernels,
+    drifting,
+    quoted,
+    undrifted,
+    whitener_of,
+)
 
 NOISE = np.random.default_rng(5).normal(0, 3.0, (3, 4000))
 
@@ -102,3 +111,70 @@ def test_many_residuals_become_white_as_each_alone() -> None:
     together = whiten(NOISE)
     for row, alone in zip(together, NOISE, strict=True):
         assert row == pytest.approx(whiten(alone), rel=1e-12, abs=1e-12)
+
+
+def walking(lasting: float, rng: np.random.Generator, rows: int = 4000) -> np.ndarray:
+    """White noise of size 1 above a random walk of steps 1 / lasting."""
+    return rng.standard_normal(rows) + np.cumsum(rng.standard_normal(rows)) / lasting
+
+
+@pytest.mark.parametrize("lasting", LASTING)
+def test_what_a_view_adds_up_is_a_drift(lasting: float) -> None:
+    """The best predictor of a random walk under noise is a mean that forgets by the factor e in as
+    many rows as the noise is larger than a step (Muth 1960).
+    """
+    rng = np.random.default_rng(7)
+    series = [walking(lasting, rng) for _ in range(4)]
+    found = drifting(series, 0.1)
+    assert 0.5 * lasting <= found.lasting <= 2 * lasting
+    assert len(found.coefficients) <= 3
+    white = np.concatenate([found(s) for s in series])
+    assert np.std(white) == pytest.approx(1.0, rel=0.08)
+    for rows in (1, 5, 30, 100):
+        assert abs(np.corrcoef(white[rows:], white[:-rows])[0, 1]) < 0.05
+
+
+def test_lags_alone_do_not_reach_as_far() -> None:
+    rng = np.random.default_rng(8)
+    series = [walking(32.0, rng) for _ in range(4)]
+    alone, found = whitener_of(series, 0.1), drifting(series, 0.1)
+
+    def cost(whitener) -> float:
+        white = np.concatenate([whitener(s) for s in series])
+        return float(white @ white) + 2 * len(white) * np.log(whitener.sigma)
+
+    assert cost(found) < cost(alone) - 100
+    assert len(found.coefficients) < len(alone.coefficients)
+
+
+def test_white_noise_has_no_drift() -> None:
+    assert drifting(list(NOISE), 0.1).lasting == 0
+
+
+def test_a_constant_error_stays_in_sight_behind_a_drift() -> None:
+    still = undrifted(np.full(2000, 3.0), 32.0)
+    assert still[0] == 3.0
+    assert still[-1] == pytest.approx(3.0 * (1 - DRIFT))
+
+
+@pytest.mark.parametrize("size", [0.01, 1.0, 10.0])
+def test_the_bound_holds_behind_a_drift(size: float) -> None:
+    smooth = [size * np.sin(np.arange(4000) / 300 + k) for k in range(3)]
+    whiten = whitener_of(smooth, 1.0, slow=20.0, lasting=32.0)
+    there = (1 - DRIFT) * (1 - whiten.coefficients.sum())
+    assert whiten.sigma / there <= 20.0 * (1 + 1e-6)
+
+
+def test_noise_with_a_drift_is_drawn_as_it_is_made_white() -> None:
+    rng = np.random.default_rng(9)
+    whiten = drifting([walking(16.0, rng) for _ in range(4)], 0.1)
+    innovations = rng.standard_normal(3000)
+    noise = whiten.drawn(innovations)
+    assert whiten(noise) == pytest.approx(innovations[LONGEST:], abs=1e-9)
+
+
+def test_many_residuals_are_freed_of_their_drift_as_each_alone() -> None:
+    both = np.cumsum(NOISE.reshape(3, 2, 2000), axis=-1)
+    together = undrifted(both, 16.0)
+    for place in np.ndindex(3, 2):
+        np.testing.assert_array_equal(together[place], undrifted(both[place], 16.0))
