@@ -30,9 +30,10 @@ def evidence_of(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     one is fitted again from the other's optimum: it may have been in a worse one, of the same
     evidence in the records that were fitted.
     """
-    fits = _compared(fitter, (*found.tried, found.null, found.best))
+    temper = task.chances.temper
+    fits = _compared(fitter, (*found.tried, found.null, found.best), temper)
     costs = _judged(fitter, task, fits, found.null)
-    for fewer, more in _turned(_costs(fits, fitter.rules), costs):
+    for fewer, more in _turned(_costs(fits, fitter.rules, temper), costs):
         (gone,) = set(more) - set(fewer)
         other = fitter.again(fitter.explore(fits[more].hypothesis.without(gone), fits[more]))
         tried = _judged(fitter, task, {**fits, fewer: other}, found.null)
@@ -41,7 +42,7 @@ def evidence_of(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
 
 
-def _compared(fitter: Fitter, tried: Iterable[Fit]) -> dict[Keys, Fit]:
+def _compared(fitter: Fitter, tried: Iterable[Fit], temper: float) -> dict[Keys, Fit]:
     """The best fit of each hypothesis' effects. Of the likeliest one in which all views were fitted
     together: what was fitted beside parabolas of other views has tens of -2 log evidence too much
     where it moved what they share.
@@ -49,7 +50,9 @@ def _compared(fitter: Fitter, tried: Iterable[Fit]) -> dict[Keys, Fit]:
     by_keys = _by_keys(tried)
     fits = {k: min(own, key=lambda f: f.evidence) for k, own in by_keys.items()}
     whole: set[Keys] = set()
-    while new := [k for k in _rivals(_costs(fits, fitter.rules), fitter.rules) if k not in whole]:
+    while new := [
+        k for k in _rivals(_costs(fits, fitter.rules, temper), fitter.rules) if k not in whole
+    ]:
         rough = [fits[k] for k in new if not fits[k].whole]
         for made in fitter.together(fitter.again, rough, [f.hypothesis for f in rough]):
             k = tuple(sorted(made.keys))
@@ -77,7 +80,7 @@ def _judged(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> 
     """Costs of fits, with what records say of them that none has seen: of the likeliest, but for
     what is hopelessly far behind.
     """
-    costs = before = _costs(fits, fitter.rules)
+    costs = before = _costs(fits, fitter.rules, task.chances.temper)
     judged: dict[Keys, float] = {(): 0.0}
     while new := [k for k in _rivals(costs, fitter.rules) if k not in judged]:
         judged = _foretold(fitter, task, {k: fits[k] for k in (*judged, *new)}, null)
@@ -121,10 +124,11 @@ def _bring(keys: Keys, costs: Mapping[Keys, float]) -> bool:
     return all(costs[keys] < cost for k, cost in costs.items() if set(k) < set(keys))
 
 
-def _costs(fits: Mapping[Keys, Fit], rules: Rules) -> dict[Keys, float]:
+def _costs(fits: Mapping[Keys, Fit], rules: Rules, temper: float) -> dict[Keys, float]:
     """Less what effects bring. The best of as many effects is held against the likeliest that has
     one of its effects less, else against none at all; the others of as many against that best:
-    over a detour each would be doubted for more than what tells it from its rival.
+    over a detour each would be doubted for more than what tells it from its rival. temper: as of
+    `Chances`.
     """
     costs: dict[Keys, float] = {(): 0.0}
     for count in sorted({len(k) for k in fits} - {0}):
@@ -134,7 +138,7 @@ def _costs(fits: Mapping[Keys, Fit], rules: Rules) -> dict[Keys, float]:
         base = min(fewer, key=lambda k: costs[k], default=())
         costs[best] = costs[base] - fits[best].gain(fits[base], rules)
         for k in level:
-            costs[k] = costs[best] + (fits[best].gain(fits[k], rules) if k != best else 0.0)
+            costs[k] = costs[best] + (fits[best].ahead(fits[k], temper) if k != best else 0.0)
     return costs
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -82,6 +83,17 @@ class Fit:
         sizes = {c: base.residuals[c].size for c in base.stretches}
         sure = base.cost - self.cost + fallen(base.stretches, self.stretches, sizes, rules)
         return min(sure, base.evidence - self.evidence)
+
+    def ahead(self, rival: Fit, temper: float) -> float:
+        """Fall of -2 log evidence from a rival with as many effects to here, as a sure one that
+        tells as much. Over other stretches the fall would scatter, by how they differ; so does how
+        likely either is (`Chances.temper`), whose mean this gives (MacKay 1992, Neural Computation
+        4, 720, eq. 10). Neither is the simpler one that is kept until the other surely is better.
+        """
+        by = [c - self.stretches[cell] for cell, c in rival.stretches.items()]
+        falls = np.concatenate(by) if by else np.zeros(0)
+        scatter = float(falls @ falls) / (2 * temper) ** 2
+        return (rival.evidence - self.evidence) / math.sqrt(1 + math.pi / 8 * scatter)
 
     def values(self, record: str | None) -> dict[str, float]:
         """Parameters of a record; None: those of no record in particular."""

@@ -122,15 +122,45 @@ class Told:
         fall = base.evidence - self.evidence
         return fall - 0.2 * abs(fall)
 
+    def ahead(self, rival: Told, temper: float) -> float:
+        return 0.9 * (rival.evidence - self.evidence)
+
+
+class InStretches:
+    """A fit of some cost in each of a record's stretches."""
+
+    def __init__(self, stretches: Sequence[float], cost: float = 0.0) -> None:
+        self.stretches = {("view", "record"): np.array(stretches)}
+        self.evidence = float(sum(stretches)) + cost
+
+
+def ahead(falls: Sequence[float], simpler: float = 0.0) -> float:
+    fit, rival = InStretches([-f for f in falls], simpler), InStretches([0.0 for _ in falls])
+    return Fit.ahead(cast(Fit, fit), cast(Fit, rival), 6.0)
+
+
+def test_what_many_stretches_tell_of_a_rival_counts_and_what_one_tells_hardly() -> None:
+    assert ahead([1.0] * 100) == pytest.approx(88.7, abs=0.1)
+    assert ahead([100.0]) == pytest.approx(18.8, abs=0.1)
+    assert ahead([100.0], simpler=60.0) == pytest.approx(0.4 * ahead([100.0]))
+    assert ahead([-100.0]) == -ahead([100.0])
+
+
+@pytest.mark.parametrize("falls", [[3.0] * 10, [40.0, -10.0, 5.0], [120.0, 30.0]])
+def test_a_rival_is_as_likely_as_in_the_mean_over_other_stretches(falls: list[float]) -> None:
+    fall = np.random.default_rng(1).normal(sum(falls), np.linalg.norm(falls), 100_000)
+    expected = np.mean(1 / (1 + np.exp(fall / 12)))
+    assert 1 / (1 + np.exp(ahead(falls) / 12)) == pytest.approx(expected, abs=0.02)
+
 
 def test_rivals_are_held_against_each_other_not_each_against_what_leaves_most() -> None:
     told = {(): 0.0, ("a",): -1000.0, ("b",): -300.0, ("a", "c"): -1800.0, ("b", "c"): -1900.0}
     fits = {k: cast(Fit, Told(e)) for k, e in told.items()}
-    costs = _costs(fits, Rules())
+    costs = _costs(fits, Rules(), 6.0)
     assert costs["b", "c"] < costs["a", "c"]  # though over ("a",) it would be -1440 and -1520
     assert costs["a",] == pytest.approx(-800.0)
-    assert costs["b",] == pytest.approx(-800.0 + 560.0)
-    assert costs["a", "c"] - costs["b", "c"] == pytest.approx(80.0)
+    assert costs["b",] == pytest.approx(-800.0 + 0.9 * 700.0)
+    assert costs["a", "c"] - costs["b", "c"] == pytest.approx(90.0)
 
 
 class Rough(Told):
@@ -170,10 +200,10 @@ def test_likeliest_fits_are_held_against_each_other_with_all_views_together() ->
         Rough(-990.0, "b", "a", whole=True),
         Rough(-10.0, "hopeless", whole=False),
     ]
-    fits = _compared(cast(Fitter, finisher), cast(list[Fit], tried))
+    fits = _compared(cast(Fitter, finisher), cast(list[Fit], tried), 6.0)
     assert finisher.finished == [("a",)]
     assert fits["a",].evidence == -930.0
-    assert _costs(fits, Rules())["a", "b"] < _costs(fits, Rules())["a",]
+    assert _costs(fits, Rules(), 6.0)["a", "b"] < _costs(fits, Rules(), 6.0)["a",]
 
 
 def test_only_what_lost_against_an_effect_more_is_turned() -> None:
