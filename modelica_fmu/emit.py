@@ -136,7 +136,7 @@ class Hoist:
             if slot in place:
                 lines.append(f"    {_stored(place[slot])} = h{slot};")
         parts = [f"prepare_{k}" for k in sorted(set(part.values()))]
-        lines += ["}", *_calling(parts)] if parts else _calling(parts)
+        lines += [*(["}"] if parts else []), *_calling(parts)]
         places = {slot: _stored(i) for slot, i in place.items()}
         return "\n".join(lines), _renamed(functions, places), len(place)
 

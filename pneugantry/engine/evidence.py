@@ -50,9 +50,8 @@ def _compared(fitter: Fitter, tried: Iterable[Fit], temper: float) -> dict[Keys,
     by_keys = _by_keys(tried)
     fits = {k: min(own, key=lambda f: f.evidence) for k, own in by_keys.items()}
     whole: set[Keys] = set()
-    while new := [
-        k for k in _rivals(_costs(fits, fitter.rules, temper), fitter.rules) if k not in whole
-    ]:
+    rules = fitter.rules
+    while new := [k for k in _rivals(_costs(fits, rules, temper), rules) if k not in whole]:
         rough = [fits[k] for k in new if not fits[k].whole]
         for made in fitter.together(fitter.again, rough, [f.hypothesis for f in rough]):
             k = tuple(sorted(made.keys))

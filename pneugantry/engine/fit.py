@@ -88,7 +88,7 @@ class Fit:
         """Fall of -2 log evidence from a rival with as many effects to here, as a sure one that
         tells as much. Over other stretches the fall would scatter, by how they differ; so does how
         likely either is (`Chances.temper`), whose mean this gives (MacKay 1992, Neural Computation
-        4, 720, eq. 10). Neither is the simpler one that is kept until the other surely is better.
+        4, 720). Neither is the simpler one that is kept until the other surely is better.
         """
         by = [c - self.stretches[cell] for cell, c in rival.stretches.items()]
         falls = np.concatenate(by) if by else np.zeros(0)
