@@ -1,5 +1,5 @@
 """Noise of unknown colour: autoregressions that make residuals white, with the order that the data
-pay for.
+pay for, behind the drift that a view's noise has where it adds up.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LONGEST = (
     12  # samples; every order leaves out as many rows at a log's start, so that orders compare
 )
 LASTING = (16.0, 32.0, 64.0, 128.0)  # rows, of drifts that are tried
-DRIFT = 0.95  # of a drift, that is taken out: what is constant stays in sight
+DRIFT = 0.95  # share of a drift that is taken out: what is constant stays in sight
 TINY = 1e-9  # share of a process's power that is taken as white, so that its order is bounded
 BISECTIONS = 12  # until a bound is met
 
@@ -70,23 +70,8 @@ def undrifted(residual: Array, lasting: float) -> Array:
 
 def drifting(residuals: Sequence[Array], least: float) -> Whitener:
     """As `whitener_of`, of what is noise and nothing else: with the drift that it shows, if any."""
-    found = whitener_of(residuals, least)
-    rows = sum(len(r) - LONGEST for r in residuals)
-    cost = _cost(found, residuals)
-    for lasting in LASTING:
-        tried = whitener_of(residuals, least, lasting=lasting)
-        own = _cost(tried, residuals) + math.log(max(rows, 2))
-        if own < cost:
-            found, cost = tried, own
-    return found
-
-
-def _cost(whitener: Whitener, residuals: Sequence[Array]) -> float:
-    """-2 log likelihood, and what the order costs."""
-    rows = sum(len(r) - LONGEST for r in residuals)
-    squares = sum(float(w @ w) for w in map(whitener, residuals))
-    order = len(whitener.coefficients) * math.log(max(rows, 2))
-    return 2 * rows * math.log(whitener.sigma) + squares + order
+    tried = [_whitener(residuals, least, math.inf, lasting) for lasting in (0.0, *LASTING)]
+    return min(tried, key=lambda found: found[1])[0]
 
 
 def whitener_of(
@@ -99,6 +84,13 @@ def whitener_of(
 
     The mean is not taken out: a constant error is structure that an effect may explain.
     """
+    return _whitener(residuals, least, slow, lasting)[0]
+
+
+def _whitener(
+    residuals: Sequence[Array], least: float, slow: float, lasting: float
+) -> tuple[Whitener, float]:
+    """As `whitener_of`; and what is least of it. A drift counts as one order more."""
     if lasting:
         residuals, slow = [undrifted(r, lasting) for r in residuals], slow * (1 - DRIFT)
     n = sum(len(r) - LONGEST for r in residuals)
@@ -110,9 +102,11 @@ def whitener_of(
     kernels = _bounded(_kernels(lags), lags / max(n, 1), least, slow)
     squares = np.maximum(((kernels @ products) * kernels).sum(axis=1) / n, 0.0)
     sizes = np.maximum(np.sqrt(squares), least)
-    orders = np.arange(LONGEST + 1)
-    best = int(np.argmin(n * (2 * np.log(sizes) + squares / sizes**2) + orders * math.log(n)))
-    return Whitener(-kernels[best, 1 : best + 1], float(sizes[best]), lasting)
+    orders = np.arange(LONGEST + 1) + (lasting > 0)
+    costs = n * (2 * np.log(sizes) + squares / sizes**2) + orders * math.log(n)
+    best = int(np.argmin(costs))
+    found = Whitener(-kernels[best, 1 : best + 1], float(sizes[best]), lasting)
+    return found, float(costs[best])
 
 
 def _products(residual: Array) -> Array:
