@@ -75,6 +75,7 @@ class Decision:
     none: float  # probability that nothing is wrong
     unknown: float  # probability that something is that the catalogue lacks
     best: Fit  # of the likeliest hypothesis
+    imitated: float = 0.0  # of `unknown`, what is a curve of an effect over another variable
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,8 @@ def beliefs(
 ) -> dict[Belief, float]:
     """What may be wrong, with its probability; they sum to 1. Something unknown shows where it
     stands out by `score`; of `doubtful` effects, which may only look like it, all or none are then
-    there. Or it hides behind what imitates it, the more likely the more effects that takes.
+    there. Or it hides behind what imitates it, the more likely the more effects that takes; where
+    it was weighed itself, among the effects of a hypothesis, it is there.
     least: probability that something stands out has at least.
     """
     among = shares(weighed, chances)
@@ -149,6 +151,9 @@ def beliefs(
     found: dict[Belief, float] = {}
     for (named, _), share in zip(weighed, map(float, among), strict=True):
         keys = frozenset(named) - {UNKNOWN}
+        if len(keys) < len(named):
+            found[keys, True] = found.get((keys, True), 0.0) + share
+            continue
         true = (1 - chances.imitated) ** len(keys)
         kept = keys - frozenset(doubtful)
         for belief, part in (
@@ -168,10 +173,12 @@ def decide(
     *,
     worse: bool = False,
     doubtful: Collection[str] | None = None,
+    imitators: Sequence[Weighed] = (),
 ) -> Decision:
     """score: of what the likeliest fit leaves (`outstanding`). worse: whether its replay leaves a
     larger gap than the nominal one, so that it explains nothing. doubtful: effects that may only
-    look like what stands out; None: any.
+    look like what stands out; None: any. imitators: hypotheses with something unknown that no fit
+    stands for.
     """
     by_keys: dict[tuple[str, ...], Evidence] = {}
     for e in found:
@@ -179,7 +186,7 @@ def decide(
         if name not in by_keys or e.cost < by_keys[name].cost:
             by_keys[name] = e
     kept = list(by_keys.values())
-    weighed = [(tuple(e.fit.keys), e.cost) for e in kept]
+    weighed = [*((tuple(e.fit.keys), e.cost) for e in kept), *imitators]
     best = min(kept, key=lambda e: e.cost + chances.entry * len(e.fit.keys)).fit
     if doubtful is None:
         doubtful = {key for e in kept for key in e.fit.keys}
@@ -202,4 +209,5 @@ def decide(
         verdict = "none"
     else:
         verdict = "identified" if known >= CLEAR else "ambiguous"
-    return Decision(verdict, tuple(answers), best.keys, none, unknown, best)
+    imitated = float(shares(weighed, chances)[len(kept) :].sum())
+    return Decision(verdict, tuple(answers), best.keys, none, unknown, best, imitated)

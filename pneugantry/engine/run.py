@@ -26,6 +26,7 @@ from pneugantry.engine.evidence import evidence_of, likeliest, vouched
 from pneugantry.engine.excess import Excess, excess_of, floors_of
 from pneugantry.engine.fit import Fit
 from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.imitation import imitators
 from pneugantry.engine.location import where
 from pneugantry.engine.result import Diagnosis, answer_set, causes_of
 from pneugantry.engine.rules import Rules
@@ -141,7 +142,10 @@ def _answer(
     seen = c.gap if task.data.held_out else None
     left = outstanding(excess, task.chances, seen, best)
     doubtful = _read_by(fitter, evidence, None if worse or not left.channel else left.channel[0])
-    decision = decide(evidence, left.score, task.chances, worse=worse, doubtful=doubtful)
+    others, doubts = imitators(fitter, evidence, task.chances)
+    decision = decide(
+        evidence, left.score, task.chances, worse=worse, doubtful=doubtful, imitators=others
+    )
     claimed = decision.best if not worse else found.null
     levels = dict.fromkeys((s.name for s in task.plant.signals), excess.level)
     places = (
@@ -156,13 +160,13 @@ def _answer(
         causes=causes_of(decision.answers, task.catalogue, decision.chosen),
         answer_set=answer_set(decision.answers),
         gap=c.gap,
-        notes=(*task.notes, *c.notes, *_cut_short(found, decision)),
+        notes=(*task.notes, *c.notes, *_cut_short(found, decision), *doubts),
         limits=task.limits,
         seconds=clock.seconds,
         steps=found.steps,
         probabilities={"none": decision.none, "unknown": decision.unknown},
         stages=clock.stages,
-        weighed=tuple((e.fit.keys, e.cost) for e in evidence),
+        weighed=(*((e.fit.keys, e.cost) for e in evidence), *others),
         stands_out=left.score,
         doubtful=doubtful,
     )

@@ -13,9 +13,12 @@ LIKELY = 0.2  # probability of what no catalogue has, from which on it is looked
 
 
 def wanted(found: Found) -> bool:
-    """Whether there may be something to learn: what no catalogue explains is likely enough."""
-    foreign = isinstance(found.task.plant, ForeignPlant)
-    return found.decision.unknown >= LIKELY and not foreign and bool(whole(found.task))
+    """Whether there may be something to learn: what no catalogue explains is likely enough. Where
+    it only may be a curve of a known effect over another variable, nothing is left to learn from.
+    """
+    foreign, told = isinstance(found.task.plant, ForeignPlant), found.decision
+    likely = told.unknown - told.imitated >= LIKELY
+    return likely and not foreign and bool(whole(found.task))
 
 
 def whole(task: Task) -> list[Record]:

@@ -1,0 +1,106 @@
+"""A curve over a variable that records pass once is as well one over the way travelled."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneugantry.engine.catalogue import Effect, Form, Parameter
+from pneugantry.engine.decide import UNKNOWN, Chances, Evidence, beliefs, decide
+from pneugantry.engine.fit import Fit
+from pneugantry.engine.hypothesis import Coordinate, Hypothesis
+from pneugantry.engine.imitation import imitations, imitators
+from pneugantry.engine.noise import Whitener
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.simulation import Point
+
+NODES, ROWS, SIGMA = 9, 1200, 0.01
+ONE_WAY = {"there": (0.0, 8.0), "half": (0.0, 4.0)}
+FORTH_AND_BACK = {"there": (0.0, 8.0, 0.0, 8.0), "half": (4.0, 8.0, 0.0, 4.0)}
+
+
+def curve_of(ways: dict[str, tuple[float, ...]], told: bool = True) -> tuple[Any, Fit]:
+    """A fitter and a fit of friction over position, on records that move through these places."""
+    names = [f"friction.table[{k + 1}]" for k in range(NODES)]
+    theta = np.sin(np.arange(NODES)) + 1.0
+    form = Form("profile", tuple(Parameter(n, 0.0, 1.0, -9.0, 9.0) for n in names))
+    effect = Effect("friction_position", "x", "friction_x", "", (form,))
+    coordinates = [Coordinate(n, 0.0, 1.0, effect=True, spread=2.0) for n in names]
+    random, residuals, columns = np.random.default_rng(1), {}, {}
+    for record, places in ways.items():
+        at = np.interp(np.linspace(0, len(places) - 1, ROWS), range(len(places)), places)
+        for k, name in enumerate(names):
+            hat = np.maximum(0.0, 1.0 - np.abs(at - k)) * (1.0 if told else (-1.0) ** k)
+            columns[("axis", record), name] = 0.1 * hat[:, None]
+        residuals["axis", record] = SIGMA * random.standard_normal((ROWS, 1))
+    fit = Fit(
+        Hypothesis(((effect, form),)),
+        Point(tuple(coordinates), theta, {}),
+        residuals,
+        columns,
+        {cell: (Whitener(np.zeros(0), SIGMA),) for cell in residuals},
+        {},
+        np.eye(NODES),
+        1.0,
+        {},
+        0.0,
+    )
+    fitter = SimpleNamespace(
+        rules=Rules(),
+        simulation=SimpleNamespace(views={"axis": SimpleNamespace(sigmas=(SIGMA,))}),
+        noise=SimpleNamespace(pieces=lambda cell, rows: rows // 50),
+    )
+    return fitter, fit
+
+
+def behind(ways: dict[str, tuple[float, ...]], told: bool = True) -> dict[str, float]:
+    return {i.variable: i.behind for i in imitations(*curve_of(ways, told))}
+
+
+def test_one_way_tells_position_from_time_but_not_from_the_way() -> None:
+    found = behind(ONE_WAY)
+    assert found["way travelled"] < 10
+    assert found["time"] > 30  # a curve of its own for each record costs as many numbers again
+
+
+def test_back_over_the_same_places_tells_it_from_both() -> None:
+    assert min(behind(FORTH_AND_BACK).values()) > 200
+
+
+def test_nothing_is_said_where_columns_do_not_tell_the_place() -> None:
+    assert behind(FORTH_AND_BACK, told=False) == {}
+
+
+def test_forms_without_a_curve_have_no_other_variable() -> None:
+    fitter, fit = curve_of(ONE_WAY)
+    effect = fit.hypothesis.effects[0][0]
+    level = Form("level", (Parameter("friction.level", 0.0, 1.0, -9.0, 9.0),))
+    bare = Fit(**{**vars(fit), "hypothesis": Hypothesis(((effect, level),))})
+    assert imitations(fitter, bare) == []
+
+
+@pytest.mark.parametrize(
+    ("ways", "unknown"), [(ONE_WAY, (0.3, 0.45)), (FORTH_AND_BACK, (0.03, 0.05))]
+)
+def test_what_imitates_an_effect_is_weighed_beside_it(
+    ways: dict[str, tuple[float, ...]], unknown: tuple[float, float]
+) -> None:
+    fitter, fit = curve_of(ways)
+    chances = Chances()
+    found = [Evidence(fit, -300.0)]
+    others, notes = imitators(fitter, found, chances)
+    made = decide(found, 0.0, chances, imitators=others)
+    assert unknown[0] < made.unknown < unknown[1]
+    assert made.unknown - made.imitated == pytest.approx(0.04, abs=0.02)
+    assert made.verdict == ("ambiguous" if ways is ONE_WAY else "identified")
+    assert [n.split(":")[0] for n in notes] == ["friction_position/x"] * (ways is ONE_WAY)
+
+
+def test_something_unknown_that_is_weighed_is_believed_beside_the_other_effects() -> None:
+    weighed = [(("lag/x", "curve/x"), -300.0), (("lag/x", UNKNOWN), -300.0)]
+    found = beliefs(weighed, -1.0, (), Chances(imitated=0.0))
+    assert found[frozenset({"lag/x"}), True] == pytest.approx(0.5, abs=1e-3)
+    assert sum(found.values()) == pytest.approx(1.0)
