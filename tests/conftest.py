@@ -6,12 +6,14 @@ beside one another. Pages and notebooks share nothing and are dealt out one by o
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
+
+from modelica_fmu import toolchain
 
 HERE = Path(__file__).parent
 SCHEMAS = HERE.parent / "docs" / "reference" / "schemas"
@@ -35,6 +37,17 @@ def _keeps_to_schema(result: dict[str, Any]) -> None:
 @pytest.fixture(scope="session")
 def keeps_to_schema() -> Callable[[dict[str, Any]], None]:
     return _keeps_to_schema
+
+
+@pytest.fixture
+def unoptimised() -> Iterator[None]:
+    """FMUs are compiled without optimisation: where what is tested is the model or the files, the
+    C compiler is what takes time. Results are the same to the last bit.
+    """
+    plain = tuple(flag for flag in toolchain.FLAGS if flag != "-O2")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(toolchain, "FLAGS", plain)
+        yield
 
 
 @pytest.fixture(autouse=True)

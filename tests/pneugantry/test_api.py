@@ -112,6 +112,7 @@ def test_a_table_is_diagnosed_as_a_campaign_of_one(done: pg.TrackingRun) -> None
     assert f"verdict: {found.verdict}" in found._repr_html_()
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_a_build_is_read_and_stepped(tmp_path: Path) -> None:
     built = pg.build(out=tmp_path)
     assert built.path.parent == tmp_path

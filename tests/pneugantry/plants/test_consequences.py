@@ -81,6 +81,7 @@ def driven(
         return session.get(outputs)
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_the_augmented_plant_compiles_to_the_fitted_one(gantry: FmuFile, tmp_path: Path) -> None:
     model, fmu = write_augmented(tmp_path, gantry, FITTED, ["presliding/z: probability 0.98"])
     text = model.read_text()
@@ -99,6 +100,7 @@ def test_the_augmented_plant_compiles_to_the_fitted_one(gantry: FmuFile, tmp_pat
     )
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_a_plant_with_a_modified_array_compiles_to_the_fitted_one(
     gantry: FmuFile, tmp_path: Path
 ) -> None:

@@ -144,6 +144,7 @@ def test_a_coarse_converter_is_a_cause_without_a_fit(late: Campaign) -> None:
     assert found["answer_set"] == [["quantisation"]]
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_an_fmu_gives_parameters_and_no_equations(gantry: FmuFile, tmp_path: Path) -> None:
     from pneugantry.plants.gantry.augmented import write_augmented
 
