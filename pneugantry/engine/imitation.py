@@ -1,9 +1,10 @@
 """How well a curve over another variable would do in place of the one that an effect has.
 
-A form of an effect may be a curve: friction over position, say. What records show is a change over
-time. It speaks for a variable where they pass its values again, after another way; where they pass
-them once, a curve over the way travelled, or a drift, leaves no more. Which variable a curve is
-over need not be known: at each row it is where the columns of the curve's nodes have their centre.
+A form of an effect may be a curve: a force over a position, say. What records show is a change
+over time. It speaks for a variable where they pass its values again, after another way; where they
+pass them once, a curve over the way travelled, or a drift, leaves no more. Which variable a curve
+is over need not be known: at each row it is where the columns of the curve's nodes have their
+centre.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ __all__ = ["OTHERS", "Imitation", "imitations", "imitators"]
 OTHERS = ("way travelled", "time")  # of a record; a curve over time is each record's own
 FEWEST = 3  # nodes of a curve
 NODE = re.compile(r"(.+)\[(\d+)\]")
-SMOOTH = 9  # rows over which columns are averaged: where friction rests they are none
+SMOOTH = 9  # rows over which columns are averaged: they may be none where a part rests
 LEAST = 1e-3  # of a curve's largest columns, below which a row tells no place on it
 ROUNDS = 6  # of least squares, weighted anew
 NOTE = (
@@ -57,17 +58,17 @@ def imitators(
     variable is behind it is as likely as the effect, and each other variable as any. And what is
     said of those of the likeliest fit.
     """
-    ln = 2 * chances.temper
+    e_fold = 2 * chances.temper  # -2 log evidence that makes one e times likelier
     cost = {e: e.cost + chances.entry * len(e.fit.keys) for e in found}
     best = min(found, key=lambda e: cost[e])
     made: list[Weighed] = []
     notes: list[str] = []
-    for e in (e for e in found if cost[e] < cost[best] - ln * math.log(LIKELY)):
+    for e in (e for e in found if cost[e] < cost[best] - e_fold * math.log(LIKELY)):
         for own in imitations(fitter, e.fit):
             rest = tuple(k for k in e.fit.keys if k != own.key)
             behind = max(own.behind, 0.0)
-            made.append(((*rest, UNKNOWN), e.cost + behind + ln * math.log(len(OTHERS))))
-            if e is best and behind < ln:
+            made.append(((*rest, UNKNOWN), e.cost + behind + e_fold * math.log(len(OTHERS))))
+            if e is best and behind < e_fold:
                 notes.append(f"{own.key}: {NOTE.format(own.variable)}")
     return made, notes
 
