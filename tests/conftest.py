@@ -7,6 +7,7 @@ beside one another. Pages and notebooks share nothing and are dealt out one by o
 
 import json
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,14 +40,26 @@ def keeps_to_schema() -> Callable[[dict[str, Any]], None]:
     return _keeps_to_schema
 
 
-@pytest.fixture
-def unoptimised() -> Iterator[None]:
-    """FMUs are compiled without optimisation: where what is tested is the model or the files, the
-    C compiler is what takes time. Results are the same to the last bit.
-    """
+@contextmanager
+def _without_optimisation() -> Iterator[None]:
     plain = tuple(flag for flag in toolchain.FLAGS if flag != "-O2")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(toolchain, "FLAGS", plain)
+        yield
+
+
+@pytest.fixture(scope="session")
+def without_optimisation() -> Callable[[], AbstractContextManager[None]]:
+    """In its context FMUs are compiled without optimisation: where what is tested is the model or
+    the files, the C compiler is what takes time. Results are the same to the last bit.
+    """
+    return _without_optimisation
+
+
+@pytest.fixture
+def unoptimised() -> Iterator[None]:
+    """The same for a whole test."""
+    with _without_optimisation():
         yield
 
 

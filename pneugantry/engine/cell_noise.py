@@ -130,10 +130,10 @@ class CellNoise:
         found = [np.zeros(0)]
         for c, w in enumerate(of_view):
             terms = noise.loss(w(residual[:, c]), self.rules.tails) + 2 * math.log(w.sigma)
-            found.append(self._by_stretch(cell, np.nan_to_num(terms, nan=FAILED, posinf=FAILED)))
+            found.append(self.by_stretch(cell, np.nan_to_num(terms, nan=FAILED, posinf=FAILED)))
         return np.concatenate(found)
 
-    def _by_stretch(self, cell: Cell, terms: Array) -> Array:
+    def by_stretch(self, cell: Cell, terms: Array) -> Array:
         """Sums of a cell's terms (rows,) by stretch of its record."""
         parts = np.array_split(terms, self.pieces(cell, len(terms)))
         return np.array([p.sum() for p in parts])

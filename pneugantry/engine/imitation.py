@@ -225,11 +225,10 @@ class _Curve:
         first = weighing.of_residual(cell, fit.residuals[cell])
         return _Line(index, white, weighing.innovations(cell, rest), first)
 
-    def _by_stretch(self, cell: Cell, left: Array) -> Array:
-        """Sums by stretch of a cell's record."""
-        signals = np.split(left, self.columns[cell].shape[2])
-        pieces = self.fitter.noise.pieces(cell, len(signals[0]))
-        return np.array([p.sum() for s in signals for p in np.array_split(s, pieces)])
+    def _by_stretch(self, cell: Cell, terms: Array) -> Array:
+        """Sums by stretch of a cell's record, of one signal after the other."""
+        signals, noise_of = np.split(terms, self.columns[cell].shape[2]), self.fitter.noise
+        return np.concatenate([noise_of.by_stretch(cell, s) for s in signals])
 
 
 def _nodes(bases: Mapping[Cell, _Basis]) -> list[tuple[str, int]]:

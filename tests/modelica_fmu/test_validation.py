@@ -11,7 +11,6 @@ import fmpy
 import numpy as np
 import pytest
 
-from modelica_fmu import toolchain
 from pyfmi_runner.build import build_fmu, default_model
 
 TEXT = default_model().read_text(encoding="utf-8")
@@ -20,14 +19,10 @@ STOP, STEP = 1.3, 1e-3  # s
 
 
 @pytest.fixture(scope="module")
-def fmus(tmp_path_factory):
-    """FMU of each model: FMI 2.0 and 3.0 in turn, built side by side. Not optimised, for the model
-    is what is tested, and the C compiler is what takes time.
-    """
+def fmus(tmp_path_factory, without_optimisation):
+    """FMU of each model: FMI 2.0 and 3.0 in turn, built side by side."""
     folder = tmp_path_factory.mktemp("validation")
-    plain = tuple(flag for flag in toolchain.FLAGS if flag != "-O2")
-    with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(2) as pool:
-        patch.setattr(toolchain, "FLAGS", plain)
+    with without_optimisation(), ThreadPoolExecutor(2) as pool:
         jobs = {
             name: pool.submit(
                 build_fmu, f"PneuGantry.Validation.{name}", fmi=("2.0", "3.0")[i % 2], out=folder

@@ -51,9 +51,13 @@ def curve_of(ways: dict[str, tuple[float, ...]], told: bool = True) -> tuple[Any
     fitter = SimpleNamespace(
         rules=Rules(),
         simulation=SimpleNamespace(views={"axis": SimpleNamespace(sigmas=(SIGMA,))}),
-        noise=SimpleNamespace(pieces=lambda cell, rows: rows // 50),
+        noise=SimpleNamespace(by_stretch=lambda cell, terms: stretches(terms)),
     )
     return fitter, fit
+
+
+def stretches(terms: np.ndarray) -> np.ndarray:
+    return np.array([p.sum() for p in np.array_split(terms, len(terms) // 50)])
 
 
 def behind(ways: dict[str, tuple[float, ...]], told: bool = True) -> dict[str, float]:
