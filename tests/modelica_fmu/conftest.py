@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from pathlib import Path
 
@@ -31,8 +32,13 @@ def stub(fmi: str) -> Path:
 
 
 @pytest.fixture(params=[stub_fmu, real_fmu], ids=["stub", "real"])
-def fmu(request: pytest.FixtureRequest, fmi: str) -> Path:
-    return request.param(fmi)
+def fmu(
+    request: pytest.FixtureRequest,
+    fmi: str,
+    without_optimisation: Callable[[], AbstractContextManager[None]],
+) -> Path:
+    with nullcontext() if fmi == "2.0" else without_optimisation():
+        return request.param(fmi)
 
 
 @pytest.fixture(params=[stub_fmu, real_fmu], ids=["stub", "real"])

@@ -404,6 +404,7 @@ def test_inputs_of_a_drive_have_the_same_rows_and_parts() -> None:
         Drive({n: (np.zeros(3), np.zeros((3, k))) for n, k in (("u", 2), ("clamp", 3))})
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_the_whole_gantry_equals_the_fmu_s_co_simulation() -> None:
     """Both valves driven, the tip pressed onto the edge."""
     n, setup = 1500, LogSetup(clamped=("x",), workpiece="straight", standoff=0.004)

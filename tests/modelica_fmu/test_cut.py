@@ -212,6 +212,7 @@ def test_what_fixed_parameters_leave_without_effect_is_no_part(sled: Path) -> No
         {"m": 2.5},
     ],
 )
+@pytest.mark.usefixtures("unoptimised")
 def test_a_part_with_numbers_computes_what_the_whole_does(
     sled: Path, tmp_path: Path, fixed: dict[str, float]
 ) -> None:

@@ -101,6 +101,7 @@ def test_a_table_without_its_setup_is_noted_and_a_bad_one_refused(done: pg.Track
         pg.replay(bare, setup={"workpeace": "straight"})
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_a_table_is_diagnosed_as_a_campaign_of_one(done: pg.TrackingRun) -> None:
     found = pg.diagnose(done.table)
     assert found.json["schema"] == "gap/1"

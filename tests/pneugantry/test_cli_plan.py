@@ -74,6 +74,7 @@ def test_a_page_does_not_replace_the_description(capsys: Capture, tmp_path: Path
     assert "would replace" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("unoptimised")
 @pytest.mark.skipif(not CAMPAIGN.is_dir(), reason="no campaign beside the repository")
 def test_a_campaign_without_its_actuator_forces_tells_the_valve_less(capsys: Capture) -> None:
     """Logs alone: the command line's way; channels are left out in `plants/gantry`."""

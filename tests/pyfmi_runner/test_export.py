@@ -33,6 +33,7 @@ from pyfmi_runner.scenario import Scenario
 from pyfmi_runner.sensors import SensorParams
 from pyfmi_runner.timing import LoopTiming
 
+pytestmark = pytest.mark.usefixtures("unoptimised")  # what is tested is the code
 EXPORTED = (
     "pi_fv",
     "pid_fv",

@@ -52,6 +52,7 @@ def test_the_axis_sticks_and_slips(moved: tuple[SubsystemView, Record]) -> None:
     assert np.count_nonzero(np.diff(rests)) > 10
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_a_level_is_the_sum_of_what_it_multiplies(moved: tuple[SubsystemView, Record]) -> None:
     """Exact: level and forces enter as products only."""
     parts = sum(column(moved, n, 1e-8) for n in (STATIC, DYNAMIC))

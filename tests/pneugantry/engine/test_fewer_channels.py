@@ -114,6 +114,7 @@ def fitted(campaign: Campaign, data: Data) -> dict[str, float]:
     }
 
 
+@pytest.mark.usefixtures("unoptimised")
 @campaigns
 def test_a_null_fit_comes_to_the_noise_without_actuator_forces(tmp_path: Path) -> None:
     """The log of free motion alone, its first 4 s: seconds, not minutes."""

@@ -204,6 +204,7 @@ def test_an_error_that_smooths_a_sensor_s_noise_is_not_the_likelier_for_it(
     assert np.std(found) > 0.99 * np.std(noise)
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_a_sound_rig_s_sensors_have_no_error(tmp_path: Path) -> None:
     """A reading less what it remembers of itself is its noise: the only thing to be explained."""
     model = tmp_path / "Slide.mo"
@@ -232,6 +233,7 @@ def test_a_sound_rig_s_sensors_have_no_error(tmp_path: Path) -> None:
     assert learned.best is None, learned.why
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_all_views_tell_a_scale_s_error(tmp_path: Path) -> None:
     """Its own view alone does not tell it this well: a force sensor reads the travel. That is a
     state, which stands in no equation of its own.

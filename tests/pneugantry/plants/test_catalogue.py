@@ -69,6 +69,7 @@ def test_a_range_of_indices_stands_for_its_members() -> None:
     ]
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_a_cable_that_hardly_pulls_may_still_be_coiled() -> None:
     """Its slope is a force of its own: as a share of the force it would be of no account there."""
     plant, n = plant_of(), 1000

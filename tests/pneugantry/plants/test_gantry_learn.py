@@ -29,6 +29,7 @@ from pyfmi_runner.plant import DEFAULT_CLASS
 LEARN, NEXT = 1023, 1047  # quadratic drag of x at the middle severity; seeds of development
 
 
+@pytest.mark.usefixtures("unoptimised")
 def test_a_catalogue_s_model_has_the_parameters_that_its_effects_name(tmp_path: Path) -> None:
     model = default_model()
     assert ("PneuGantry", "Cylinder") in components_of(model, DEFAULT_CLASS)["axis_x"]
