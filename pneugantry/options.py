@@ -1,11 +1,11 @@
-"""Types of the options that name where a result goes: an unwritable place is refused when the
-command line is read, before anything is computed.
+"""Options that commands share. The types of those that name where a result goes refuse an
+unwritable place when the command line is read, before anything is computed.
 """
 
 from __future__ import annotations
 
 import os
-from argparse import ArgumentTypeError, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from modelica_fmu.errors import InputError
 from modelica_fmu.files import check_folder, check_target
 
 __all__ = [
+    "add_parameters",
     "json_target",
     "log_target",
     "out_file",
@@ -37,6 +38,17 @@ INPUTS = (
 OUTPUTS = ("json", "html", "out", "plot", "save")
 PICTURES = (".png", ".svg", ".pdf")
 PAGES = (".html", ".json")
+
+
+def add_parameters(command: ArgumentParser) -> None:
+    """Adds --set, a list of texts "PARAM=VALUE"."""
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PARAM=VALUE",
+        help="plant parameter, may be repeated",
+    )
 
 
 def out_file(text: str) -> Path:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from benchmarks.soak.fuzz import Kinds, Read, with_bytes_changed
 from modelica_fmu.compiler import compile_model
+from modelica_fmu.modelica.lexer import KEYWORDS
 from modelica_fmu.package import CSRC
 from modelica_fmu.toolchain import find_compiler, host_platform
 
@@ -379,70 +380,7 @@ EXPRESSIONS = (
     "1/0",
     "0/0",
 )
-KEYWORDS = frozenset(
-    {
-        "algorithm",
-        "and",
-        "annotation",
-        "assert",
-        "block",
-        "break",
-        "class",
-        "connect",
-        "connector",
-        "constant",
-        "constrainedby",
-        "der",
-        "discrete",
-        "each",
-        "else",
-        "elseif",
-        "elsewhen",
-        "encapsulated",
-        "end",
-        "enumeration",
-        "equation",
-        "expandable",
-        "extends",
-        "external",
-        "false",
-        "final",
-        "flow",
-        "for",
-        "function",
-        "if",
-        "import",
-        "impure",
-        "in",
-        "initial",
-        "inner",
-        "input",
-        "loop",
-        "model",
-        "not",
-        "operator",
-        "or",
-        "outer",
-        "output",
-        "package",
-        "parameter",
-        "partial",
-        "protected",
-        "public",
-        "pure",
-        "record",
-        "redeclare",
-        "replaceable",
-        "return",
-        "stream",
-        "then",
-        "true",
-        "type",
-        "when",
-        "while",
-        "within",
-    }
-)
+NO_NAMES = KEYWORDS.union(TYPES, ["assert"])
 TOKEN = re.compile(
     r'"[^"]*"|[A-Za-z_]\w*|\d+\.?\d*(?:[eE][-+]?\d+)?|:=|==|<>|<=|>=|\s+|.', re.DOTALL
 )
@@ -478,11 +416,7 @@ def _meaning(rng: random.Random, text: str) -> bytes:
     groups = [
         [k for k, token in enumerate(tokens) if token in words] for words in (OPERATORS, TYPES)
     ]
-    names = [
-        k
-        for k, token in enumerate(tokens)
-        if token.isidentifier() and token not in KEYWORDS and token not in TYPES
-    ]
+    names = [k for k, t in enumerate(tokens) if t.isidentifier() and t not in NO_NAMES]
     numbers = [k for k, token in enumerate(tokens) if token[0].isdigit()]
     for _ in range(rng.choice([1, 1, 2, 3])):
         kind = rng.randrange(6)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.commands.run import parse_settings
-from pneugantry.options import out_file
+from pneugantry.options import add_parameters, out_file
 from pyfmi_runner.plant import COMMANDS, OUTPUTS, TASK
 
 if TYPE_CHECKING:
@@ -68,13 +68,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         metavar="SECONDS",
         help="dead time of the inputs of the sampled model",
     )
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PARAM=VALUE",
-        help="plant parameter, may be repeated",
-    )
+    add_parameters(command)
     command.add_argument(
         "--check",
         action="store_true",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import InputError
 from pneugantry.commands.run import parse_settings
-from pneugantry.options import picture_target
+from pneugantry.options import add_parameters, picture_target
 
 if TYPE_CHECKING:
     from pneugantry.analysis.force_loop import ForceLoop
@@ -56,13 +56,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         metavar="DEG",
         help="slope of the edge (default: it faces the axis, 0 for z, 90 for x)",
     )
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PARAM=VALUE",
-        help="plant parameter, may be repeated",
-    )
+    add_parameters(command)
     command.add_argument(
         "--verify",
         action="store_true",

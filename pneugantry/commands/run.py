@@ -10,7 +10,7 @@ from typing import Any
 from modelica_fmu.errors import InputError
 from pneugantry.api.preset_names import PRESETS
 from pneugantry.listening import logged
-from pneugantry.options import log_target, picture_target
+from pneugantry.options import add_parameters, log_target, picture_target
 from pneugantry.progress import Stages
 from pyfmi_runner.plant import SHAPES
 
@@ -57,13 +57,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--v_td", type=float, metavar="M/S", help="wanted tangential speed, < 0 towards -x"
     )
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PARAM=VALUE",
-        help="plant parameter, may be repeated",
-    )
+    add_parameters(command)
     command.add_argument("--seed", type=int, help="of sensor noise and jitter")
     command.add_argument(
         "--out", metavar="LOG", type=log_target, help="write the log, .parquet or .csv"
