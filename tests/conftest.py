@@ -51,7 +51,8 @@ def _without_optimisation() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def without_optimisation() -> Callable[[], AbstractContextManager[None]]:
     """In its context FMUs are compiled without optimisation: where what is tested is the model or
-    the files, the C compiler is what takes time. Results are the same to the last bit.
+    the files, the C compiler is what takes time. Results are the same to the last bit. A part that
+    is built in it is to be run in it, too, for that is when it is compiled.
     """
     return _without_optimisation
 

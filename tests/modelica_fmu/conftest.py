@@ -37,6 +37,7 @@ def fmu(
     fmi: str,
     without_optimisation: Callable[[], AbstractContextManager[None]],
 ) -> Path:
+    """The real one of FMI 2.0 is that of all other tests, so it is there already, optimised."""
     with nullcontext() if fmi == "2.0" else without_optimisation():
         return request.param(fmi)
 

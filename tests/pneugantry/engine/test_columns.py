@@ -4,6 +4,9 @@ an axis sticks and slips.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+
 import numpy as np
 import pytest
 
@@ -21,8 +24,17 @@ STATIC, DYNAMIC, LEVEL, VISCOUS = (
 
 
 @pytest.fixture(scope="module")
-def moved() -> tuple[SubsystemView, Record]:
-    """The x carriage's view, and a record in which it breaks away and stops many times."""
+def moved(
+    without_optimisation: Callable[[], AbstractContextManager[None]],
+) -> Iterator[tuple[SubsystemView, Record]]:
+    """The x carriage's view, and a record in which it breaks away and stops many times. Its parts
+    are compiled when a test runs them first: all tests of this file run within the context.
+    """
+    with without_optimisation():
+        yield _moved()
+
+
+def _moved() -> tuple[SubsystemView, Record]:
     plant, cache, time = plant_of(), cache_folder() / "parts", 2e-3 * np.arange(4000)
     swing = 0.68 + 0.16 * np.sin(2 * np.pi * 0.8 * time)  # V, about where friction lets go
     zero = np.zeros_like(time)
@@ -52,7 +64,6 @@ def test_the_axis_sticks_and_slips(moved: tuple[SubsystemView, Record]) -> None:
     assert np.count_nonzero(np.diff(rests)) > 10
 
 
-@pytest.mark.usefixtures("unoptimised")
 def test_a_level_is_the_sum_of_what_it_multiplies(moved: tuple[SubsystemView, Record]) -> None:
     """Exact: level and forces enter as products only."""
     parts = sum(column(moved, n, 1e-8) for n in (STATIC, DYNAMIC))
