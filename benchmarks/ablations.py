@@ -17,7 +17,7 @@ from typing import Any
 
 from pneugantry.blind.score import judged
 from pneugantry.blind.sets import TRUTH, named_set, write_cases
-from pneugantry.engine.result import to_json
+from pneugantry.engine.answer.result import to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.diagnosis import diagnose
 from pneugantry.progress import bar

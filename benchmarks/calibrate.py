@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.calibration import FITTED, PARTS, Known, calibrated, known_case
-from pneugantry.engine.decide import Chances
+from pneugantry.engine.calibration.weights import FITTED, PARTS, Known, calibrated, known_case
+from pneugantry.engine.chances import Chances
 
 __all__ = ["cases_in", "main"]
 

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-import pneugantry.engine.search as searching
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.scouts import Scouts
+import pneugantry.engine.selection.search as searching
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.selection.scouts import Scouts
 from pneugantry.plants.gantry.diagnosis import diagnose
 from pyfmi_runner.campaign import read_campaign
 

@@ -24,8 +24,8 @@ from pneugantry.blind.drive import DESCRIPTION, write_drive_cases
 from pneugantry.blind.score import TARGETS, Score, score
 from pneugantry.blind.sets import TRUTH
 from pneugantry.cli import main as command
-from pneugantry.engine.calibration import error, known_case, reliability
-from pneugantry.engine.decide import Chances
+from pneugantry.engine.calibration.weights import error, known_case, reliability
+from pneugantry.engine.chances import Chances
 from pneugantry.engine.run import run
 from pneugantry.plants.calibrate import chances_of
 from pneugantry.plants.described import described_task

@@ -41,6 +41,12 @@ ALLOWED |= {
     "pneugantry.blind": LEFT,
     "pneugantry.thesis": LEFT,
 }
+# Of the engine: each imports from those before it alone.
+FLOORS = (
+    *("plant", "rules", "chances", "threads", "recent"),
+    *("signals", "hypotheses", "views", "fitting", "selection", "planning", "task", "answer"),
+    *("calibration", "describe", "run", "parts", "change"),
+)
 ALLOWED["pneugantry.api"] = LEFT - {"pneugantry.truth"} | {
     "pneugantry.thesis"
 }  # the commands as functions
@@ -108,6 +114,18 @@ def test_a_package_imports_only_from_its_left(package: str) -> None:
     assert FILES_OF[package]
     for path in FILES_OF[package]:
         assert ours(path) <= ALLOWED[package] | {package}, path
+
+
+def test_the_engine_has_no_way_back() -> None:
+    seen = set()
+    for path in FILES_OF["pneugantry.engine"]:
+        at = path.relative_to(ROOT / "pneugantry" / "engine").with_suffix("").parts[0]
+        if at == "__init__":
+            continue
+        seen.add(at)
+        own = [m.split(".")[2] for m in imports(path) if m.startswith("pneugantry.engine.")]
+        assert all(FLOORS.index(m) <= FLOORS.index(at) for m in own), path
+    assert seen == set(FLOORS)
 
 
 def test_the_truth_plant_shares_nothing_with_the_product() -> None:

@@ -15,8 +15,8 @@ from typing import Any
 
 from benchmarks.soak.fuzz import Kinds, Read, with_bytes_changed
 from benchmarks.soak.logs import sound_csv
-from pneugantry.engine.catalogue import read_catalogue
 from pneugantry.engine.describe import described
+from pneugantry.engine.hypotheses.catalogue import read_catalogue
 from pneugantry.plants.described import is_plant_description
 from pneugantry.sweep.check import check_spec
 from pneugantry.sweep.spec import read_spec

@@ -13,8 +13,8 @@ import pandas as pd
 
 from examples.bam.convert import description, write_logs
 from examples.bam.servo import RUNGS, error, published, refitted, setting
-from pneugantry.engine.confirm import replays, values_on
-from pneugantry.engine.fit import Fit
+from pneugantry.engine.answer.confirm import replays, values_on
+from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.run import Found, run
 from pneugantry.learn.learn import learn

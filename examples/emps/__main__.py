@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from examples.emps import closed_loop, idim
-from pneugantry.engine.confirm import values_on
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.result import to_json
+from pneugantry.engine.answer.confirm import values_on
+from pneugantry.engine.answer.result import to_json
+from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.task import Task
 from pneugantry.learn.learn import learn

@@ -179,7 +179,7 @@ def diagnose(
     unknown, `with_missing_term` of the result looks for what the equations lack. Raises InputError
     naming file, field and hint.
     """
-    from pneugantry.engine.result import to_json
+    from pneugantry.engine.answer.result import to_json
     from pneugantry.plants.described import is_plant_description
     from pneugantry.plants.gantry.catalogue import catalogue_of, model_of
     from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
@@ -211,7 +211,7 @@ def diagnose_change(
     before, after: sources of one kind, as of `diagnose`; of two descriptions the first tells
     catalogue and tolerance. Other arguments and errors as of `diagnose`.
     """
-    from pneugantry.engine.result import to_json
+    from pneugantry.engine.answer.result import to_json
     from pneugantry.plants.described import is_plant_description
     from pneugantry.plants.gantry.catalogue import catalogue_of, model_of
     from pneugantry.plants.gantry.diagnosis import both
@@ -295,7 +295,7 @@ def _described_change(
     paths: tuple[Path, Path], catalogue: Path | None, fmu: FmuSource, say: Say
 ) -> Diagnosis:
     """Two campaigns of a plant of one's own."""
-    from pneugantry.engine.result import to_json
+    from pneugantry.engine.answer.result import to_json
     from pneugantry.plants.changed import diagnose_change as diagnose_described
 
     _no_fmu(fmu)
@@ -313,7 +313,7 @@ def _diagnose_described(
     description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say
 ) -> Diagnosis:
     """A plant of one's own with a catalogue of one's own."""
-    from pneugantry.engine.result import to_json
+    from pneugantry.engine.answer.result import to_json
     from pneugantry.plants.described import answered, described_task
 
     _no_fmu(fmu)

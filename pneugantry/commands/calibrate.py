@@ -42,7 +42,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    from pneugantry.engine.calibration import error
+    from pneugantry.engine.calibration.weights import error
     from pneugantry.plants.calibrate import as_json, calibration_of, write_calibration
     from pneugantry.plants.described import is_plant_description
 

@@ -12,7 +12,7 @@ from pneugantry.options import out_file
 from pneugantry.progress import Stages
 
 if TYPE_CHECKING:
-    from pneugantry.engine.plan import Case
+    from pneugantry.engine.planning.plan import Case
 
 HELP = """Which effects these sensors and logs can see and tell apart, and which experiment or
 sensor would add most: before anything is fitted or measured.
@@ -49,8 +49,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from modelica_fmu.files import write_atomically
-    from pneugantry.engine.plan import make_plan, without
-    from pneugantry.engine.plan_report import as_html, as_json, as_text
+    from pneugantry.engine.planning.plan import make_plan, without
+    from pneugantry.engine.planning.report import as_html, as_json, as_text
 
     began = time.perf_counter()
     with Stages("plan", "logs" if options.logs_only else "") as say:

@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pneugantry.engine.catalogue import Effect, Form
-from pneugantry.engine.confirm import (
+from pneugantry.engine.answer.confirm import (
     Gap,
     Replay,
     draws,
@@ -26,16 +25,17 @@ from pneugantry.engine.confirm import (
     replays,
     values_on,
 )
-from pneugantry.engine.decide import Chances
-from pneugantry.engine.fit import Fit
+from pneugantry.engine.answer.result import NORMAL, Answer, Change, Changes, Moved
+from pneugantry.engine.chances import Chances
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.hypotheses.catalogue import Effect, Form
 from pneugantry.engine.plant import Array, Data, Epoch, Plant, Record
-from pneugantry.engine.result import NORMAL, Answer, Change, Changes, Moved
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
-from pneugantry.engine.sensors import PREFIX
-from pneugantry.engine.sensors import neutral as neutral_of_sensor
+from pneugantry.engine.signals.sensors import PREFIX
+from pneugantry.engine.signals.sensors import neutral as neutral_of_sensor
 from pneugantry.engine.task import Task
-from pneugantry.engine.views import Run, View
+from pneugantry.engine.views.subsystem import Run, View
 
 __all__ = ["AFTER", "BEFORE", "EpochView", "changes_of", "gap_on", "joined", "with_changes"]
 

@@ -32,16 +32,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.catalogue import Effect, Form, Parameter, read_catalogue
-from pneugantry.engine.converter import converted
-from pneugantry.engine.cuts import sharp_views
-from pneugantry.engine.foreign import ForeignFmu, ForeignPlant, foreign_views
-from pneugantry.engine.plan import Case
+from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter, read_catalogue
+from pneugantry.engine.planning.plan import Case
 from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
-from pneugantry.engine.records import Logs, free, signals_of, variables_of
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.sensors import PREFIX
-from pneugantry.engine.views import View, known_variables
+from pneugantry.engine.signals.converter import converted
+from pneugantry.engine.signals.records import Logs, free, signals_of, variables_of
+from pneugantry.engine.signals.sensors import PREFIX
+from pneugantry.engine.views.cuts import sharp_views
+from pneugantry.engine.views.foreign import ForeignFmu, ForeignPlant, foreign_views
+from pneugantry.engine.views.subsystem import View, known_variables
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.scenario import Fields, parse_toml

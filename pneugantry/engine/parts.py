@@ -11,12 +11,12 @@ from collections.abc import Callable
 
 from modelica_fmu.errors import RunError
 from modelica_fmu.toolchain import host_platform
-from pneugantry.engine.confirm import replay
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.foreign import ForeignPlant
-from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.answer.confirm import replay
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.task import Task
+from pneugantry.engine.views.foreign import ForeignPlant
 
 __all__ = ["compile_parts"]
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from modelica_fmu.errors import RunError
-from pneugantry.engine.confirm import (
+from pneugantry.engine.answer.confirm import (
     Gap,
     Replay,
     draws,
@@ -21,16 +21,16 @@ from pneugantry.engine.confirm import (
     replays,
     values_on,
 )
-from pneugantry.engine.decide import Decision, Evidence, decide, outstanding
-from pneugantry.engine.evidence import evidence_of, likeliest, vouched
-from pneugantry.engine.excess import Excess, excess_of, floors_of
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.imitation import imitators
-from pneugantry.engine.location import where
-from pneugantry.engine.result import Diagnosis, answer_set, causes_of
+from pneugantry.engine.answer.decide import Decision, Evidence, decide, outstanding
+from pneugantry.engine.answer.evidence import evidence_of, likeliest, vouched
+from pneugantry.engine.answer.imitation import imitators
+from pneugantry.engine.answer.location import where
+from pneugantry.engine.answer.result import Diagnosis, answer_set, causes_of
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.search import Search, resumed, search
+from pneugantry.engine.selection.excess import Excess, excess_of, floors_of
+from pneugantry.engine.selection.search import Search, resumed, search
 from pneugantry.engine.task import Task
 from pneugantry.engine.threads import one_blas_thread
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pneugantry.engine.catalogue import Effect
-from pneugantry.engine.decide import Chances
+from pneugantry.engine.chances import Chances
+from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.plant import Data, Epoch, Plant
-from pneugantry.engine.views import View
+from pneugantry.engine.views.subsystem import View
 
 __all__ = ["Task"]
 

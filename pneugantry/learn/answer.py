@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pneugantry.engine.confirm import Gap, gap_of
-from pneugantry.engine.decide import UNKNOWN
-from pneugantry.engine.location import Place
-from pneugantry.engine.result import Diagnosis
+from pneugantry.engine.answer.confirm import Gap, gap_of
+from pneugantry.engine.answer.decide import UNKNOWN
+from pneugantry.engine.answer.location import Place
+from pneugantry.engine.answer.result import Diagnosis
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
 from pneugantry.learn.learned import Learned

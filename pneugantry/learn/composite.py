@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Array
 from pneugantry.learn.curve import Knots
 from pneugantry.learn.forms import Distilled, distances, doubted

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pneugantry.engine.confirm import replays, values_on
-from pneugantry.engine.fit import Fit
+from pneugantry.engine.answer.confirm import replays, values_on
+from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Array, Plant, Record
 
 __all__ = ["Experiment", "Rival", "telling", "variants"]

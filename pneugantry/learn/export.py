@@ -10,8 +10,8 @@ from pathlib import Path
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
-from pneugantry.engine.catalogue import Effect
-from pneugantry.engine.sensors import PREFIX
+from pneugantry.engine.hypotheses.catalogue import Effect
+from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.learn.learned import Learned
 from pneugantry.learn.term import Term, with_term
 

@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pneugantry.engine import noise
-from pneugantry.engine.confirm import Replay, values_on
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.noise import Noise
+from pneugantry.engine.answer.confirm import Replay, values_on
+from pneugantry.engine.answer.predict import Foretelling, Told
+from pneugantry.engine.fitting import noise
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.fitting.noise import Noise
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record
-from pneugantry.engine.predict import Foretelling, Told
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.sensors import PREFIX
+from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.task import Task
-from pneugantry.engine.views import SubsystemView, View
+from pneugantry.engine.views.subsystem import SubsystemView, View
 from pneugantry.learn.calibrated import Calibrated, read_by
 from pneugantry.learn.learned import Tried
 from pneugantry.learn.places import place_of

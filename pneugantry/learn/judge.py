@@ -7,9 +7,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pneugantry.engine import noise
-from pneugantry.engine.confirm import Gap
-from pneugantry.engine.fit import Fit
+from pneugantry.engine.answer.confirm import Gap
+from pneugantry.engine.fitting import noise
+from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.run import Found
 from pneugantry.learn.joint import TermFits
 from pneugantry.learn.learned import Tried

@@ -13,14 +13,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.foreign import ForeignPlant
-from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Data
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.threads import on_threads, one_blas_thread
+from pneugantry.engine.views.foreign import ForeignPlant
 from pneugantry.learn.calibrated import calibrated, read_by
 from pneugantry.learn.candidates import WORTH, main, most, shaped, worth_fitting
 from pneugantry.learn.composite import composites

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Array, Nuisance
 from pneugantry.engine.run import Found
 from pneugantry.learn.experiments import Experiment

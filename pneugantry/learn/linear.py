@@ -10,12 +10,12 @@ from functools import cached_property, reduce
 
 import numpy as np
 
-from pneugantry.engine.descent import Weighing
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.noise import Noise
+from pneugantry.engine.fitting.descent import Weighing
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.noise import Noise
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.simulation import Cell
+from pneugantry.engine.views.simulation import Cell
 from pneugantry.learn.reply import Reply, means
 
 __all__ = [

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pneugantry.engine.plant import Array
-from pneugantry.engine.simulation import Cell, Simulation
+from pneugantry.engine.views.simulation import Cell, Simulation
 
 __all__ = ["place_of"]
 

@@ -20,8 +20,8 @@ from modelica_fmu.batch import Drive
 from modelica_fmu.compiled import Structure
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.plant import Array, Plant, Record, Signal
-from pneugantry.engine.sensors import PREFIX
-from pneugantry.engine.views import RATE, SubsystemView, View, part_of
+from pneugantry.engine.signals.sensors import PREFIX
+from pneugantry.engine.views.subsystem import RATE, SubsystemView, View, part_of
 from pneugantry.learn.sources import (
     Addition,
     Declared,

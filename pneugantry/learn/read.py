@@ -10,7 +10,7 @@ from dataclasses import replace
 from modelica_fmu.cut import structure
 from pneugantry.engine.plant import Signal
 from pneugantry.engine.task import Task
-from pneugantry.engine.views import SubsystemView
+from pneugantry.engine.views.subsystem import SubsystemView
 from pneugantry.learn.learned import Learned, Tried
 from pneugantry.learn.points import named_again, recut, stored
 from pneugantry.learn.sources import equations_of, with_outputs

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from pneugantry.engine.plant import Array, Record
-from pneugantry.engine.simulation import Cell
+from pneugantry.engine.views.simulation import Cell
 from pneugantry.learn.points import OpenedView
 
 __all__ = ["Kernels", "Pulses", "Reply", "blocks_of", "means", "reply_of"]

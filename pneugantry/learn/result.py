@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from pneugantry.engine.answer.result import to_json as diagnosis_json
 from pneugantry.engine.plant import Array
-from pneugantry.engine.result import to_json as diagnosis_json
 from pneugantry.learn.learned import Learned, Tried
 
 __all__ = ["band", "covered", "sentence", "to_json"]

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneugantry.engine import noise
+from pneugantry.engine.answer.predict import Told
+from pneugantry.engine.fitting import noise
 from pneugantry.engine.plant import Array
-from pneugantry.engine.predict import Told
 from pneugantry.learn.joint import TermFits
 from pneugantry.learn.learned import Tried
 from pneugantry.learn.points import Point

@@ -13,12 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.noise import Noise
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.noise import Noise
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.simulation import Cell
 from pneugantry.engine.threads import on_threads
+from pneugantry.engine.views.simulation import Cell
 from pneugantry.learn.curve import SIZES, Basis, Wave, finer, knots_over, waves_of
 from pneugantry.learn.linear import (
     Answer,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pneugantry.engine.fit import Fit
+from pneugantry.engine.fitting.fit import Fit
 from pneugantry.learn.curve import Knots, Wave
 from pneugantry.learn.forms import (
     FORMS,

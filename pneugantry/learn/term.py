@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pneugantry.engine.catalogue import Effect, Form, Parameter
+from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.learn.forms import FORMS, LINE, PERIODIC, FormLaw
 from pneugantry.learn.points import Point, written

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.plant import Record
 from pneugantry.engine.run import Found
 from pneugantry.engine.task import Task
+from pneugantry.engine.views.foreign import ForeignPlant
 
 __all__ = ["wanted", "whole"]
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pneugantry.engine.plant import Array
-from pneugantry.engine.simulation import Cell
+from pneugantry.engine.views.simulation import Cell
 from pneugantry.learn.linear import Response
 
 __all__ = ["periods_of"]

@@ -14,10 +14,10 @@ from typing import Any
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
-from pneugantry.engine.calibration import FITTED, Calibration, Known, calibrated, known_case
-from pneugantry.engine.decide import Chances
-from pneugantry.engine.draws import Source, drawn
-from pneugantry.engine.result import to_json
+from pneugantry.engine.answer.result import to_json
+from pneugantry.engine.calibration.draws import Source, drawn
+from pneugantry.engine.calibration.weights import FITTED, Calibration, Known, calibrated, known_case
+from pneugantry.engine.chances import Chances
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import run
 from pneugantry.engine.task import Task

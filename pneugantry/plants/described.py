@@ -12,14 +12,14 @@ from pathlib import Path
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
-from pneugantry.engine.accuracy import accurate
 from pneugantry.engine.describe import Described, described, views_of
-from pneugantry.engine.foreign import ForeignPlant
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
-from pneugantry.engine.sensors import PREFIX
+from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.task import Task
-from pneugantry.engine.views import View
+from pneugantry.engine.views.accuracy import accurate
+from pneugantry.engine.views.foreign import ForeignPlant
+from pneugantry.engine.views.subsystem import View
 from pneugantry.plants.calibrate import chances_of
 from pneugantry.plants.modelica import Extension, write_extension
 from pneugantry.plants.scales import with_doubtful_units

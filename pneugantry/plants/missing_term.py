@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pneugantry.engine.result import to_json as diagnosis_json
+from pneugantry.engine.answer.result import to_json as diagnosis_json
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
 from pneugantry.learn.wanted import wanted

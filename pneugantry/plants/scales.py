@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneugantry.engine.confirm import Replay, replays
+from pneugantry.engine.answer.confirm import Replay, replays
 from pneugantry.engine.run import Found
 
 __all__ = ["with_doubtful_units"]

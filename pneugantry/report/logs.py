@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.engine.confirm import Replay, replays, values_on
+from pneugantry.engine.answer.confirm import Replay, replays, values_on
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.run import Found
 from pneugantry.report.pictures import Curves, Shown

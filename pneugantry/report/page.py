@@ -14,7 +14,7 @@ from typing import Any
 import jinja2
 
 from modelica_fmu.files import write_atomically
-from pneugantry.engine.result import to_json
+from pneugantry.engine.answer.result import to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
 from pneugantry.engine.task import Task

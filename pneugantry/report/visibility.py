@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.information import (
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.planning.information import (
     SEEN,
     Information,
     Sight,
@@ -21,8 +21,8 @@ from pneugantry.engine.information import (
     sizes,
 )
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.synthetic import noisy
 from pneugantry.engine.task import Task
+from pneugantry.engine.views.synthetic import noisy
 from pneugantry.report.headline import number
 
 __all__ = ["Row", "Visibility", "visibility"]

@@ -10,10 +10,10 @@ from hashlib import sha256
 from importlib.metadata import version
 from typing import Any
 
-from pneugantry.engine.decide import UNKNOWN
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.foreign import ForeignPlant
+from pneugantry.engine.answer.decide import UNKNOWN
+from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.run import Found
+from pneugantry.engine.views.foreign import ForeignPlant
 from pneugantry.report.headline import chance, confirmed, interval, leaves, number
 
 __all__ = [

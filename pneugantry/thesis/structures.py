@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pneugantry.engine.catalogue import Effect, Parameter
-from pneugantry.engine.sensors import PREFIX, neutral
+from pneugantry.engine.hypotheses.catalogue import Effect, Parameter
+from pneugantry.engine.signals.sensors import PREFIX, neutral
 from pneugantry.plants.gantry.catalogue import catalogue_of
 from pneugantry.plants.gantry.closed_loop import augmented_of, left_out
 from pneugantry.thesis.conditions import CHOICE, SOFT, Choice, Run

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from benchmarks.calibrate import cases_in
-from pneugantry.engine.calibration import PARTS
+from pneugantry.engine.calibration.weights import PARTS
 
 TRUTH = {"kind": "one", "causes": [{"effect": "drag", "axis": "x", "known": True}]}
 SAID = {"weighed": [{"effects": ["drag/x"], "cost": -100.0}], "stands_out": 0.1}

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from benchmarks.drive_blind import as_json, main
-from pneugantry.engine.decide import Chances
+from pneugantry.engine.chances import Chances
 
 
 def answer(verdict: str, cost: float, probability: float) -> dict[str, Any]:

@@ -11,12 +11,12 @@ import pandas as pd
 import pytest
 
 from pneugantry.blind.drive import DESCRIPTION, main, write_drive_case
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.run import run
-from pneugantry.engine.screening import Memory, afresh
-from pneugantry.engine.search import _main_forms
-from pneugantry.engine.synthetic import Nominal
+from pneugantry.engine.selection.screening import Memory, afresh
+from pneugantry.engine.selection.search import _main_forms
+from pneugantry.engine.views.synthetic import Nominal
 from pneugantry.plants.described import described_task
 from pneugantry.truth.drive.case import LOGS, ROWS, DriveSet, commands, draw_drive_case, record
 from pneugantry.truth.drive.effects import KNOWN_FORMS, OUTSIDE_FORMS, Drive, DriveSpread

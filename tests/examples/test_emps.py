@@ -10,9 +10,9 @@ import pytest
 
 from examples.emps import closed_loop, idim
 from examples.emps.__main__ import DATA, PLANT, PUBLISHED_PARAMETERS
-from pneugantry.engine.catalogue import read_catalogue
+from pneugantry.engine.answer.result import to_json
+from pneugantry.engine.hypotheses.catalogue import read_catalogue
 from pneugantry.engine.plant import Data, Record
-from pneugantry.engine.result import to_json
 from pneugantry.engine.run import run
 from pneugantry.plants.described import described_task
 from pyfmi_runner.build import build_fmu

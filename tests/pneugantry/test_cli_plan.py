@@ -80,7 +80,7 @@ def test_a_campaign_without_its_actuator_forces_tells_the_valve_less(capsys: Cap
     """Logs alone: the command line's way; channels are left out in `plants/gantry`."""
     from dataclasses import replace
 
-    from pneugantry.engine.plan import make_plan
+    from pneugantry.engine.planning.plan import make_plan
     from pneugantry.plants.gantry.describe import plant_of
     from pneugantry.plants.gantry.experiments import case_of
     from pyfmi_runner.build import cache_folder

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.catalogue import Effect, read_catalogue
-from pneugantry.engine.sensors import PREFIX, signal_of
+from pneugantry.engine.hypotheses.catalogue import Effect, read_catalogue
+from pneugantry.engine.signals.sensors import PREFIX, signal_of
 from pneugantry.plants.gantry.timing import DELAYS
 from pyfmi_runner.build import default_model
 from pyfmi_runner.fmu import FmuFile

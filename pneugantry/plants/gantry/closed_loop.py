@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.sensors import PREFIX, neutral
+from pneugantry.engine.signals.sensors import PREFIX, neutral
 from pneugantry.plants.gantry.timing import DELAYS
 from pyfmi_runner.campaign import LoggedRun, LogSetup
 from pyfmi_runner.controller_file import controller_of, is_known_controller

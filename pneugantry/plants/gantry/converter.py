@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneugantry.engine.converter import grid_of, step_and_grid
+from pneugantry.engine.signals.converter import grid_of, step_and_grid
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.log import MEASURED, SIGMA
 

@@ -12,17 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.engine.catalogue import Effect
+from pneugantry.engine.answer.confirm import values_on
+from pneugantry.engine.answer.decide import UNKNOWN
+from pneugantry.engine.answer.location import Place
+from pneugantry.engine.answer.result import Cause, Diagnosis, Size
 from pneugantry.engine.change import AFTER, BEFORE, gap_on, joined, with_changes
-from pneugantry.engine.confirm import values_on
-from pneugantry.engine.decide import UNKNOWN
-from pneugantry.engine.location import Place
+from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.plant import Data, Plant, Record
-from pneugantry.engine.result import Cause, Diagnosis, Size
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.task import Task
-from pneugantry.engine.views import View
+from pneugantry.engine.views.subsystem import View
 from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of, check_names
 from pneugantry.plants.gantry.closed_loop import left_out, rerun
 from pneugantry.plants.gantry.converter import (

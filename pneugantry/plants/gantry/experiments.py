@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.engine.plan import Case, Experiment
+from pneugantry.engine.planning.plan import Case, Experiment
 from pneugantry.engine.plant import Plant, Record, Signal, thinned
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.catalogue import catalogue_of

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.engine.confirm import replays
-from pneugantry.engine.decide import UNKNOWN, Decision
+from pneugantry.engine.answer.confirm import replays
+from pneugantry.engine.answer.decide import UNKNOWN, Decision
 from pneugantry.engine.plant import thinned
 from pneugantry.engine.task import Task
 from pneugantry.plants.gantry.closed_loop import augmented_of

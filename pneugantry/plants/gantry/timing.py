@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneugantry.engine.plant import Array, Record
-from pneugantry.engine.sensors import shifted
-from pneugantry.engine.views import Run
+from pneugantry.engine.signals.sensors import shifted
+from pneugantry.engine.views.subsystem import Run
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.campaign import LoggedRun
 from pyfmi_runner.log import MEASURED, PERIOD

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.converter import converter_step
+from pneugantry.engine.signals.converter import converter_step
 from pyfmi_runner.campaign import Campaign, LoggedRun
 from pyfmi_runner.log import SIGMA, log_warnings
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pneugantry.engine.catalogue import Effect, Form, Parameter
+from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Plant, Record
 
 

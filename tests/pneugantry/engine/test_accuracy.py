@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pneugantry.engine.accuracy import HIDDEN, TOLERANCE, accurate
 from pneugantry.engine.plant import Plant, Record
-from pneugantry.engine.views import View
+from pneugantry.engine.views.accuracy import HIDDEN, TOLERANCE, accurate
+from pneugantry.engine.views.subsystem import View
 from pneugantry.plants.described import described_task
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -18,7 +18,7 @@ DRIVE = ROOT / "examples" / "drive" / "plant.toml"
 FIT = f"""
 from dataclasses import replace
 from pathlib import Path
-from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.plants.described import described_task
 
 found, task = described_task(Path({str(DRIVE)!r}))

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from pneugantry.engine.autoregression import (
+from pneugantry.engine.fitting.autoregression import (
     DRIFT,
     LASTING,
     LONGEST,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneugantry.engine.calibration import (
+from pneugantry.engine.calibration.weights import (
     Known,
     calibrated,
     error,
@@ -14,7 +14,7 @@ from pneugantry.engine.calibration import (
     log_score,
     reliability,
 )
-from pneugantry.engine.decide import Chances
+from pneugantry.engine.chances import Chances
 
 DRAG = frozenset({"drag"})
 

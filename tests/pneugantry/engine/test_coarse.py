@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneugantry.engine.plant import Plant, Record, Signal
-from pneugantry.engine.synthetic import noisy
+from pneugantry.engine.views.synthetic import noisy
 
 PERIOD, STEP = 1e-3, 0.2
 

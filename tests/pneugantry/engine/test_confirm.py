@@ -14,8 +14,7 @@ from jsonschema import Draft202012Validator
 from modelica_fmu.errors import RunError
 from pneugantry.blind.score import judged
 from pneugantry.commands.diagnose import print_diagnosis
-from pneugantry.engine.catalogue import Effect
-from pneugantry.engine.confirm import (
+from pneugantry.engine.answer.confirm import (
     Gap,
     Replay,
     draws,
@@ -26,20 +25,21 @@ from pneugantry.engine.confirm import (
     replays,
     values_on,
 )
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.hypothesis import Coordinate, Hypothesis
-from pneugantry.engine.location import where
-from pneugantry.engine.noise import LONGEST
+from pneugantry.engine.answer.location import where
+from pneugantry.engine.answer.regimes import THROUGHOUT, area, regime_of
+from pneugantry.engine.answer.result import Answer, Diagnosis, answer_set, causes_of, to_json
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.fitting.noise import LONGEST
+from pneugantry.engine.hypotheses.catalogue import Effect
+from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Array, Plant, Record
-from pneugantry.engine.regimes import THROUGHOUT, area, regime_of
-from pneugantry.engine.result import Answer, Diagnosis, answer_set, causes_of, to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import _worse
-from pneugantry.engine.search import Search
-from pneugantry.engine.simulation import Point
-from pneugantry.engine.synthetic import Nominal
-from pneugantry.engine.views import View, build_views
+from pneugantry.engine.selection.search import Search
+from pneugantry.engine.views.simulation import Point
+from pneugantry.engine.views.subsystem import View, build_views
+from pneugantry.engine.views.synthetic import Nominal
 
 ROOT = Path(__file__).parents[3]
 CAMPAIGNS = ROOT / ".." / "shared" / "campaigns"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneugantry.engine.converter import converted, converter_step, grid_of, step_and_grid
 from pneugantry.engine.plant import Record, Signal
+from pneugantry.engine.signals.converter import converted, converter_step, grid_of, step_and_grid
 
 SIGMA = 0.05
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pneugantry.engine.plant import Record
-from pneugantry.engine.sensors import sensed, true_signal
+from pneugantry.engine.signals.sensors import sensed, true_signal
 
 VALUES = {"sensors.a.from.b": 0.5}
 

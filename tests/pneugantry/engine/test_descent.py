@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from pneugantry.engine.descent import (
+from pneugantry.engine.fitting.descent import (
     Problem,
     Solution,
     Tangent,
@@ -19,12 +19,12 @@ from pneugantry.engine.descent import (
     descend,
     prior,
 )
-from pneugantry.engine.hypothesis import Coordinate
-from pneugantry.engine.noise import Whitener
+from pneugantry.engine.fitting.noise import Whitener
+from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.simulation import Cell, Point, Simulation
-from pneugantry.engine.views import View
+from pneugantry.engine.views.simulation import Cell, Point, Simulation
+from pneugantry.engine.views.subsystem import View
 
 NAMES = ("a", "b", "c")
 CELLS: tuple[Cell, ...] = (("view", "rough"), ("view", "smooth"))

@@ -14,11 +14,11 @@ from scipy.io import savemat
 
 from modelica_fmu.errors import InputError
 from pneugantry.engine.describe import Described, case_of, described, views_of
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.foreign import ForeignPlant
+from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.plant import Plant, Record
-from pneugantry.engine.synthetic import Nominal
-from pneugantry.engine.tables import factor, noise_of
+from pneugantry.engine.signals.tables import factor, noise_of
+from pneugantry.engine.views.foreign import ForeignPlant
+from pneugantry.engine.views.synthetic import Nominal
 from pyfmi_runner.build import build_fmu
 
 PERIOD = 2e-3

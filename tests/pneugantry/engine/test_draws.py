@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneugantry.engine.draws import KINDS, Source, _Odd, drawn
+from pneugantry.engine.calibration.draws import KINDS, Source, _Odd, drawn
 from pneugantry.plants.described import described_task
 
 MOTOR = Path(__file__).parents[3] / "examples" / "motor" / "plant.toml"

@@ -13,14 +13,14 @@ import pytest
 from test_frugal import hypothesis
 from test_search import CATALOGUE, fitter_of, parts, plant
 
-from pneugantry.engine.descent import Parabola, Solution, prior, standing
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.fitting.descent import Parabola, Solution, prior, standing
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
-from pneugantry.engine.screening import nominal_values
-from pneugantry.engine.search import _in_place, _Trail
-from pneugantry.engine.simulation import Point
+from pneugantry.engine.selection.screening import nominal_values
+from pneugantry.engine.selection.search import _in_place, _Trail
+from pneugantry.engine.views.simulation import Point
 
 __all__ = ["parts", "plant"]
 

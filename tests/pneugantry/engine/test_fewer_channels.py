@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.fitter import Fitter
+from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.plant import Data
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, record_of, views_of

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.engine.confirm import replays
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.foreign import ForeignFmu, ForeignPlant, foreign_views, parameters_read
+from pneugantry.engine.answer.confirm import replays
+from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.synthetic import Nominal
-from pneugantry.engine.views import SubsystemView, build_views
+from pneugantry.engine.views.foreign import ForeignFmu, ForeignPlant, foreign_views, parameters_read
+from pneugantry.engine.views.subsystem import SubsystemView, build_views
+from pneugantry.engine.views.synthetic import Nominal
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 

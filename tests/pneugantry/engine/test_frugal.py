@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from test_search import CATALOGUE, effect, fitter_of, parts, plant
 
-from pneugantry.engine.descent import Solution, prior
-from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.fitting.descent import Solution, prior
+from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
-from pneugantry.engine.scouts import Scouts
-from pneugantry.engine.screening import MANY, screen
+from pneugantry.engine.selection.scouts import Scouts
+from pneugantry.engine.selection.screening import MANY, screen
 
 __all__ = ["parts", "plant"]
 

@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneugantry.engine.catalogue import Effect, Form, Parameter
-from pneugantry.engine.decide import UNKNOWN, Chances, Evidence, beliefs, decide
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.hypothesis import Coordinate, Hypothesis
-from pneugantry.engine.imitation import imitations, imitators
-from pneugantry.engine.noise import Whitener
+from pneugantry.engine.answer.decide import UNKNOWN, Evidence, beliefs, decide
+from pneugantry.engine.answer.imitation import imitations, imitators
+from pneugantry.engine.chances import Chances
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.noise import Whitener
+from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
+from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.simulation import Point
+from pneugantry.engine.views.simulation import Point
 
 NODES, ROWS, SIGMA = 9, 1200, 0.01
 ONE_WAY = {"there": (0.0, 8.0), "half": (0.0, 4.0)}

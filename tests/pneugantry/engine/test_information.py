@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneugantry.engine.information import SEEN, Information, score, sights
+from pneugantry.engine.planning.information import SEEN, Information, score, sights
 
 
 def information(columns: np.ndarray, precisions: list[float], **effects: int) -> Information:

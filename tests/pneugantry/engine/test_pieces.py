@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneugantry.engine.pieces import Piece
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.synthetic import Nominal
-from pneugantry.engine.views import SubsystemView, build_views
+from pneugantry.engine.views.pieces import Piece
+from pneugantry.engine.views.subsystem import SubsystemView, build_views
+from pneugantry.engine.views.synthetic import Nominal
 
 
 @pytest.fixture

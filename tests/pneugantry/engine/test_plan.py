@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneugantry.engine.catalogue import Effect
-from pneugantry.engine.plan import Case, Experiment, Plan, make_plan
-from pneugantry.engine.plan_report import as_html, as_json, as_text
+from pneugantry.engine.hypotheses.catalogue import Effect
+from pneugantry.engine.planning.plan import Case, Experiment, Plan, make_plan
+from pneugantry.engine.planning.report import as_html, as_json, as_text
 from pneugantry.engine.plant import Plant, Record, Signal
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.synthetic import Nominal, noisy
+from pneugantry.engine.views.synthetic import Nominal, noisy
 
 
 @pytest.fixture(scope="module")

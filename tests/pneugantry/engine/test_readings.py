@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pneugantry.engine.plant import Record, thinned
-from pneugantry.engine.readings import Readings
+from pneugantry.engine.signals.readings import Readings
 
 PERIOD = 1e-3  # s
 SIGMA_S, SIGMA_V = 3e-4, 5e-4  # m, m/s

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneugantry.engine.noise import LONGEST
+from pneugantry.engine.answer.regimes import regime_of
+from pneugantry.engine.fitting.noise import LONGEST
 from pneugantry.engine.plant import Plant, Record, Signal
-from pneugantry.engine.regimes import regime_of
 
 ROWS = 1000
 PLANT = Plant("toy", Path("toy.mo"), "Toy", ("u",), (Signal("y", "y", 0.01),), {}, (), {})

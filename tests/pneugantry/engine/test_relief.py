@@ -8,7 +8,7 @@ import pytest
 from test_search import CATALOGUE, TRUTH, fitter_of, parts, plant
 
 from pneugantry.engine.plant import Plant
-from pneugantry.engine.relief import Reliefs
+from pneugantry.engine.selection.relief import Reliefs
 
 __all__ = ["parts", "plant"]  # fixtures
 SHARE = 1.25

@@ -11,24 +11,25 @@ import numpy as np
 import pytest
 from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, record
 
-from pneugantry.engine.autoregression import quoted
-from pneugantry.engine.confirm import Gap
-from pneugantry.engine.decide import Chances, Decision, Evidence, decide, outstanding
-from pneugantry.engine.descent import Problem, Solution, Weighing, prior, probed
-from pneugantry.engine.evidence import _compared, _costs, _turned, evidence_of, vouched
-from pneugantry.engine.excess import Excess
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.hypothesis import Coordinate, Hypothesis
+from pneugantry.engine.answer.confirm import Gap
+from pneugantry.engine.answer.decide import Decision, Evidence, decide, outstanding
+from pneugantry.engine.answer.evidence import _compared, _costs, _turned, evidence_of, vouched
+from pneugantry.engine.answer.predict import Foretelling
+from pneugantry.engine.answer.result import to_json
+from pneugantry.engine.chances import Chances
+from pneugantry.engine.fitting.autoregression import quoted
+from pneugantry.engine.fitting.descent import Problem, Solution, Weighing, prior, probed
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Data, Plant, Record, Signal
-from pneugantry.engine.predict import Foretelling
-from pneugantry.engine.result import to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, _Confirmed, _confirmed, _cut_short, run
-from pneugantry.engine.search import Search, search
-from pneugantry.engine.simulation import Point
+from pneugantry.engine.selection.excess import Excess
+from pneugantry.engine.selection.search import Search, search
 from pneugantry.engine.task import Task
-from pneugantry.engine.views import build_views
+from pneugantry.engine.views.simulation import Point
+from pneugantry.engine.views.subsystem import build_views
 
 __all__ = ["parts", "plant"]  # fixtures
 

@@ -10,17 +10,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pneugantry.engine.catalogue import Effect, Form, Parameter
-from pneugantry.engine.cuts import sharp_views
-from pneugantry.engine.descent import Parabola, Solution
-from pneugantry.engine.excess import excess_of, floors_of, unexplained
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.hypothesis import Hypothesis, effect_coordinate
+from pneugantry.engine.fitting.descent import Parabola, Solution
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
+from pneugantry.engine.hypotheses.hypothesis import Hypothesis, effect_coordinate
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.screening import Candidate, Memory, screen
-from pneugantry.engine.search import (
+from pneugantry.engine.selection.excess import excess_of, floors_of, unexplained
+from pneugantry.engine.selection.screening import Candidate, Memory, screen
+from pneugantry.engine.selection.search import (
     _finals,
     _fits,
     _joined,
@@ -34,8 +33,9 @@ from pneugantry.engine.search import (
     resumed,
     search,
 )
-from pneugantry.engine.simulation import Cell
-from pneugantry.engine.views import SubsystemView, build_views
+from pneugantry.engine.views.cuts import sharp_views
+from pneugantry.engine.views.simulation import Cell
+from pneugantry.engine.views.subsystem import SubsystemView, build_views
 
 MODEL = """
 model Drive "A motor's current, and the speed and position that it drives"

@@ -10,12 +10,12 @@ from typing import cast
 import numpy as np
 import pytest
 
-from pneugantry.engine.catalogue import Parameter
-from pneugantry.engine.hypothesis import effect_coordinate
+from pneugantry.engine.hypotheses.catalogue import Parameter
+from pneugantry.engine.hypotheses.hypothesis import effect_coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.simulation import Point, Simulation
-from pneugantry.engine.views import Run, View
+from pneugantry.engine.views.simulation import Point, Simulation
+from pneugantry.engine.views.subsystem import Run, View
 
 
 class Scale:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from pneugantry.engine.smooth import savgol, widest
+from pneugantry.engine.signals.smooth import savgol, widest
 
 
 @pytest.mark.parametrize(("window", "degree", "derivative"), [(3, 1, 0), (9, 2, 1), (9, 3, 2)])

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneugantry.engine.descent import Problem, Solution, newton, prior, standing
-from pneugantry.engine.fitter import Fitter
-from pneugantry.engine.hypothesis import Coordinate, Hypothesis
+from pneugantry.engine.fitting.descent import Problem, Solution, newton, prior, standing
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.simulation import Point
-from pneugantry.engine.synthetic import Nominal, noisy
-from pneugantry.engine.views import build_views
+from pneugantry.engine.views.simulation import Point
+from pneugantry.engine.views.subsystem import build_views
+from pneugantry.engine.views.synthetic import Nominal, noisy
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.result import to_json
+from pneugantry.engine.answer.result import to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.diagnosis import diagnose, task_of
 from pneugantry.plants.gantry.usable import sound_logs

@@ -10,7 +10,7 @@ import pytest
 
 from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Record
-from pneugantry.engine.synthetic import Nominal
+from pneugantry.engine.views.synthetic import Nominal
 from pneugantry.plants.gantry.catalogue import FOLDER, QUANTISATION, catalogue_of, check_names
 from pneugantry.plants.gantry.describe import plant_of
 from pyfmi_runner.build import build_fmu, cache_folder

@@ -16,7 +16,7 @@ from jsonschema import Draft202012Validator
 
 from benchmarks.two_campaigns import KINDS, TORQUES, motor_log, pair_of, written
 from pneugantry.cli import main
-from pneugantry.engine.result import to_json
+from pneugantry.engine.answer.result import to_json
 from pneugantry.plants.changed import diagnose_change
 
 MOTOR = Path(__file__).parents[3] / "examples" / "motor"

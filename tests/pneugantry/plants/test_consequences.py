@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pneugantry.engine.decide import Decision
-from pneugantry.engine.fit import Fit
-from pneugantry.engine.hypothesis import Hypothesis
+from pneugantry.engine.answer.decide import Decision
+from pneugantry.engine.answer.result import Answer
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Data
-from pneugantry.engine.result import Answer
-from pneugantry.engine.simulation import Point
 from pneugantry.engine.task import Task
+from pneugantry.engine.views.simulation import Point
 from pneugantry.plants.gantry.augmented import (
     augmented_model,
     outside_the_plant,

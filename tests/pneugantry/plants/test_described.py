@@ -14,7 +14,7 @@ import pytest
 
 from modelica_fmu.errors import InputError
 from pneugantry.cli import main
-from pneugantry.engine.result import to_json
+from pneugantry.engine.answer.result import to_json
 from pneugantry.engine.run import Found
 from pneugantry.plants.described import (
     described_task,

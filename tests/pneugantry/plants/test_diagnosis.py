@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.result import Diagnosis, to_json
+from pneugantry.engine.answer.result import Diagnosis, to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.catalogue import catalogue_of
 from pneugantry.plants.gantry.converter import Converters

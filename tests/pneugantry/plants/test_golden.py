@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from pneugantry.engine.catalogue import Effect
-from pneugantry.engine.result import to_json
+from pneugantry.engine.answer.result import to_json
+from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.catalogue import catalogue_of
 from pneugantry.plants.gantry.diagnosis import diagnose

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneugantry.engine.catalogue import Effect, Form, Parameter
-from pneugantry.engine.cuts import sharp_views
+from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Data, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
-from pneugantry.engine.synthetic import Nominal
 from pneugantry.engine.task import Task
+from pneugantry.engine.views.cuts import sharp_views
+from pneugantry.engine.views.synthetic import Nominal
 
 PERIOD, ROWS = 4e-3, 800
 RULES = Rules(band=125.0, thinning=1)

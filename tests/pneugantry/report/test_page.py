@@ -19,10 +19,10 @@ from jsonschema import Draft202012Validator
 from matplotlib.image import imread
 from numpy.typing import NDArray
 
-from pneugantry.engine.catalogue import Form
-from pneugantry.engine.confirm import Replay
-from pneugantry.engine.decide import Decision
-from pneugantry.engine.result import to_json
+from pneugantry.engine.answer.confirm import Replay
+from pneugantry.engine.answer.decide import Decision
+from pneugantry.engine.answer.result import to_json
+from pneugantry.engine.hypotheses.catalogue import Form
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
 from pneugantry.report.headline import (

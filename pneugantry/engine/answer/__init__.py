@@ -1,0 +1,1 @@
+"""From fits to a verdict: held-out records, replays, probabilities, where."""

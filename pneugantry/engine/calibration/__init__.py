@@ -1,0 +1,1 @@
+"""What probabilities are worth: drawn rigs, and the weights of the decision."""

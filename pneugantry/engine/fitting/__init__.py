@@ -1,0 +1,1 @@
+"""A hypothesis at its best point: noise, descents, surveys, evidence."""

@@ -1,0 +1,1 @@
+"""What records can tell before anything is fitted."""

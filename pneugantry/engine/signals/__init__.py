@@ -1,0 +1,1 @@
+"""What a log holds: records, sensors' errors, readings of signals."""

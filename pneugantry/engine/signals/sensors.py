@@ -1,0 +1,131 @@
+"""Errors of sensors, for every signal alike: what a sensor says of a true signal, and the signal
+that a reading stands for.
+
+Parameters "sensors.SIGNAL.WHAT": scale (1), bias, drift (per s), lag (s, first order), delay (s),
+curve (share by which a reading of `CURVED_AT` times its spread is more), from.OTHER (share of
+another signal's reading that leaks in).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.signals.smooth import savgol
+from pyfmi_runner.first_order import first_order
+
+__all__ = ["PREFIX", "affine", "neutral", "sensed", "shifted", "signal_of", "true_signal"]
+
+PREFIX = "sensors."
+SLOPE = 9  # rows over which a slope is taken
+STEEP = (17, 3)  # rows and degree of that behind a lag: as noisy, and right for cubics (0151)
+
+
+def neutral(name: str) -> float:
+    """Value of a sensor's parameter that has no error."""
+    return 1.0 if name.endswith(".scale") else 0.0
+
+
+def signal_of(name: str) -> str:
+    """The signal that a sensor's parameter belongs to."""
+    return name.split(".")[1]
+
+
+def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]) -> Array:
+    """Reading (N,) of a true signal (N,)."""
+    own = _own(signal, values)
+    if not own:
+        return true
+    result = true * own.get("scale", 1.0)
+    for other in _crosstalk(own, record):
+        result = result + other
+    if lag := own.get("lag", 0.0):
+        result = _lagged(result, lag / record.period)
+    if delay := own.get("delay", 0.0):
+        result = shifted(result, delay / record.period)
+    if drift := own.get("drift", 0.0):
+        result = result + drift * record.period * np.arange(len(result))
+    if curve := own.get("curve", 0.0):
+        result = result * (1 + curve * (result / _spread(signal, record)) ** 2)
+    return np.asarray(result + own.get("bias", 0.0))
+
+
+def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Array:
+    """What a reading (N,) stands for, noise apart."""
+    own, result = _own(signal, values), record.signals[signal]
+    if not own:
+        return result
+    result = result - own.get("bias", 0.0)
+    if curve := own.get("curve", 0.0):
+        straight, spread = result, _spread(signal, record)
+        for _ in range(5):
+            straight = result / np.maximum(1 + curve * (straight / spread) ** 2, 0.2)
+        result = straight
+    if drift := own.get("drift", 0.0):
+        result = result - drift * record.period * np.arange(len(result))
+    if delay := own.get("delay", 0.0):
+        result = shifted(result, -delay / record.period)
+    if lag := own.get("lag", 0.0):
+        result = result + lag * savgol(result, *STEEP, derivative=1) / record.period
+    for other in _crosstalk(own, record):
+        result = result - other
+    return np.asarray(result / own.get("scale", 1.0))
+
+
+def affine(signal: str, values: Mapping[str, float]) -> tuple[float, float] | None:
+    """(scale, bias) of a sensor that has no other error; None where it has."""
+    own = {k: v for k, v in _own(signal, values).items() if v or k == "scale"}
+    if own.keys() <= {"scale", "bias"}:
+        return own.get("scale", 1.0), own.get("bias", 0.0)
+    return None
+
+
+def slope(values: Array, period: float, window: int = SLOPE) -> Array:
+    """Rate of change (N,) of a noisy signal."""
+    return savgol(values, window, 2, derivative=1) / period
+
+
+def _own(signal: str, values: Mapping[str, float]) -> dict[str, float]:
+    return {what: values[k] for what, k in _named(signal, tuple(values))}
+
+
+@lru_cache(maxsize=4096)  # a diagnosis asks thousands of times about the same few sets of names
+def _named(signal: str, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    """(what, name) of the parameters that are a sensor's own."""
+    prefix = f"{PREFIX}{signal}."
+    return tuple((k.removeprefix(prefix), k) for k in names if k.startswith(prefix))
+
+
+def _crosstalk(own: Mapping[str, float], record: Record) -> Iterator[Array]:
+    """What other channels add to one, (N,) each; a record that lacks a channel shows nothing of
+    it.
+    """
+    for key, share in own.items():
+        source = key.removeprefix("from.")
+        if source != key and share and source in record.signals:
+            yield share * record.signals[source]
+
+
+def shifted(values: Array, rows: float) -> Array:
+    """Values (N,) some rows later, or earlier; the last known ones at the ends."""
+    at = np.arange(len(values))
+    return np.interp(at - rows, at, values)
+
+
+def _lagged(values: Array, rows: float) -> Array:
+    """Values (N,) behind a first-order lag of some rows, straight from one to the next; at rest
+    before the first. Held over a row instead they would come half a row too late.
+    """
+    keep = float(np.exp(-1 / rows))
+    ahead = 1 - rows * (1 - keep)  # the new row's share; the rest is the old one's
+    off = values - values[0]
+    driven = ahead * off + (1 - keep - ahead) * np.append(0.0, off[:-1])
+    return np.asarray(values[0] + first_order(driven, 1.0, keep))
+
+
+def _spread(signal: str, record: Record) -> float:
+    values = record.signals[signal]
+    return max(float(np.percentile(np.abs(values), 99)), 1e-12)

@@ -1,0 +1,168 @@
+"""Views over records: residuals of many parameter sets, and their derivatives.
+
+A residual depends on few parameters, so it is kept by view and record (a cell).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from threading import Lock
+from typing import TypeVar
+
+from pneugantry.engine.hypotheses.hypothesis import Coordinate
+from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.threads import Pooled, on_threads
+from pneugantry.engine.views.subsystem import View
+
+__all__ = ["Cell", "Columns", "Point", "Residuals", "Simulation"]
+
+SIDE_BY_SIDE = 8  # runs that the lanes of a part hold
+MOST = 64  # runs of one call: their signals are in memory together
+USUAL = 0.1  # a tolerance's spread, in an effect's usual sizes
+Cell = tuple[str, str]  # view, record
+_Job = tuple[Cell, Mapping[str, float]]  # a run
+T = TypeVar("T")
+Found = TypeVar("Found")
+Residuals = dict[Cell, Array]  # (rows, signals), in the signals' units
+Columns = dict[tuple[Cell, str], Array]  # d residual / d theta, by the coordinate's name
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Values of coordinates, and settings that are not fitted."""
+
+    coordinates: tuple[Coordinate, ...]
+    theta: Array
+    settings: Mapping[str, float]
+
+    def values(self, record: str | None) -> dict[str, float]:
+        """Parameters of a record; None: those of no record in particular."""
+        pairs = zip(self.coordinates, self._values, strict=True)
+        own = {c.parameter: value for c, value in pairs if c.record in (None, record)}
+        return {**self.settings, **own}
+
+    @cached_property
+    def _values(self) -> list[float]:
+        """Of each coordinate."""
+        return [c.value(t) for c, t in zip(self.coordinates, self.theta.tolist(), strict=True)]
+
+    def moved(self, theta: Array) -> Point:
+        """The same with other values."""
+        return Point(self.coordinates, theta, self.settings)
+
+
+class Simulation:
+    """Runs views on threads of its own. Threads may share it: what several of them ask of one view
+    meanwhile is simulated in one call, for a lane costs the same whether or not it is used.
+    """
+
+    def __init__(self, views: Sequence[View], records: Sequence[Record], rules: Rules) -> None:
+        self.views = {v.name: v for v in views}
+        self.records = {r.name: r for r in records}
+        self.cells = [(v.name, r.name) for v in views for r in records if v.shows(r)]
+        self.rules = rules
+        self.seconds = 0.0  # of records, simulated so far
+        self._counting = Lock()
+        self._pooled: Pooled[str, _Job, Array] = Pooled(self._residuals, SIDE_BY_SIDE, MOST)
+
+    def close(self) -> None:
+        self._pooled.close()
+
+    def side_by_side(self, call: Callable[[T], Found], values: Sequence[T]) -> list[Found]:
+        """What a call makes of each value, in their order; their simulations are done together."""
+        return self._pooled.side_by_side(call, values)
+
+    @property
+    def evaluations(self) -> float:
+        """How often one view could have been simulated over all records by now."""
+        return self.seconds / sum(r.rows * r.period for r in self.records.values())
+
+    def prepare(self, fits: Sequence[tuple[Collection[str], Mapping[str, float]]]) -> None:
+        """Tells the views what fits move, and which settings they keep."""
+        of_records = {n for r in self.records.values() for n in r.parameters}
+
+        def tell(view: View, moving: Collection[str], settings: Mapping[str, float]) -> None:
+            view.prepare({*moving, *of_records}, settings)
+
+        told = [(v, *fit) for fit in fits for v in self.views.values()]
+        on_threads(lambda each: tell(*each), told)
+
+    def reads(self, parameter: str, record: str | None = None) -> bool:
+        """Whether any view reads a parameter, in a record or at all."""
+        return any(
+            self.views[v].depends_on(parameter) for v, r in self.cells if record in (None, r)
+        )
+
+    def run(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> dict[Cell, list[Array]]:
+        """Residuals (rows, signals) of each cell's runs."""
+        every = [(cell, values) for cell, own in jobs.items() for values in own]
+        with self._counting:
+            self.seconds += self._seconds(every)
+        made = self._pooled.run([(job[0][0], job) for job in every])
+        found: dict[Cell, list[Array]] = {}
+        for (cell, _), residual in zip(every, made, strict=True):
+            found.setdefault(cell, []).append(residual)
+        return found
+
+    def _residuals(self, view: str, jobs: Sequence[_Job]) -> list[Array]:
+        return self.views[view].residuals([(self.records[c[1]], values) for c, values in jobs])
+
+    def _seconds(self, jobs: Sequence[_Job]) -> float:
+        """Of records, that runs go over."""
+        records = (self.records[cell[1]] for cell, _ in jobs)
+        return sum(r.rows * r.period for r in records)
+
+    def residuals(self, point: Point, cells: Sequence[Cell]) -> Residuals:
+        """At a point."""
+        return {c: r[0] for c, r in self.run({c: [point.values(c[1])] for c in cells}).items()}
+
+    def linearised(
+        self, point: Point, cells: Sequence[Cell], wanted: set[str], fine: bool = True
+    ) -> tuple[Residuals, Columns]:
+        """Residuals and columns at a point."""
+        found = self.run({cell: [point.values(cell[1])] for cell in cells})
+        residuals = {cell: r[0] for cell, r in found.items()}
+        return residuals, self.columns(point, residuals, cells, wanted, fine)
+
+    def columns(
+        self,
+        point: Point,
+        residuals: Residuals,
+        cells: Sequence[Cell],
+        wanted: set[str],
+        fine: bool = True,
+    ) -> Columns:
+        """Columns of the coordinates named, about the residuals at a point. fine: by small steps;
+        else by such as look over events, where a view has any.
+        """
+        jobs: dict[Cell, list[dict[str, float]]] = {}
+        moved: dict[Cell, list[tuple[Coordinate, float]]] = {}
+        for cell in cells:
+            base = point.values(cell[1])
+            jobs[cell], moved[cell] = [], []
+            for c, theta in zip(point.coordinates, point.theta, strict=True):
+                if c.name in wanted and self.in_cell(c, cell):
+                    step = self.step(c, theta, fine or not self.views[cell[0]].remembers)
+                    jobs[cell].append({**base, c.parameter: c.value(theta + step)})
+                    moved[cell].append((c, step))
+        found = self.run({cell: job for cell, job in jobs.items() if job})
+        return {
+            (cell, c.name): (found[cell][i] - residuals[cell]) / step
+            for cell, steps in moved.items()
+            for i, (c, step) in enumerate(steps)
+        }
+
+    def step(self, c: Coordinate, theta: float, fine: bool) -> float:
+        """Step of a difference quotient, away from a bound."""
+        if fine:
+            size = self.rules.difference * self.rules.fine * (USUAL if c.effect else 1.0)
+        else:
+            size = self.rules.stride if c.effect else self.rules.difference
+        return size if c.value(theta + size) != c.value(theta) else -size
+
+    def in_cell(self, c: Coordinate, cell: Cell) -> bool:
+        """Whether a cell reads a coordinate."""
+        return c.record in (None, cell[1]) and self.views[cell[0]].depends_on(c.parameter)
