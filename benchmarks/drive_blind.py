@@ -27,7 +27,7 @@ from pneugantry.cli import main as command
 from pneugantry.engine.calibration.weights import error, known_case, reliability
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.run import run
-from pneugantry.plants.calibrate import chances_of
+from pneugantry.plants.calibration_file import chances_of
 from pneugantry.plants.described import described_task
 from pneugantry.plants.missing_term import to_json, with_missing_term
 

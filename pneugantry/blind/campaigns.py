@@ -16,7 +16,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
 from pneugantry.jobs.job import Function, Job
 from pneugantry.jobs.run import run_jobs
-from pneugantry.plants.calibrate import stamp_of
+from pneugantry.plants.calibration_file import stamp_of
 from pneugantry.plants.described import described_task
 from pneugantry.plants.gantry.catalogue import FOLDER, catalogue_of, model_of
 from pneugantry.plants.gantry.diagnosis import diagnose

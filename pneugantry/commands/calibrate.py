@@ -43,7 +43,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     from pneugantry.engine.calibration.weights import error
-    from pneugantry.plants.calibrate import as_json, calibration_of, write_calibration
+    from pneugantry.plants.calibrate import calibration_of
+    from pneugantry.plants.calibration_file import as_json, write_calibration
     from pneugantry.plants.described import is_plant_description
 
     if not is_plant_description(options.plant):
@@ -72,7 +73,8 @@ def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]
     """Diagnosed rigs, those of an earlier call included, and why others were not diagnosed."""
     from pneugantry.jobs.job import Job
     from pneugantry.jobs.run import run_jobs
-    from pneugantry.plants.calibrate import Rigs, stamp_of
+    from pneugantry.plants.calibrate import Rigs
+    from pneugantry.plants.calibration_file import stamp_of
 
     if options.cases < 1:
         raise InputError(

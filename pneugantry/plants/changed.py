@@ -12,7 +12,7 @@ from pneugantry.engine.describe import Described
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.task import Task
-from pneugantry.plants.calibrate import chances_of
+from pneugantry.plants.calibration_file import chances_of
 from pneugantry.plants.described import described_task
 from pyfmi_runner.scenario import parse_toml
 

@@ -20,7 +20,7 @@ from pneugantry.engine.task import Task
 from pneugantry.engine.views.accuracy import accurate
 from pneugantry.engine.views.foreign import ForeignPlant
 from pneugantry.engine.views.subsystem import View
-from pneugantry.plants.calibrate import chances_of
+from pneugantry.plants.calibration_file import chances_of
 from pneugantry.plants.modelica import Extension, write_extension
 from pneugantry.plants.scales import with_doubtful_units
 from pyfmi_runner.build import build_fmu, cache_folder

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from pneugantry.cli import main
-from pneugantry.plants.calibrate import chances_of, stamp_of
+from pneugantry.plants.calibration_file import chances_of, stamp_of
 
 MOTOR = Path(__file__).parents[2] / "examples" / "motor"
 Capture = pytest.CaptureFixture[str]
