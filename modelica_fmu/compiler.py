@@ -13,13 +13,16 @@ from modelica_fmu.about import about_file
 from modelica_fmu.alone import alone
 from modelica_fmu.compiled import CompiledModel, Variable
 from modelica_fmu.errors import InputError, Undecided
-from modelica_fmu.frontend import FlatModel, flatten
-from modelica_fmu.generate import Expressions, Layout, jumping
-from modelica_fmu.hybrid import HybridSystem, build_system
+from modelica_fmu.frontend import flatten
+from modelica_fmu.generate import jumping
+from modelica_fmu.hybrid import HybridSystem
 from modelica_fmu.index_reduction import reduce_index
 from modelica_fmu.initialisation import Initial, initial_system, is_fixed, is_free_parameter
+from modelica_fmu.ir import FlatModel
+from modelica_fmu.layout import Expressions, Layout
 from modelica_fmu.sorting import solve
 from modelica_fmu.symbols import Scalar
+from modelica_fmu.translation import build_system
 from modelica_fmu.variables import fmi_variables
 
 CORE = ("core.h", "core.c")

@@ -22,10 +22,12 @@ from modelica_fmu.alone import alone
 from modelica_fmu.compiled import CompiledModel, Structure
 from modelica_fmu.compiler import compile_system
 from modelica_fmu.errors import InputError
-from modelica_fmu.frontend import FlatVariable, flatten
-from modelica_fmu.hybrid import HybridSystem, build_system
+from modelica_fmu.frontend import flatten
+from modelica_fmu.hybrid import HybridSystem
 from modelica_fmu.initialisation import is_free_parameter
+from modelica_fmu.ir import FlatVariable
 from modelica_fmu.symbols import Scalar
+from modelica_fmu.translation import build_system
 
 __all__ = ["Structure", "cut", "structure"]
 

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import casadi as ca
 
 from modelica_fmu import arrays, ir
-from modelica_fmu.frontend import Source, undecided
+from modelica_fmu.source import Source, undecided
 
 Value = Any  # ca.SX | list["Value"] | dict[str, "Value"]
 Node = Any  # a node of ir.py

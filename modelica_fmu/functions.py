@@ -21,7 +21,7 @@ from modelica_fmu.expressions import (
     elementwise,
     flatten,
 )
-from modelica_fmu.frontend import Source, undecided
+from modelica_fmu.source import Source, undecided
 
 MAX_ITERATIONS = 10_000  # of all loops of one call
 DEEPEST = 20  # calls of one function within one another

@@ -13,9 +13,9 @@ from typing import Any
 
 import casadi as ca
 
-from modelica_fmu.frontend import FlatVariable
 from modelica_fmu.hybrid import HybridSystem
 from modelica_fmu.initialisation import is_fixed
+from modelica_fmu.ir import FlatVariable
 from modelica_fmu.symbols import TIME, Scalar
 
 MOST_DIFFERENTIATIONS = 2000  # equations differentiated, before the model is called singular

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import casadi as ca
 
 from modelica_fmu.emit import Emitter, Hoist
 from modelica_fmu.hybrid import HybridSystem
-
-if TYPE_CHECKING:
-    from modelica_fmu.generate import Expressions, Layout
+from modelica_fmu.layout import Expressions, Layout, close, column, seeded
 
 LOOP = "const ModelData *q, double *residual, double *jacobian"
 PRODUCT = "const ModelData *q, const double *seed, double *product"
@@ -24,8 +20,6 @@ def loop_functions(
     hoist: Hoist,
 ) -> list[str]:
     """Residuals, their Jacobian by columns and its products, of each loop."""
-    from modelica_fmu.generate import close, seeded
-
     found: list[str] = []
     emitter = Emitter(inputs, ("q->p",), hoist)
     known = seeded(inputs, layout)
@@ -64,8 +58,6 @@ def initial_functions(
     system: HybridSystem, layout: Layout, e: Expressions, inputs: dict[str, ca.SX]
 ) -> list[str]:
     """The initial system together with all loops: its unknowns come first, then theirs."""
-    from modelica_fmu.generate import close, column
-
     loops = [r for loop in system.loops for r in loop.residuals]
     unknowns = [s.symbol for s in e.initial_unknowns]
     residual = column(e.initial_residuals + loops if unknowns else [])

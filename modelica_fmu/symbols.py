@@ -14,9 +14,9 @@ import casadi as ca
 
 from modelica_fmu import ir
 from modelica_fmu.expressions import Translator, Value, compare, flatten
-from modelica_fmu.frontend import FlatModel, FlatVariable, Source, scalar_name, subscripts_of
 from modelica_fmu.functions import FunctionLibrary
-from modelica_fmu.ir import nodes
+from modelica_fmu.ir import FlatModel, FlatVariable, nodes, scalar_name, subscripts_of
+from modelica_fmu.source import Source
 
 
 @dataclass(eq=False)

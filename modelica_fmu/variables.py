@@ -13,9 +13,9 @@ from modelica_fmu.compiled import TIME, BaseType, Variable
 from modelica_fmu.expressions import Translator
 from modelica_fmu.expressions import flatten as flat_values
 from modelica_fmu.functions import FunctionLibrary
-from modelica_fmu.generate import Layout
 from modelica_fmu.hybrid import HybridSystem
 from modelica_fmu.initialisation import Initial
+from modelica_fmu.layout import Layout
 from modelica_fmu.symbols import PlainScope, Scalar, constant
 from modelica_fmu.units import rate_unit
 

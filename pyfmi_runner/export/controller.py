@@ -15,9 +15,9 @@ from controllers.interface import U_MAX, U_MIN, Command, Controller, Reference, 
 from modelica_fmu import generate
 from modelica_fmu.compiled import TIME, CompiledModel, Variable
 from modelica_fmu.errors import InputError
-from modelica_fmu.frontend import FlatModel, FlatVariable
-from modelica_fmu.generate import Expressions, Layout
 from modelica_fmu.hybrid import Branch, HybridSystem, Sample
+from modelica_fmu.ir import FlatModel, FlatVariable
+from modelica_fmu.layout import Expressions, Layout
 from modelica_fmu.symbols import Scalar, Table
 from pyfmi_runner.export.kernel import is_symbolic, run_kernel
 
