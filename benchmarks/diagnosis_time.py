@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import pneugantry.engine.selection.contenders as contenders
 import pneugantry.engine.selection.search as searching
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
@@ -97,7 +98,7 @@ def _counted() -> Iterator[list[Piece]]:
         patch.object(Fitter, "together", counting("fits side by side", Fitter.together)),
         patch.object(Scouts, "gains", counting("scouts", Scouts.gains)),
         patch.object(searching, "screen", counting("screen", searching.screen)),
-        patch.object(searching, "afresh", counting("screen afresh", searching.afresh)),
+        patch.object(contenders, "afresh", counting("screen afresh", contenders.afresh)),
     ):
         yield pieces
 

@@ -15,7 +15,7 @@ from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.run import run
 from pneugantry.engine.selection.screening import Memory, afresh
-from pneugantry.engine.selection.search import _main_forms
+from pneugantry.engine.selection.trials import main_forms
 from pneugantry.engine.views.synthetic import Nominal
 from pneugantry.plants.described import described_task
 from pneugantry.truth.drive.case import LOGS, ROWS, DriveSet, commands, draw_drive_case, record
@@ -143,7 +143,7 @@ def test_an_effect_that_no_slope_shows_is_found_from_the_nominal_plant() -> None
     found, task = described_task(DESCRIPTION)
     fitter = Fitter(task.plant, task.views, task.data.fitted, replace(found.rules, followed=0))
     null = fitter.null()
-    forms = _main_forms(fitter, list(task.catalogue.values()))
+    forms = main_forms(fitter, list(task.catalogue.values()))
     far = sorted(afresh(fitter, null, forms, Memory()), key=lambda c: -c.afresh)
     best = {c.effect.key: c for c in reversed(far[:6])}["joint_hardening"]
     hypothesis = Hypothesis().plus(best.effect, best.form)

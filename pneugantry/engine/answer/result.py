@@ -12,7 +12,7 @@ from pneugantry.engine.answer.location import Place
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.plant import Epoch
-from pneugantry.engine.selection.search import Step
+from pneugantry.engine.selection.trail import Step
 
 __all__ = [
     "NORMAL",

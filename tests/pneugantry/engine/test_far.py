@@ -18,8 +18,9 @@ from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
+from pneugantry.engine.selection.rivals import _in_place
 from pneugantry.engine.selection.screening import nominal_values
-from pneugantry.engine.selection.search import _in_place, _Trail
+from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.views.simulation import Point
 
 __all__ = ["parts", "plant"]
@@ -121,7 +122,7 @@ def test_an_answer_that_leaves_much_is_held_against_rivals_where_tolerance_is_un
         return fitter.explore(null.hypothesis.plus(effect, effect.forms[0]), null, [values])
 
     wrong, right = beside("mass", {}), beside("drag", {"drag": 1.0})
-    trail = _Trail(fitter, CATALOGUE, [null, wrong])
+    trail = Trail(fitter, CATALOGUE, [null, wrong])
     found = _in_place(trail, wrong)
     settled = _in_place(trail, right)
     fitter.close()

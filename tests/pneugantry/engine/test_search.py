@@ -17,22 +17,13 @@ from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis, effect_coordinate
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.selection.contenders import _open, _unbent, contending, finalists
 from pneugantry.engine.selection.excess import excess_of, floors_of, unexplained
+from pneugantry.engine.selection.rivals import _joined, _replacing, reformed
 from pneugantry.engine.selection.screening import Candidate, Memory, screen
-from pneugantry.engine.selection.search import (
-    _finals,
-    _fits,
-    _joined,
-    _main_forms,
-    _open,
-    _other_forms,
-    _reformed,
-    _replacing,
-    _Trail,
-    _unbent,
-    resumed,
-    search,
-)
+from pneugantry.engine.selection.search import resumed, search
+from pneugantry.engine.selection.trail import Trail
+from pneugantry.engine.selection.trials import main_forms, other_forms
 from pneugantry.engine.views.cuts import sharp_views
 from pneugantry.engine.views.simulation import Cell
 from pneugantry.engine.views.subsystem import SubsystemView, build_views
@@ -236,7 +227,7 @@ def test_where_nothing_gains_the_other_forms_of_the_best_are_tried(
     fitter = fitter_of(plant, parts, drag=2.0)
     null, own = fitter.null(), in_forms("right", {"bump": 2.0, "drag": 2.0})
     first = fitter.explore(null.hypothesis.plus(own, own.forms[0]), null)
-    others = _other_forms(fitter, null, [first])
+    others = other_forms(fitter, null, [first])
     fitter.close()
     assert null.evidence - first.evidence < fitter.rules.entry
     assert [f.hypothesis.effects[-1][1].name for f in others] == ["drag"]
@@ -248,9 +239,9 @@ def test_what_makes_a_loud_view_quieter_is_fitted_whatever_is_predicted(
 ) -> None:
     fitter = fitter_of(plant, parts, drag=2.0)
     null = fitter.null()
-    forms = _main_forms(fitter, list(CATALOGUE.values()))
+    forms = main_forms(fitter, list(CATALOGUE.values()))
     nothing = [Candidate(e, f, {}, 0.0, 0.0) for e, f in forms]
-    fits = _fits(fitter, null, nothing, 30.0, forms, Memory())
+    fits = contending(fitter, null, nothing, 30.0, forms, Memory())
     loud = fitter.loud(null)
     fitter.close()
     assert loud == ["v"]
@@ -264,9 +255,9 @@ def test_what_nothing_predicts_is_tried_until_the_effort_is_spent(
     fitter = fitter_of(plant, parts, drag=2.0)
     null = fitter.null()
     fitter.rules = replace(fitter.rules, effort=0.9 * fitter.simulation.evaluations)
-    forms = _main_forms(fitter, list(CATALOGUE.values()))
+    forms = main_forms(fitter, list(CATALOGUE.values()))
     nothing = [Candidate(e, f, {}, 0.0, 0.0) for e, f in forms]
-    fits = _fits(fitter, null, nothing, 30.0, forms, Memory())
+    fits = contending(fitter, null, nothing, 30.0, forms, Memory())
     others = {k: e for k, e in CATALOGUE.items() if k in ("leak", "slow_current")}
     unexplained = search(fitter, null, others)
     explained = search(fitter, null, CATALOGUE)
@@ -325,8 +316,8 @@ def test_beside_a_second_effect_the_first_may_take_another_form(plant: Plant, pa
     best = fitter.explore(hypothesis, fitter.null())
     other = hypothesis.without(first.key).plus(first, first.forms[1])
     stuck = replace(best, hypothesis=other)  # tried before, from a worse optimum
-    trail = _Trail(fitter, {e.key: e for e in (first, second)}, [best, stuck])
-    found = _reformed(trail, best, hypothesis.effects[:-1])
+    trail = Trail(fitter, {e.key: e for e in (first, second)}, [best, stuck])
+    found = reformed(trail, best, hypothesis.effects[:-1])
     fitter.close()
     assert {(e.key, f.name) for e, f in found.hypothesis.effects} == {
         ("first", "drag"),
@@ -375,10 +366,10 @@ def test_what_makes_an_older_effect_nothing_is_no_idle_fit(plant: Plant, parts: 
     theta[names.index("leak")] = 0.01
     older = replace(fit, point=fit.point.moved(theta))
     assert older.negligible(fitter.rules) == ["leak"]
-    assert _finals(fitter, null, [older], 30.0)
+    assert finalists(fitter, null, [older], 30.0)
     theta[names.index("drag")] = 0.01
     idle = replace(fit, point=fit.point.moved(theta))
-    assert not _finals(fitter, null, [idle], 30.0)
+    assert not finalists(fitter, null, [idle], 30.0)
     fitter.close()
 
 
@@ -393,7 +384,7 @@ def test_what_stands_beside_an_effect_may_replace_it(plant: Plant, parts: Path) 
         return fitter.explore(hypothesis, null)
 
     best, beside, elsewhere = fit("mass"), fit("mass", "drag"), fit("mass", "leak")
-    trail = _Trail(fitter, CATALOGUE, [null, best, beside, elsewhere])
+    trail = Trail(fitter, CATALOGUE, [null, best, beside, elsewhere])
     found = _replacing(trail, best)
     fitter.close()
     assert [f.keys for f in found] == [("drag",), ("mass",)]
@@ -408,7 +399,7 @@ def test_what_explains_nearly_as_much_alone_is_tried_beside(plant: Plant, parts:
         for e in (drag, friction, CATALOGUE["leak"])
     ]
     best = min(alone, key=lambda f: f.evidence)
-    joined = _joined(_Trail(fitter, CATALOGUE, [null, *alone]), best)
+    joined = _joined(Trail(fitter, CATALOGUE, [null, *alone]), best)
     fitter.close()
     assert [set(f.keys) for f in joined] == [{"drag", "friction"}]
     assert best.evidence - joined[0].evidence > fitter.rules.effect
@@ -422,8 +413,8 @@ def test_each_set_of_equations_is_offered_once_where_every_one_is_asked_for(
     other = replace(plain.forms[1], name="other", settings={"leak": 0.1})
     again = replace(plain.forms[0], name="again", settings={"leak": 0.1})
     own = replace(plain, forms=(*plain.forms, other, again))
-    first = [f.name for _, f in _main_forms(fitter, [own])]
-    every = [f.name for _, f in _main_forms(fitter, [own], every=True)]
+    first = [f.name for _, f in main_forms(fitter, [own])]
+    every = [f.name for _, f in main_forms(fitter, [own], every=True)]
     fitter.close()
     assert first == ["bump"]
     assert every == ["bump", "other"]

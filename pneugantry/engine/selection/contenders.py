@@ -1,0 +1,168 @@
+"""What contends at a step of the search: the effects of the largest predicted gain, what they leave
+untried, and the best of them fitted to the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.hypothesis import Hypothesis
+from pneugantry.engine.selection.excess import unexplained
+from pneugantry.engine.selection.scouts import Scouts
+from pneugantry.engine.selection.screening import (
+    Candidate,
+    Memory,
+    Offer,
+    afresh,
+    nominal_values,
+    usual,
+)
+from pneugantry.engine.selection.trials import (
+    added,
+    best_fit,
+    best_of_each,
+    form_of,
+    left_open,
+    other_forms,
+    promising,
+    spent,
+    told_of,
+    unbent_values,
+)
+
+__all__ = ["contending", "finalists"]
+
+SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
+SCOUTED = 8  # effects that are tried in single views at once
+
+
+def contending(
+    fitter: Fitter,
+    base: Fit,
+    screened: Sequence[Candidate],
+    bar: float,
+    forms: Sequence[Offer],
+    far: Memory,
+) -> list[Fit]:
+    """What is predicted to gain most, with the best in their other forms. Where what all that
+    leaves stands out in some views, whatever else these read: an event that a simulation misses (a
+    break-away) shows in no prediction, and a fit of that view alone tells which are worth one of
+    all. Where that does, too, also what is predicted from the nominal plant on, of which `far` is.
+    """
+    rough = added(fitter, base, promising(fitter, screened, bar, ("gain", "plain")), None)
+    rough += _unbent(fitter, base, rough)
+    reformed = other_forms(fitter, base, rough)
+    rough += reformed
+    if spent(fitter) < 1:
+        rough += _unbent(fitter, base, reformed)
+    rough += _scouted(fitter, base, screened, rough, bar)
+    if _open(fitter, base, rough, bar):
+        distant = promising(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
+        told = [
+            (base.hypothesis.plus(own[0].effect, own[0].form), [c.starts for c in own])
+            for own in distant
+        ]
+        rough += fitter.together(
+            lambda t: fitter.from_afar(t[0], base, t[1]), told, [h for h, _ in told]
+        )
+    return rough + other_forms(fitter, base, rough)
+
+
+def _scouted(
+    fitter: Fitter, base: Fit, screened: Sequence[Candidate], rough: Sequence[Fit], bar: float
+) -> list[Fit]:
+    """Of what reads a view that stays open, whatever is predicted of it, what gains in that view by
+    itself.
+    """
+    left = _open(fitter, base, rough, bar)
+    known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
+    rest = [
+        c
+        for c in screened
+        if form_of(c) not in known and not fitter.readers(c.form).isdisjoint(left)
+    ]
+    scouts, worth = Scouts(fitter, base, left), []
+    others = promising(fitter, rest, bar, ("gain", "plain"), every=True)
+    for at in range(0, len(others), SCOUTED):
+        if spent(fitter) >= 1:
+            break
+        few = others[at : at + SCOUTED]
+        gains = scouts.gains([told_of(fitter, base, own) for own in few])
+        worth += [own for own, gain in zip(few, gains, strict=True) if gain > bar]
+    return added(fitter, base, worth, best_fit(rough))
+
+
+def _open(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[str]:
+    """Views in which the best of some fits leaves what stands out. Where that is a step, only those
+    that it touches: the others are looked at beside it, for it changes nothing in them.
+    """
+    best = min((base, *fits), key=lambda f: f.evidence)
+    left = left_open(fitter, best)
+    if best is base or best.gain(base, fitter.rules) < bar:
+        return left
+    return [v for v in left if v in fitter.readers(best.hypothesis.effects[-1][1])]
+
+
+def _unbent(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """The best effects again, from where what tolerance bears far beyond itself is nominal: it may
+    have made up for the effect, and holds a fit from there in a worse optimum.
+    """
+    tried = []
+    for fit in best_of_each(fits)[: fitter.rules.finalists]:
+        back = unbent_values(fitter, fit)
+        if back is not None:
+            tried.append((fit, back))
+    return fitter.together(
+        lambda t: fitter.from_afar(t[0].hypothesis, base, [t[1]]),
+        tried,
+        [fit.hypothesis for fit, _ in tried],
+    )
+
+
+def finalists(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[Fit]:
+    """The best effects, each in its best form, fitted to the end where there are several. Where
+    what they leave stands out, or none gains anything, they are surveyed first.
+    """
+    foremost = best_of_each(fits)[: fitter.rules.finalists]
+    least = fitter.rules.hopeful * max((base.evidence - f.evidence for f in foremost), default=0.0)
+    hopeful = [f for f in foremost if base.evidence - f.evidence > least]
+    surveyed = hopeful or foremost
+    if spent(fitter) < 1:
+        hypotheses = [h for f in surveyed for h in (f.hypothesis, _in_main_form(fitter, base, f))]
+        surveyed = fitter.together(lambda f: _surveyed(fitter, base, f), surveyed, hypotheses)
+    chosen = [f for f in surveyed if f.evidence < base.evidence and not _idle(fitter, f)]
+    if len(chosen) == 1 and chosen[0].gain(base, fitter.rules) > bar:
+        return chosen
+    return fitter.together(fitter.again, chosen, [f.hypothesis for f in chosen])
+
+
+def _idle(fitter: Fitter, fit: Fit) -> bool:
+    """Whether the effect that came last is of a size that is none; an older one may be so because
+    the last is what it stood in for.
+    """
+    return fit.keys[-1] in fit.negligible(fitter.rules)
+
+
+def _in_main_form(fitter: Fitter, base: Fit, fit: Fit) -> Hypothesis:
+    """A base with the effect that came last in a fit, in its first form of the same equations."""
+    effect, form = fit.hypothesis.effects[-1]
+    main = next(f for f in effect.forms if f.settings == form.settings and fitter.readable(f))
+    return base.hypothesis.plus(effect, main)
+
+
+def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
+    """The best of a fit, a thorough one from where it ended, and one of the effect's main form from
+    the nominal plant, where what it leaves stands out and it has not been surveyed, for its
+    equations are the base's. Tolerance that is bent to make up for an effect holds it where it is.
+    """
+    if fit.hypothesis.settings != base.hypothesis.settings or not unexplained(fitter, base):
+        return fit
+    if not unexplained(fitter, fit):
+        return fit
+    other = fitter.explore(fit.hypothesis, base, [fit.values(None)], fit)
+    main = _in_main_form(fitter, base, fit)
+    starts = [{**nominal_values(base), **s} for s in usual(fitter, base, main.effects[-1][1])]
+    far = fitter.from_afar(main, base, starts[:SIDES])
+    return min(fit, other, far, key=lambda f: f.evidence)

@@ -1,0 +1,160 @@
+"""What may be in the place of an answer's effects, or beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.selection.excess import unexplained
+from pneugantry.engine.selection.screening import Offer, screen, usual
+from pneugantry.engine.selection.trail import Step, Trail
+from pneugantry.engine.selection.trials import (
+    Told,
+    added,
+    best_of_each,
+    explored,
+    form_of,
+    main_forms,
+    promising,
+    unbent_values,
+    without,
+)
+from pneugantry.engine.views.simulation import Cell
+
+__all__ = ["exchanged", "reformed"]
+
+MUCH = 0.5  # share of an effect's gain from which on another of its block is tried beside it
+
+
+def reformed(trail: Trail, best: Fit, effects: Sequence[Offer]) -> Fit:
+    """With another form of one of some effects, where it does better beside the others, from where
+    these have been fitted.
+    """
+    fitter, tried = trail.fitter, []
+    for effect, form in effects:
+        for other in filter(fitter.readable, effect.forms):
+            hypothesis = best.hypothesis.without(effect.key).plus(effect, other)
+            if other is not form:  # tried before, too: from a worse optimum, that says little
+                tried.append((hypothesis, [best.values(None)]))
+    fits = explored(fitter, best, tried, None)
+    trail.tried += fits
+    top = min((best, *fits), key=lambda f: f.evidence)
+    return trail.polished(top) if best.evidence - top.evidence > fitter.rules.entry else best
+
+
+def exchanged(trail: Trail, best: Fit) -> Fit:
+    """With another effect in the place of one, or beside it, where that does better."""
+    rivals = [*_rivals(trail, best), *_joined(trail, best), *_in_place(trail, best)]
+    trail.tried += rivals
+    top = min((best, *rivals), key=lambda f: f.evidence)
+    if top is best:
+        return best
+    if set(top.keys) != set(best.keys):
+        trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
+        trail.steps += [Step(k, 0.0, top, dropped=True) for k in best.keys if k not in top.keys]
+    return trail.polished(top)
+
+
+def _rivals(trail: Trail, best: Fit) -> list[Fit]:
+    """Instead of each effect what may be in its block: where it was fitted beside the effect, from
+    there; else if it is predicted to do better, in forms that were not tried beside the others, for
+    a form of the right effect may look worse than one of a wrong effect.
+    """
+    fitter, known = trail.fitter, trail.known
+    fits = _replacing(trail, best)
+    for effect, form in best.hypothesis.effects:
+        rest = best.hypothesis.without(effect.key)
+        base = trail.best_of(rest)
+        offers = [
+            (e, f)
+            for e in trail.beside(rest.keys)
+            for f in e.forms
+            if e.block == effect.block and fitter.readable(f)
+            if (f is form) or base.hypothesis.plus(e, f).forms not in known
+        ]
+        screened = screen(fitter, base, offers, {})
+        chosen = promising(fitter, screened, trail.bar, ("gain", "plain"))
+        own = (effect.key, form.name)
+        fits += added(fitter, base, [c for c in chosen if form_of(c[0]) != own], best)
+    return fits
+
+
+def _joined(trail: Trail, best: Fit) -> list[Fit]:
+    """Beside each effect, in each form that was tried, what alone explains nearly as much in its
+    block, from where it did so: one form with more parameters may stand in for both, and no slope
+    at its optimum tells that they do better.
+    """
+    fitter, tried = trail.fitter, []
+    for effect, _ in best.hypothesis.effects:
+        rest = best.hypothesis.without(effect.key)
+        beside = [f for f in trail.tried if f.keys[:-1] == rest.keys and f.keys]
+        own = {f.hypothesis.forms: f.hypothesis for f in beside if f.keys[-1] == effect.key}
+        before = trail.best_of(rest).evidence
+        least = before - MUCH * (before - best.evidence)
+        for rival in best_of_each([f for f in beside if f.evidence < least]):
+            other, its = rival.hypothesis.effects[-1]
+            if other.block == effect.block and other.key not in best.keys:
+                tried += [(h.plus(other, its), [rival.values(None)]) for h in own.values()]
+    fits = explored(fitter, best, [t for t in tried if t[0].forms not in trail.known], None)
+    return [f for f in fits if best.evidence - f.evidence > trail.bar]
+
+
+def _in_place(trail: Trail, best: Fit) -> list[Fit]:
+    """Where an answer leaves what stands out, instead of each effect there what else may be in its
+    block. Without the effect tolerance bends as far as it may to make up for it, and about such a
+    base no slope tells of a rival: rivals start where that is unbent, with no effect and with usual
+    ones.
+    """
+    fitter = trail.fitter
+    left, fits = unexplained(fitter, best), list[Fit]()
+    for effect, form in best.hypothesis.effects:
+        views = fitter.readers(form).intersection(left)
+        cells = [c for c in fitter.simulation.cells if c[0] in views]
+        rest = trail.best_of(best.hypothesis.without(effect.key))
+        back = unbent_values(fitter, rest)
+        if cells and back is not None:
+            rivals = [e for e in trail.beside(best.keys) if e.block == effect.block]
+            told = [
+                (
+                    rest.hypothesis.plus(e, f),
+                    [back, *({**back, **s} for s in usual(fitter, rest, f))],
+                )
+                for e, f in main_forms(fitter, rivals)
+            ]
+            fits += _foremost(fitter, rest, told, cells)
+    return fits
+
+
+def _foremost(fitter: Fitter, base: Fit, told: Sequence[Told], cells: Sequence[Cell]) -> list[Fit]:
+    """Of some hypotheses fits of those that come farthest below a base in some cells."""
+    every = [h for h, _ in told]
+    leads = fitter.together(lambda t: fitter.ahead(t[0], base, t[1], cells), told, every)
+    least = max([0.0, *(lead.gain for lead in leads)]) - fitter.rules.hopeless
+    ranked = sorted(zip(leads, every, strict=True), key=lambda each: -each[0].gain)
+    few = [each for each in ranked[: fitter.rules.finalists] if each[0].gain > least]
+    return fitter.together(
+        lambda t: fitter.from_afar(t[1], base, [t[0].values]), few, [h for _, h in few]
+    )
+
+
+def _replacing(trail: Trail, best: Fit) -> list[Fit]:
+    """From what was fitted with one effect more: without each other effect of its block. What can
+    stand in for another finds its place beside it, and by itself may not. From the best of it also
+    without that effect: it may stand in a better optimum only.
+    """
+    fits: list[Fit] = []
+    seen: set[frozenset[tuple[str, str]]] = set()
+    for fit in sorted(trail.tried, key=lambda f: f.evidence):
+        effects = fit.hypothesis.effects
+        more = [e for e, _ in effects if e.key not in best.keys]
+        if len(fit.keys) != len(best.keys) + 1 or len(more) != 1 or fit.hypothesis.forms in seen:
+            continue
+        if fit.evidence > best.evidence + trail.bar:
+            break
+        gone = [e.key for e, _ in effects if e.block == more[0].block and e is not more[0]]
+        if not seen and fit.evidence < best.evidence - trail.fitter.rules.entry:
+            gone.append(more[0].key)
+        fits += without(trail.fitter, fit, gone)
+        seen.add(fit.hypothesis.forms)
+    return fits

@@ -1,0 +1,91 @@
+"""What a search has to choose from, and where it has been."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.catalogue import Effect
+from pneugantry.engine.hypotheses.hypothesis import Hypothesis
+from pneugantry.engine.selection.screening import Candidate
+from pneugantry.engine.selection.trials import without
+
+__all__ = ["Step", "Trail"]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the search."""
+
+    effect: str
+    gain: float  # of -2 log evidence
+    fit: Fit
+    dropped: bool = False
+
+
+@dataclass(eq=False)
+class Trail:
+    """What a search has to choose from, and where it has been."""
+
+    fitter: Fitter
+    offered: Mapping[str, Effect]
+    tried: list[Fit]
+    steps: list[Step] = field(default_factory=list)
+    screened: list[Candidate] = field(default_factory=list)
+
+    @property
+    def bar(self) -> float:
+        """Fall of -2 log evidence that an effect must bring."""
+        return self.fitter.rules.effect + 2 * math.log(max(len(self.offered), 1))
+
+    @property
+    def known(self) -> set[frozenset[tuple[str, str]]]:
+        """Which effects were tried together, in which forms."""
+        return {f.hypothesis.forms for f in self.tried}
+
+    def beside(self, keys: Collection[str]) -> list[Effect]:
+        return [e for k, e in self.offered.items() if k not in keys]
+
+    def best_of(self, hypothesis: Hypothesis) -> Fit:
+        """Of what was fitted of a hypothesis."""
+        fits = (f for f in self.tried if f.hypothesis.forms == hypothesis.forms)
+        return min(fits, key=lambda f: f.evidence)
+
+    def foremost(self, fits: Sequence[Fit], base: Fit) -> Fit | None:
+        """The one that gains most over a base; None where that is too little for an effect."""
+        gains = [f.gain(base, self.fitter.rules) for f in fits]
+        most = max(gains, default=-math.inf)
+        return fits[gains.index(most)] if most >= self.bar else None
+
+    def polished(self, fit: Fit) -> Fit:
+        """At its best optimum, without what it no longer needs; under the tolerance that the rig
+        shows then, and all else with it: what an effect explains had been tolerance's.
+        """
+        best = _pruned(self, self.fitter.again(fit, thorough=True))
+        scale = self.fitter.tolerance_of(best)
+        self.tried = [self.fitter.under(f, scale) for f in (*self.tried, best)]
+        best = self.fitter.rescaled(best, scale)
+        self.tried.append(best)
+        return best
+
+
+def _pruned(trail: Trail, fit: Fit) -> Fit:
+    """Without effects whose removal costs less evidence than an effect must bring: of what was
+    fitted to a worse optimum, or what a later effect replaces. Nor one of a size that is none.
+    """
+    fitter = trail.fitter
+    while fit.keys:
+        trail.tried.append(fit)
+        drops = without(fitter, fit, fit.keys)
+        trail.tried += drops
+        idle = fit.negligible(fitter.rules)
+        least = min((d for d in drops if not set(d.keys) & set(idle[:1])), key=lambda f: f.evidence)
+        if not idle and least.evidence - fit.evidence > trail.bar:
+            return fit
+        gone = next(k for k in fit.keys if k not in least.keys)
+        trail.steps.append(Step(gone, fit.evidence - least.evidence, least, dropped=True))
+        fit = fitter.again(least, thorough=True)
+    return fit

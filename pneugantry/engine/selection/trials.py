@@ -1,0 +1,181 @@
+"""Effects tried beside a base: which forms, from which starts, in which order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+
+from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fitter import FRESH, Fitter
+from pneugantry.engine.hypotheses.catalogue import Effect
+from pneugantry.engine.hypotheses.hypothesis import Hypothesis
+from pneugantry.engine.selection.excess import unexplained
+from pneugantry.engine.selection.screening import Candidate, Offer, starts_of
+
+__all__ = [
+    "STARTS",
+    "Told",
+    "added",
+    "best_fit",
+    "best_of_each",
+    "explored",
+    "form_of",
+    "left_open",
+    "main_forms",
+    "other_forms",
+    "promising",
+    "spent",
+    "told_of",
+    "unbent_values",
+    "without",
+]
+
+NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
+STARTS = 2  # from which a form is fitted, beside the base
+Forms = frozenset[tuple[str, str]]  # of a hypothesis
+Told = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and where it starts
+
+
+def spent(fitter: Fitter) -> float:
+    """Of what a search may spend, a share."""
+    return fitter.simulation.evaluations / fitter.rules.effort
+
+
+def left_open(fitter: Fitter, fit: Fit) -> list[str]:
+    """Views in which a fit leaves what stands out, as long as more may be spent on them: where
+    nothing explains a view, everything would be tried in it, and again beside each effect.
+    """
+    return [] if spent(fitter) >= 1 else unexplained(fitter, fit)
+
+
+def main_forms(fitter: Fitter, effects: Sequence[Effect], every: bool = False) -> list[Offer]:
+    """Of each effect the first form that a view reads; every: of each set of equations, for none
+    tells how another does.
+    """
+    made: dict[tuple[str, object], Offer] = {}
+    for e in effects:
+        for f in filter(fitter.readable, e.forms):
+            made.setdefault((e.key, frozenset(f.settings.items()) if every else None), (e, f))
+    return list(made.values())
+
+
+def unbent_values(fitter: Fitter, fit: Fit) -> dict[str, float] | None:
+    """Of a fit, what tolerance bears far beyond itself nominal; None where it bears nothing so."""
+    far = [c.parameter for c in fit.point.coordinates if c.name in fitter.far_off(fit)]
+    return {**fit.values(None), **{p: fitter.neutral(p) for p in far}} if far else None
+
+
+def best_fit(fits: Sequence[Fit]) -> Fit | None:
+    return min(fits, key=lambda f: f.evidence, default=None)
+
+
+def best_of_each(fits: Sequence[Fit]) -> list[Fit]:
+    """Of each effect that came last its best fit, the best of all first."""
+    best: dict[str, Fit] = {}
+    for fit in sorted(fits, key=lambda f: f.evidence):
+        best.setdefault(fit.keys[-1], fit)
+    return list(best.values())
+
+
+def without(fitter: Fitter, fit: Fit, keys: Sequence[str]) -> list[Fit]:
+    """A fit without each of some effects."""
+    fewer = [fit.hypothesis.without(k) for k in keys]
+    return fitter.together(lambda h: fitter.explore(h, fit), fewer, fewer)
+
+
+def added(
+    fitter: Fitter, base: Fit, chosen: Sequence[Sequence[Candidate]], ahead: Fit | None
+) -> list[Fit]:
+    """Effects from the base, each from its candidates' starts, and from the others; those that keep
+    the base's equations first, for they tell how much the others are to gain.
+    """
+    made: list[Fit] = []
+    settings = base.hypothesis.settings
+    tried = [told_of(fitter, base, own) for own in chosen]
+    for keeps in (True, False):
+        front = best_fit([*made, *([ahead] if ahead else [])])
+        own = [t for t in tried if (t[0].settings == settings) is keeps]
+        made += explored(fitter, base, own, front)
+    return made
+
+
+def explored(
+    fitter: Fitter,
+    base: Fit,
+    tried: Sequence[Told],
+    ahead: Fit | None,
+) -> list[Fit]:
+    """Hypotheses near a base, each from some starts, side by side. Where the best so far leaves
+    nothing to explain, other equations are surveyed only where they contend with it.
+    """
+    if not tried:
+        return []
+    best = min((f for f in (base, ahead) if f is not None), key=lambda f: f.evidence)
+    fresh = FRESH if left_open(fitter, best) else 1
+
+    def one(each: Told) -> Fit:
+        return fitter.explore(each[0], base, each[1], ahead, thorough=False, fresh=fresh)
+
+    return fitter.together(one, tried, [h for h, _ in tried])
+
+
+def told_of(
+    fitter: Fitter, base: Fit, own: Sequence[Candidate]
+) -> tuple[Hypothesis, list[Mapping[str, float]]]:
+    """A base with the effect of some candidates, and where it starts beside the base."""
+    effect, form = own[0].effect, own[0].form
+    candidates = [c.starts for c in own]
+    listed = [*candidates, *(s for s in starts_of(fitter, base, form) if s not in candidates)]
+    return base.hypothesis.plus(effect, form), [s for s in listed if s][:STARTS]
+
+
+def other_forms(
+    fitter: Fitter, base: Fit, fits: Sequence[Fit], tried: Collection[Forms] = ()
+) -> list[Fit]:
+    """The best effects in their other forms, but for what has been tried; where none gains anything
+    and what is left stands out, the best of those, too.
+    """
+    known = {f.hypothesis.forms for f in fits}.union(tried)
+    best = best_of_each(fits)
+    least = NEARLY * max((base.evidence - f.evidence for f in fits), default=0.0)
+    near = [f for f in best if base.evidence - f.evidence > max(least, 0.0)]
+    if not near and left_open(fitter, base):
+        near = best
+    told = []
+    for fit in near[: fitter.rules.reformed]:
+        effect, _ = fit.hypothesis.effects[-1]
+        for form in effect.forms:
+            hypothesis = base.hypothesis.plus(effect, form)
+            if hypothesis.forms in known or not fitter.readable(form):
+                continue
+            starts = [fit.values(None), *(s for s in starts_of(fitter, base, form) if s)]
+            told.append((hypothesis, starts[:STARTS]))
+    return explored(fitter, base, told, best_fit(fits))
+
+
+def promising(
+    fitter: Fitter,
+    screened: Sequence[Candidate],
+    bar: float,
+    measures: Sequence[str],
+    every: bool = False,
+) -> list[list[Candidate]]:
+    """The effects of the largest predicted gain, by any measure, each with its best starts: the
+    measures may differ in them. every: all of them, however little is predicted.
+    """
+    chosen: dict[tuple[str, str], list[Candidate]] = {}
+    for measure in measures:
+        ranked = sorted(screened, key=lambda c: -getattr(c, measure))
+        hopeful = fitter.rules.hopeful * getattr(ranked[0], measure) if ranked else 0.0
+        least = -math.inf if every else max(bar, hopeful)
+        few = len(ranked) if every else fitter.rules.screened
+        best = {form_of(c): c for c in reversed(ranked) if getattr(c, measure) > least}
+        for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[:few]:
+            own = chosen.setdefault(form_of(c), [])
+            if c not in own:
+                own.append(c)
+    return list(chosen.values())
+
+
+def form_of(c: Candidate) -> tuple[str, str]:
+    return c.effect.key, c.form.name
