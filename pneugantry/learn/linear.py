@@ -10,9 +10,9 @@ from functools import cached_property, reduce
 
 import numpy as np
 
-from pneugantry.engine.fitting.descent import Weighing
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.noise import Noise
+from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell

@@ -19,9 +19,10 @@ import numpy as np
 from pneugantry.engine.answer.decide import UNKNOWN, Evidence, Weighed
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting import noise
-from pneugantry.engine.fitting.descent import Parabola, Weighing
 from pneugantry.engine.fitting.fit import Fit, known_beside
 from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.fitting.problem import Parabola
+from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.catalogue import Form
 from pneugantry.engine.plant import Array
 from pneugantry.engine.views.simulation import Cell

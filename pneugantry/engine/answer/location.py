@@ -18,10 +18,10 @@ import numpy as np
 
 from pneugantry.engine.answer.regimes import regime_of
 from pneugantry.engine.fitting import noise
-from pneugantry.engine.fitting.descent import Weighing
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.noise import Whitener
+from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.plant import Array
 from pneugantry.engine.selection.search import Search
 from pneugantry.engine.views.simulation import Cell

@@ -17,11 +17,13 @@ from functools import partial
 
 import numpy as np
 
-from pneugantry.engine.fitting.descent import Parabola, Problem, Solution, Weighing, descend, newton
+from pneugantry.engine.fitting.descent import descend
 from pneugantry.engine.fitting.fit import Fit, fallen
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.noise import Noise
+from pneugantry.engine.fitting.problem import Parabola, Problem, Solution, newton
 from pneugantry.engine.fitting.surveys import ROUGH
+from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from pneugantry.engine.fitting import noise
-from pneugantry.engine.fitting.descent import FAILED
 from pneugantry.engine.fitting.noise import Noise, Whitener
+from pneugantry.engine.fitting.weighing import FAILED
 from pneugantry.engine.plant import Array, Plant
 from pneugantry.engine.recent import Recent
 from pneugantry.engine.rules import Rules

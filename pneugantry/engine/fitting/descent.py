@@ -6,48 +6,23 @@ back and a shorter step next time, so that one rough view does not stop the othe
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations_with_replacement
 
 import numpy as np
 
-from pneugantry.engine.fitting import noise
 from pneugantry.engine.fitting.noise import Noise
-from pneugantry.engine.hypotheses.hypothesis import Coordinate
+from pneugantry.engine.fitting.problem import Problem, Solution, foretold, inside, newton
+from pneugantry.engine.fitting.weighing import FAILED, Weighing, flat_noise
 from pneugantry.engine.plant import Array
-from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Columns, Point, Residuals, Simulation
 
-__all__ = [
-    "FAILED",
-    "LARGE",
-    "Parabola",
-    "Problem",
-    "Solution",
-    "Tangent",
-    "Weighing",
-    "descend",
-    "flat_noise",
-    "foretold",
-    "inside",
-    "newton",
-    "of_view",
-    "prior",
-    "probed",
-    "standing",
-]
+__all__ = ["descend"]
 
 TRIES = 4  # damped steps from one point
 BACKS = 3  # steps back to the valley that the first of them left
 SHORTER = (0.5, 0.2, 0.08)  # shares of a step along a valley that is too bent for the whole of it
-FAILED = 1e12  # stands for a simulation that failed
 LEAST = 1e-9  # damping; more would keep combinations that the data leave open from their priors
-LARGE = 5.0  # standard deviations of what stands out
-FARTHEST = 6.0  # prior spreads to which a point about an end may be moved
-PROBES = (-30.0, -10.0, -3.0, 3.0, 10.0, 30.0)  # standard deviations
-ALIKE = 0.8  # correlation from which on two coordinates are moved as one
 FIRST = 0.3  # damping after a step that failed; less hardly changes a step
 LONGER = 10.0  # by which it grows after each further one
 KEPT = 0.7  # share of a view's predicted fall by which it may be missed and its columns serve again
@@ -59,148 +34,6 @@ LONG = 4.0  # times as long is another step
 SAME = 0.5  # of an error, by which those over both may differ
 WORTH = 0.05  # of the fall that ends a descent: a step of which less is predicted is not tried
 HOPED = 0.5  # of the same: a descent from which less is predicted, undamped, is over
-
-
-class Weighing:
-    """Residuals as costs and normal equations, under given noise."""
-
-    def __init__(self, of_views: Noise, rules: Rules) -> None:
-        self.noise, self.freedom = of_views, rules.tails
-        self._white: dict[Cell, tuple[list[Array], Array]] = {}  # columns, and as innovations
-        self._left: dict[Cell, tuple[Array, Array]] = {}  # a residual, and as innovations
-
-    def of_residual(self, cell: Cell, residual: Array) -> Array:
-        """Innovations (rows,) of a cell's residual; kept as long as it is the same array."""
-        kept = self._left.get(cell)
-        if kept is None or kept[0] is not residual:
-            self._left[cell] = kept = (residual, self.innovations(cell, residual))
-        return kept[1]
-
-    def innovations(self, cell: Cell, values: Array) -> Array:
-        """Whitened residual or columns (..., rows, signals) of a cell, its signals in turn."""
-        white = [w(values[..., c]) for c, w in enumerate(self.noise[cell])]
-        return white[0] if len(white) == 1 else np.concatenate(white, axis=-1)
-
-    def whitened(self, columns: Columns, cell: Cell, names: Sequence[str]) -> Array:
-        """Innovations (columns, rows) of columns of a cell; kept as long as these are the same."""
-        own = [columns[cell, name] for name in names]
-        kept, white = self._white.get(cell, ([], np.zeros((0, 0))))
-        if len(kept) != len(own) or any(a is not b for a, b in zip(kept, own, strict=True)):
-            white = self.innovations(cell, np.stack(own))
-            if not np.isfinite(white).all():
-                white = np.nan_to_num(white)
-            self._white[cell] = own, white
-        return white
-
-    def costs(self, residuals: Residuals) -> dict[str, float]:
-        """-2 log likelihood by view."""
-        found: dict[str, float] = {}
-        for cell, r in residuals.items():
-            cost = FAILED
-            if np.isfinite(r).all():
-                cost = float(noise.loss(self.of_residual(cell, r), self.freedom).sum())
-            found[cell[0]] = found.get(cell[0], 0.0) + cost
-        return found
-
-    def tails(self, residuals: Residuals) -> float:
-        """-2 log likelihood of what stands out alone."""
-        total = 0.0
-        for cell, r in residuals.items():
-            w = np.nan_to_num(self.innovations(cell, r))
-            total += float(noise.loss(w[np.abs(w) > LARGE], self.freedom).sum())
-        return total
-
-    def normal(self, point: Point, residuals: Residuals, columns: Columns) -> tuple[Array, Array]:
-        """J'WJ and J'Wr over all cells."""
-        names = [c.name for c in point.coordinates]
-        normal, gradient = np.zeros((len(names), len(names))), np.zeros(len(names))
-        for cell, r in residuals.items():
-            index = [i for i, name in enumerate(names) if (cell, name) in columns]
-            if index and np.isfinite(r).all():
-                w = self.of_residual(cell, r)
-                root = np.sqrt(noise.weights(w, self.freedom))
-                j = self.whitened(columns, cell, [names[i] for i in index]) * root
-                normal[np.ix_(index, index)] += j @ j.T
-                gradient[index] += j @ (w * root)
-        return normal, gradient
-
-
-@dataclass(frozen=True, eq=False)
-class Parabola:
-    """A cost near its least, theta' square theta - 2 pull' theta + a constant, of the coordinates
-    named.
-    """
-
-    names: tuple[str, ...]
-    square: Array
-    pull: Array
-
-    def among(self, names: Sequence[str]) -> Parabola:
-        """The same over other coordinates, these among them."""
-        square, pull = np.zeros((len(names), len(names))), np.zeros(len(names))
-        index = [names.index(n) for n in self.names]
-        square[np.ix_(index, index)] = self.square
-        pull[index] = self.pull
-        return Parabola(tuple(names), square, pull)
-
-    def plus(self, other: Parabola) -> Parabola:
-        added = other.among(self.names)
-        return Parabola(self.names, self.square + added.square, self.pull + added.pull)
-
-    def of(self, free: Collection[str], theta: Array) -> Parabola:
-        """The same over some coordinates, the others kept at theta."""
-        own = np.array([n in free for n in self.names])
-        names = tuple(n for n in self.names if n in free)
-        pull = self.pull[own] - self.square[np.ix_(own, ~own)] @ theta[~own]
-        return Parabola(names, self.square[np.ix_(own, own)], pull)
-
-    def cost(self, theta: Array) -> float:
-        return float(theta @ self.square @ theta - 2 * self.pull @ theta)
-
-    def least(self) -> Array:
-        return np.asarray(np.linalg.solve(self.square, self.pull))
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """What is fitted, to which cells; `prior`: what else is known of the coordinates."""
-
-    simulation: Simulation
-    rules: Rules
-    cells: tuple[Cell, ...]
-    prior: Parabola
-    fine: bool = True  # columns by small steps: exact between events; else they look over them
-
-
-@dataclass(frozen=True, eq=False)
-class Tangent:
-    """Where the columns of a cell were made, by small steps."""
-
-    point: Point
-    residual: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """Where a descent stands; residuals and columns of all cells, those that it leaves included."""
-
-    point: Point
-    residuals: Residuals
-    columns: Columns
-    settled: bool = False  # no step from this point led down, under columns that foretell it
-    tangents: Mapping[Cell, Tangent] = field(default_factory=dict)  # none: not by small steps
-
-    def with_columns(self, made: Columns, cells: Collection[Cell], fine: bool) -> Solution:
-        """The same with columns of this point in some cells. fine: by small steps."""
-        tangents = {c: t for c, t in self.tangents.items() if c not in cells}
-        if fine:
-            tangents |= {c: Tangent(self.point, self.residuals[c]) for c in cells}
-        return Solution(self.point, self.residuals, {**self.columns, **made}, tangents=tangents)
-
-    def elsewhere(self, cells: Collection[Cell]) -> set[str]:
-        """Views with columns of other points."""
-        theta, own = self.point.theta, {c: t for c, t in self.tangents.items() if c in cells}
-        return {c[0] for c, t in own.items() if not np.array_equal(t.point.theta, theta)}
 
 
 def descend(
@@ -321,122 +154,6 @@ def _missed(
         if np.linalg.norm(weighing.innovations(cell, own)) < SAME * np.linalg.norm(missed):
             off.append((cell, float(missed @ missed)))
     return off
-
-
-def probed(problem: Problem, start: Solution, of_views: Noise) -> Solution | None:
-    """The best of some points about a solution: each coordinate moved by some of its standard
-    deviations, the others following so that the parabola hardly rises; and optima that lie side by
-    side, the others kept. Tried is what only large
-    residuals tell: records where these cost a view much. None where no point is better.
-    """
-    sim, rules, point = problem.simulation, problem.rules, start.point
-    weighing = Weighing(of_views, rules)
-    normal, _ = weighing.normal(point, start.residuals, start.columns)
-    covariance: Array = np.asarray(np.linalg.inv(normal + problem.prior.square))
-    sigma = np.sqrt(np.diag(covariance))
-    spreads = np.array([c.spread for c in point.coordinates])
-    farthest = np.maximum(np.abs(point.theta), FARTHEST * spreads)
-    best: tuple[float, Array] | None = None
-    for view in dict.fromkeys(c[0] for c in problem.cells):
-        own = {
-            c: r
-            for c, r in start.residuals.items()
-            if c[0] == view and weighing.tails({c: r}) > rules.entry
-        }
-        if not own:
-            continue
-        columns = {k: c for k, c in start.columns.items() if k[0] in own}
-        curved, slope = weighing.normal(point, own, columns)
-        rest = normal + problem.prior.square - curved
-        read = {name for _, name in columns}
-        index = [i for i, c in enumerate(point.coordinates) if c.name in read]
-        moves = [k * covariance[:, i] / sigma[i] for i in _apart(covariance, index) for k in PROBES]
-        moves += _side_by_side(point, index)
-        moves = [m for m in moves if np.all(np.abs(point.theta + m) <= farthest)]
-        tried = [inside(point.moved(point.theta + m)) for m in moves]
-        found = sim.run({c: [t.values(c[1]) for t in tried] for c in own})
-        before = weighing.costs(own)[view]
-        for i, move in enumerate(moves):
-            after = weighing.costs({c: found[c][i] for c in own})[view]
-            fall = before - after - float(move @ rest @ move - 2 * slope @ move)
-            if best is None or fall > best[0]:
-                best = fall, move
-    if best is None or best[0] < rules.entry:
-        return None
-    moved = inside(point.moved(point.theta + best[1]))
-    residuals = sim.residuals(moved, problem.cells)
-    return Solution(moved, residuals, start.columns, tangents=start.tangents)
-
-
-def _apart(covariance: Array, index: Sequence[int]) -> list[int]:
-    """Coordinates of which no two move each other `ALIKE` much: one stands for the others."""
-    sigma = np.sqrt(np.diag(covariance))
-    kept: list[int] = []
-    for i in index:
-        if all(abs(covariance[i, j]) < ALIKE * sigma[i] * sigma[j] for j in kept):
-            kept.append(i)
-    return kept
-
-
-def _side_by_side(point: Point, index: Sequence[int]) -> list[Array]:
-    """Moves (coordinates,) to optima that lie side by side: by a step of one coordinate, or there
-    and back by steps of two that make up for each other; within bounds.
-    """
-    steps = [(i, point.coordinates[i].step) for i in index if point.coordinates[i].step]
-    moves = []
-    for (i, own), (j, other) in combinations_with_replacement(steps, 2):
-        for way in (-1.0, 1.0):
-            move = np.zeros(len(point.theta))
-            move[j] -= way * other * (i != j)
-            move[i] += way * own
-            moves.append(inside(point.moved(point.theta + move)).theta - point.theta)
-    return [m for m in moves if np.any(m)]
-
-
-def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:
-    """White noise, in each view of its residuals' own size."""
-    of_views = {
-        name: tuple(
-            noise.flat([r[:, c] for r in of_view(residuals, name)], sigma)
-            for c, sigma in enumerate(simulation.views[name].sigmas)
-        )
-        for name in dict.fromkeys(c[0] for c in residuals)
-    }
-    return {cell: of_views[cell[0]] for cell in residuals}
-
-
-def standing(problem: Problem, solution: Solution) -> float:
-    """-2 log posterior under white noise of the residuals' own size."""
-    residuals = {c: solution.residuals[c] for c in problem.cells if c in solution.residuals}
-    if not all(np.isfinite(r).all() for r in residuals.values()):
-        return FAILED
-    flat = flat_noise(problem.simulation, residuals)
-    cost = sum(Weighing(flat, problem.rules).costs(residuals).values())
-    cost += sum(2 * len(r) * math.log(w.sigma) for cell, r in residuals.items() for w in flat[cell])
-    return cost + problem.prior.cost(solution.point.theta)
-
-
-def of_view(residuals: Residuals, view: str) -> list[Array]:
-    """A view's residuals, record after record."""
-    return [r for (v, _), r in residuals.items() if v == view]
-
-
-def prior(coordinates: Sequence[Coordinate]) -> Parabola:
-    """-2 log prior."""
-    precision = np.array([c.spread for c in coordinates]) ** -2.0
-    names = tuple(c.name for c in coordinates)
-    return Parabola(names, np.diag(precision), np.zeros(len(names)))
-
-
-def inside(point: Point) -> Point:
-    """A point with what lies beyond its bounds brought back to them."""
-    theta = point.theta.copy()
-    for i, c in enumerate(point.coordinates):
-        if not c.logarithmic or c.low > 0:
-            value = c.value(theta[i])
-            if value in (c.low, c.high):
-                theta[i] = c.theta(value)
-    return point.moved(theta)
 
 
 @dataclass(frozen=True, eq=False)
@@ -579,31 +296,6 @@ def _step(ahead: _Ahead, damping: Array, converged: float) -> _Step | None:
         short = ahead.moving(worst)
         damping[short] = np.maximum(LONGER * damping[short], FIRST)
     return best
-
-
-def foretold(state: Solution, cells: Sequence[Cell], made: Array) -> Residuals:
-    """Residuals of some cells after a step, as their columns tell."""
-    found = {c: state.residuals[c].copy() for c in cells}
-    for c, step in zip(state.point.coordinates, made, strict=True):
-        for cell in cells:
-            if (cell, c.name) in state.columns:
-                found[cell] += step * state.columns[cell, c.name]
-    return found
-
-
-def newton(point: Point, square: Array, slope: Array) -> Point:
-    """Where a slope ends; what would pass a bound stops at it, and the rest goes on as it tells."""
-    step, free = np.zeros(len(slope)), np.full(len(slope), True)
-    while True:
-        pull = slope[free] + square[np.ix_(free, ~free)] @ step[~free]
-        step[free] = -np.linalg.solve(square[np.ix_(free, free)], pull)
-        wanted = point.theta + step
-        reached = inside(point.moved(wanted))
-        stopped = free & (reached.theta != wanted)
-        if not stopped.any():
-            return reached
-        step[stopped] = (reached.theta - point.theta)[stopped]
-        free &= ~stopped
 
 
 def _of(state: Solution, view: str) -> tuple[Residuals, Columns]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pneugantry.engine.fitting.descent import Parabola, Solution, Tangent, prior
 from pneugantry.engine.fitting.noise import Noise, doubted
+from pneugantry.engine.fitting.problem import Parabola, Solution, Tangent, prior
 from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules

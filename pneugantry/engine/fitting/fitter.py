@@ -10,19 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from pneugantry.engine.fitting.cell_noise import CellNoise
-from pneugantry.engine.fitting.descent import (
-    FAILED,
-    Parabola,
-    Problem,
-    Solution,
-    Weighing,
-    descend,
-    foretold,
-    newton,
-    prior,
-    probed,
-    standing,
-)
+from pneugantry.engine.fitting.descent import descend
 from pneugantry.engine.fitting.fit import (
     Fit,
     Lead,
@@ -35,7 +23,18 @@ from pneugantry.engine.fitting.fit import (
     theta_in,
 )
 from pneugantry.engine.fitting.noise import Noise
+from pneugantry.engine.fitting.probing import probed
+from pneugantry.engine.fitting.problem import (
+    Parabola,
+    Problem,
+    Solution,
+    foretold,
+    newton,
+    prior,
+    standing,
+)
 from pneugantry.engine.fitting.surveys import ROUGH, End, Surveys, in_view
+from pneugantry.engine.fitting.weighing import FAILED, Weighing
 from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.hypotheses.hypothesis import (
     Coordinate,

@@ -12,15 +12,9 @@ import numpy as np
 
 from pneugantry.engine.fitting import noise
 from pneugantry.engine.fitting.cell_noise import CellNoise
-from pneugantry.engine.fitting.descent import (
-    LARGE,
-    Parabola,
-    Problem,
-    Solution,
-    descend,
-    inside,
-    standing,
-)
+from pneugantry.engine.fitting.descent import descend
+from pneugantry.engine.fitting.problem import Parabola, Problem, Solution, inside, standing
+from pneugantry.engine.fitting.weighing import LARGE
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Point, Simulation

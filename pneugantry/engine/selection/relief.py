@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneugantry.engine.fitting.descent import inside
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.fitting.problem import inside
 from pneugantry.engine.hypotheses.catalogue import Form
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array

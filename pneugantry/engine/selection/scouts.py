@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 
-from pneugantry.engine.fitting.descent import Solution, standing
 from pneugantry.engine.fitting.fit import Fit, known_beside
 from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.fitting.problem import Solution, standing
 from pneugantry.engine.fitting.surveys import in_view
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneugantry.engine.fitting.descent import Weighing, flat_noise
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.noise import Noise, doubted, loss, weights
+from pneugantry.engine.fitting.weighing import Weighing, flat_noise
 from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array

@@ -9,17 +9,10 @@ from typing import cast
 
 import numpy as np
 
-from pneugantry.engine.fitting.descent import (
-    Problem,
-    Solution,
-    Tangent,
-    Weighing,
-    _Ahead,
-    _along_valley,
-    descend,
-    prior,
-)
+from pneugantry.engine.fitting.descent import _Ahead, _along_valley, descend
 from pneugantry.engine.fitting.noise import Whitener
+from pneugantry.engine.fitting.problem import Problem, Solution, Tangent, prior
+from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules

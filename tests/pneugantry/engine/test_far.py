@@ -13,9 +13,9 @@ import pytest
 from test_frugal import hypothesis
 from test_search import CATALOGUE, fitter_of, parts, plant
 
-from pneugantry.engine.fitting.descent import Parabola, Solution, prior, standing
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.fitting.problem import Parabola, Solution, prior, standing
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.selection.rivals import _in_place

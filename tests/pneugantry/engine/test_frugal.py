@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_search import CATALOGUE, effect, fitter_of, parts, plant
 
-from pneugantry.engine.fitting.descent import Solution, prior
+from pneugantry.engine.fitting.problem import Solution, prior
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.selection.scouts import Scouts

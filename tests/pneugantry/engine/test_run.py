@@ -18,9 +18,11 @@ from pneugantry.engine.answer.predict import Foretelling
 from pneugantry.engine.answer.result import to_json
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.autoregression import quoted
-from pneugantry.engine.fitting.descent import Problem, Solution, Weighing, prior, probed
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.fitting.probing import probed
+from pneugantry.engine.fitting.problem import Problem, Solution, prior
+from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Data, Plant, Record, Signal
 from pneugantry.engine.rules import Rules

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.fitting.descent import _side_by_side
+from pneugantry.engine.fitting.probing import _side_by_side
 from pneugantry.engine.hypotheses.catalogue import Parameter, read_catalogue
 from pneugantry.engine.hypotheses.hypothesis import effect_coordinate
 from pneugantry.engine.views.simulation import Point

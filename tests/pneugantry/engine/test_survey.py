@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneugantry.engine.fitting.descent import Problem, Solution, newton, prior, standing
 from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.fitting.problem import Problem, Solution, newton, prior, standing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules

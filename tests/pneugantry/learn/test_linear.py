@@ -8,8 +8,8 @@ from typing import cast
 import numpy as np
 import pytest
 
-from pneugantry.engine.fitting.descent import Weighing
 from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.views.simulation import Point
 from pneugantry.learn.linear import Base, Reduced, response_of, trial_of
