@@ -18,7 +18,7 @@ import pandas as pd
 
 from pneugantry.engine.plant import thinned
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.views.subsystem import build_views
+from pneugantry.engine.views.build import build_views
 from pneugantry.engine.views.synthetic import Nominal
 from pneugantry.plants.gantry.describe import plant_of, record_of
 from pyfmi_runner.build import build_fmu, cache_folder

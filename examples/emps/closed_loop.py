@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from examples.emps.idim import Axis
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.task import Task
-from pneugantry.engine.views.subsystem import View
+from pneugantry.engine.views.view import View
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.driven import DrivenFmu
 from pyfmi_runner.fmu import FmuFile

@@ -35,7 +35,7 @@ from pneugantry.engine.run import Found
 from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.signals.sensors import neutral as neutral_of_sensor
 from pneugantry.engine.task import Task
-from pneugantry.engine.views.subsystem import Run, View
+from pneugantry.engine.views.view import Run, View
 
 __all__ = ["AFTER", "BEFORE", "EpochView", "changes_of", "gap_on", "joined", "with_changes"]
 

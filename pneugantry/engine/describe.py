@@ -41,7 +41,8 @@ from pneugantry.engine.signals.records import Logs, free, signals_of, variables_
 from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.views.cuts import sharp_views
 from pneugantry.engine.views.foreign import ForeignFmu, ForeignPlant, foreign_views
-from pneugantry.engine.views.subsystem import View, known_variables
+from pneugantry.engine.views.model_parts import known_variables
+from pneugantry.engine.views.view import View
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.scenario import Fields, parse_toml

@@ -9,7 +9,7 @@ from pathlib import Path
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.plant import Data, Epoch, Plant
-from pneugantry.engine.views.subsystem import View
+from pneugantry.engine.views.view import View
 
 __all__ = ["Task"]
 

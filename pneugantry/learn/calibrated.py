@@ -17,7 +17,7 @@ import numpy as np
 
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
-from pneugantry.engine.views.subsystem import Run, View
+from pneugantry.engine.views.view import Run, View
 from pneugantry.learn.term import Term
 
 __all__ = ["Calibrated", "calibrated", "read_by"]

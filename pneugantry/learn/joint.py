@@ -18,7 +18,8 @@ from pneugantry.engine.plant import Array, Nuisance, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.task import Task
-from pneugantry.engine.views.subsystem import SubsystemView, View
+from pneugantry.engine.views.subsystem import SubsystemView
+from pneugantry.engine.views.view import View
 from pneugantry.learn.calibrated import Calibrated, read_by
 from pneugantry.learn.learned import Tried
 from pneugantry.learn.places import place_of

@@ -21,7 +21,9 @@ from modelica_fmu.compiled import Structure
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.signals.sensors import PREFIX
-from pneugantry.engine.views.subsystem import RATE, SubsystemView, View, part_of
+from pneugantry.engine.views.model_parts import part_of
+from pneugantry.engine.views.subsystem import RATE, SubsystemView
+from pneugantry.engine.views.view import View
 from pneugantry.learn.sources import (
     Addition,
     Declared,

@@ -19,7 +19,7 @@ from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.accuracy import accurate
 from pneugantry.engine.views.foreign import ForeignPlant
-from pneugantry.engine.views.subsystem import View
+from pneugantry.engine.views.view import View
 from pneugantry.plants.calibration_file import chances_of
 from pneugantry.plants.modelica import Extension, write_extension
 from pneugantry.plants.scales import with_doubtful_units

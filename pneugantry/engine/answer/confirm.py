@@ -24,7 +24,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.sensors import PREFIX, sensed
 from pneugantry.engine.threads import THREADS, on_threads
 from pneugantry.engine.views.foreign import ForeignPlant, foreign_signals
-from pneugantry.engine.views.subsystem import part_of
+from pneugantry.engine.views.model_parts import part_of
 
 __all__ = [
     "Gap",

@@ -28,7 +28,7 @@ from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Point
-from pneugantry.engine.views.subsystem import View
+from pneugantry.engine.views.view import View
 
 __all__ = ["Foretelling", "Foretold", "Told"]
 

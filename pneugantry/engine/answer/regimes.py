@@ -15,7 +15,8 @@ import numpy as np
 from pneugantry.engine.fitting.noise import LONGEST
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.signals.sensors import PREFIX
-from pneugantry.engine.views.subsystem import SubsystemView, View
+from pneugantry.engine.views.subsystem import SubsystemView
+from pneugantry.engine.views.view import View
 
 __all__ = ["THROUGHOUT", "area", "regime_of"]
 

@@ -46,7 +46,7 @@ from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.sensors import PREFIX, neutral
 from pneugantry.engine.views.simulation import Cell, Point, Simulation
-from pneugantry.engine.views.subsystem import View
+from pneugantry.engine.views.view import View
 
 __all__ = ["FRESH", "Fitter"]
 

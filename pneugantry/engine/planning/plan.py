@@ -25,8 +25,10 @@ from pneugantry.engine.planning.information import (
 )
 from pneugantry.engine.plant import Plant, Record, Signal
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.views.subsystem import SubsystemView, View, build_views, view_beside
+from pneugantry.engine.views.build import build_views, view_beside
+from pneugantry.engine.views.subsystem import SubsystemView
 from pneugantry.engine.views.synthetic import Nominal, noisy
+from pneugantry.engine.views.view import View
 
 __all__ = ["Addition", "Case", "Experiment", "Plan", "make_plan", "without"]
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneugantry.engine.plant import Plant, Record
-from pneugantry.engine.views.subsystem import View
+from pneugantry.engine.views.view import View
 
 __all__ = ["accurate"]
 

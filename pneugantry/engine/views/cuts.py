@@ -16,7 +16,8 @@ import numpy as np
 from modelica_fmu.errors import RunError
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.views.subsystem import Measured, SubsystemView, build_views
+from pneugantry.engine.views.build import Measured, build_views
+from pneugantry.engine.views.subsystem import SubsystemView
 from pneugantry.engine.views.synthetic import Nominal, changes_of, noisy
 
 __all__ = ["sharp_views"]

@@ -15,7 +15,7 @@ from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.threads import Pooled, on_threads
-from pneugantry.engine.views.subsystem import View
+from pneugantry.engine.views.view import View
 
 __all__ = ["Cell", "Columns", "Point", "Residuals", "Simulation"]
 

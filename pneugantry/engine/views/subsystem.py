@@ -8,85 +8,27 @@ the model misses costs what it is worth and no more.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 
-from modelica_fmu.batch import (
-    Correction,
-    Course,
-    Drive,
-    Part,
-    Subsystem,
-    build_part,
-    part_key,
-    read_part,
-)
-from modelica_fmu.compiled import Structure
-from modelica_fmu.errors import InputError
-from pneugantry.engine.plant import Array, Plant, Record, Signal
+from modelica_fmu.batch import Correction, Course, Drive, Part, Subsystem
+from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
-from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.readings import Readings
 from pneugantry.engine.signals.sensors import PREFIX, sensed, signal_of
-from pneugantry.engine.threads import on_threads
+from pneugantry.engine.views.model_parts import part_of
 from pneugantry.engine.views.pieces import Piece, Pieces
+from pneugantry.engine.views.view import Run, Values
 
-__all__ = [
-    "Measured",
-    "Run",
-    "SubsystemView",
-    "View",
-    "build_views",
-    "known_variables",
-    "part_of",
-    "view_beside",
-]
+__all__ = ["RATE", "SubsystemView"]
 
-Values = Mapping[str, float]
-Run = tuple[Record, Values]  # over a record, with these parameters; the rest as usual
 Errors = tuple[tuple[str, float], ...]  # of sensors
 _Felt = tuple[str, Errors, tuple[float, ...]]  # record, errors, parameters: what makes a run
 LONGEST_STEP = 0.002  # s, of the solver; its tolerance bounds the error, rows read no finer
 KEPT = 64  # drives that a view keeps, and inputs of its own
 RATE = "der "  # before a signal's name: its rate, taken from its readings
-
-
-class View(Protocol):
-    """Readings less what a part of the plant makes of the other readings."""
-
-    name: str
-    signals: tuple[str, ...]  # columns of the residual
-    blocks: tuple[str, ...]  # of each of them
-    sigmas: tuple[float, ...]  # quoted noise of a row of the residual
-    decimation: int  # rows of the record that make one of the residual
-
-    @property
-    def defaults(self) -> Mapping[str, float]:
-        """The model's own values of the parameters that it reads."""
-        ...
-
-    @property
-    def remembers(self) -> bool:
-        """Whether anything that happened keeps on: what has no memory has no event to miss."""
-        ...
-
-    def shows(self, record: Record) -> bool: ...
-
-    def depends_on(self, parameter: str) -> bool: ...
-
-    def prepare(self, moving: Collection[str], settings: Values) -> None:
-        """Told before many runs in which `moving` may move, `settings` keep these values and other
-        parameters the model's own.
-        """
-
-    def residuals(self, runs: Sequence[Run]) -> list[Array]:
-        """(rows, signals) of each run in the signals' own units; NaN: it failed."""
-        ...
 
 
 @dataclass(eq=False)
@@ -285,197 +227,3 @@ class SubsystemView:
             return Course.of(record.driving(name) if self.remembers else record.inputs[name])
 
         return self._commands.of((record, name), made)
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """What records hold of the signals, beside their names. coarse: signals that a signal's view
-    does not take as known, for they are measured too coarsely. held: signals of each record; those
-    share no view that some record holds one of without the other.
-    """
-
-    coarse: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    held: Sequence[Collection[str]] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class _Sight:
-    """What is measured of a plant, and how that hangs together."""
-
-    plant: Plant
-    shape: Structure
-    signals: Mapping[str, Signal]  # measured, by name
-    cache: Path
-    coarse: Mapping[str, frozenset[str]] = field(default_factory=dict)  # see `Measured`
-
-    def root(self, signal: str) -> str:
-        return self.shape.roots[self.signals[signal].variable]
-
-    @property
-    def pairs(self) -> dict[str, str]:
-        """Position -> its speed, where both are measured."""
-        return {
-            a: b
-            for a in self.signals
-            for b in self.signals
-            if self.root(a) in self.shape.states
-            and self.shape.rates.get(self.root(a)) == self.root(b)
-        }
-
-
-def build_views(
-    plant: Plant,
-    measured: Sequence[str],
-    cache: Path,
-    period: float,
-    rules: Rules,
-    known: Measured | None = None,
-) -> list[SubsystemView]:
-    """One view for each measured signal; signals that the same part computes share one.
-
-    period: s, between a record's rows. Raises InputError for a signal whose variable the model
-    lacks.
-    """
-    known = known or Measured()
-    shape = _structure(plant, cache)
-    signals = {s.name: s for s in plant.signals if s.name in measured}
-    for signal in signals.values():
-        if signal.variable not in shape.roots:
-            raise InputError(
-                f"{plant.class_name} has no variable of that name that changes with time",
-                file=plant.model,
-                field=signal.variable,
-                hint=f"correct the variable of the signal {signal.name}",
-            )
-    sight = _Sight(plant, shape, signals, cache, known.coarse)
-    decimation = max(1, round(1 / (rules.band * period)))
-    grouped: dict[tuple[object, ...], list[str]] = {}
-    for name, own in zip(signals, on_threads(lambda n: _cut(sight, [n]), signals), strict=True):
-        where = tuple(name in held for held in known.held)
-        grouped.setdefault((where, _same(*own)), []).append(name)
-    return on_threads(lambda n: _view(sight, n, decimation, rules.observer), grouped.values())
-
-
-def view_beside(plant: Plant, signal: str, cache: Path, like: SubsystemView) -> SubsystemView:
-    """The view of one more signal, cut at all others of the plant, with another view's timing."""
-    sight = _Sight(plant, _structure(plant, cache), {s.name: s for s in plant.signals}, cache)
-    return _view(sight, [signal], like.decimation, like.observer)
-
-
-def _view(sight: _Sight, names: Sequence[str], decimation: int, observer: float) -> SubsystemView:
-    """The view of signals that one part computes."""
-    part, sources, corrected = _cut(sight, names)
-    return SubsystemView(
-        name=sight.root(names[0]),
-        signals=tuple(names),
-        blocks=tuple(_block(sight.plant, sight.root(n)) for n in names),
-        sigmas=tuple(float(sight.signals[n].sigma / np.sqrt(decimation)) for n in names),
-        decimation=decimation,
-        plant=sight.plant,
-        part=part,
-        sources=sources,
-        corrected=corrected,
-        pairs=sight.pairs,
-        observer=observer,
-        cut_at=tuple(sorted(_known(sight, names))),
-    )
-
-
-def _known(sight: _Sight, own: Sequence[str]) -> dict[str, str]:
-    """Variables known to a view of the signals `own`: other signals, and rates of those that are
-    states; but no state whose rate is one of `own`: it follows from it.
-    """
-    rates, roots = sight.shape.rates, {sight.root(o) for o in own}
-    coarse = frozenset().union(*(sight.coarse.get(o, frozenset()) for o in own))
-    known = {
-        sight.root(other): other
-        for other in sight.signals
-        if other not in own and other not in coarse and rates.get(sight.root(other)) not in roots
-    }
-    for other in list(known.values()):
-        rate = rates.get(sight.root(other))
-        if rate is not None and rate not in known and rate not in roots:
-            known[rate] = RATE + other
-    return known
-
-
-def _cut(sight: _Sight, own: Sequence[str]) -> tuple[Part, dict[str, str], dict[str, str]]:
-    """The part that computes some signals; where its inputs come from; states that are measured,
-    where some of them switch.
-    """
-    known = _known(sight, own)
-    outputs = [sight.signals[n].variable for n in own]
-    part = part_of(sight.plant, outputs, sorted(known), sight.cache)
-    sources = {n: known.get(n, n) for n in part.of("input")}
-    coarse = frozenset().union(*(sight.coarse.get(o, frozenset()) for o in own))
-    signal = {sight.root(n): n for n in sight.signals if n not in coarse}
-    corrected = {s: signal[s] for s in part.of("state") if s in signal}
-    return part, sources, corrected if part.switching & set(corrected) else {}
-
-
-def _same(
-    part: Part, sources: Mapping[str, str], corrected: Mapping[str, str]
-) -> tuple[object, ...]:
-    """Equal for parts that one simulation computes."""
-    if not part.of("state"):
-        return tuple(sorted(part.of("parameter")))
-    states = tuple(sorted(part.of("state")))
-    return states, tuple(sorted(sources.items())), tuple(sorted(corrected.items()))
-
-
-def part_of(
-    plant: Plant,
-    outputs: Sequence[str],
-    known: Sequence[str],
-    cache: Path,
-    fixed: Values | None = None,
-) -> Part:
-    """The part that computes `outputs` from inputs and `known` variables, built once. fixed:
-    parameters that are numbers in it.
-    """
-    what = (plant.class_name, list(outputs), list(known), sorted((fixed or {}).items()))
-    key = part_key(plant.model, repr(what))
-    part = read_part(cache, key)
-    if part is None:
-        from modelica_fmu.cut import cut  # the compiler is loaded where it has to work
-
-        part = build_part(cut(plant.model, plant.class_name, outputs, known, fixed), cache, key)
-    return part
-
-
-def known_variables(plant: Plant, cache: Path) -> tuple[Mapping[str, str], frozenset[str]]:
-    """Variable -> the one that it is another name of; those that are states."""
-    shape = _structure(plant, cache)
-    return shape.roots, shape.states
-
-
-def _structure(plant: Plant, cache: Path) -> Structure:
-    key = part_key(plant.model, f"structure of {plant.class_name}")
-    path = cache / f"{key}.json"
-    if path.is_file():
-        told = json.loads(path.read_text(encoding="utf-8"))
-        states, numbers = frozenset(told["states"]), frozenset(told["numbers"])
-        return Structure(told["roots"], states, told["rates"], numbers, told["units"])
-    from modelica_fmu.cut import structure
-
-    shape = structure(plant.model, plant.class_name)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    told = {
-        "roots": dict(shape.roots),
-        "states": sorted(shape.states),
-        "rates": dict(shape.rates),
-        "numbers": sorted(shape.numbers),
-        "units": dict(shape.units),
-    }
-    path.write_text(json.dumps(told), encoding="utf-8")
-    return shape
-
-
-def _block(plant: Plant, variable: str) -> str:
-    """Block of a variable: that of the longest component path it lies in that has one; else its
-    component, or itself in a model without components.
-    """
-    paths = [p for p in plant.blocks if variable == p or variable.startswith(p + ".")]
-    if paths:
-        return plant.blocks[max(paths, key=len)]
-    return variable.rpartition(".")[0] or variable

@@ -12,7 +12,8 @@ import numpy as np
 from modelica_fmu.batch import Drive, Subsystem
 from modelica_fmu.errors import RunError
 from pneugantry.engine.plant import Array, Plant, Record
-from pneugantry.engine.views.subsystem import View, part_of
+from pneugantry.engine.views.model_parts import part_of
+from pneugantry.engine.views.view import View
 
 __all__ = ["Nominal", "changes_of", "noisy"]
 

@@ -11,7 +11,8 @@ import numpy as np
 from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal, thinned
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.views.subsystem import Measured, View, build_views
+from pneugantry.engine.views.build import Measured, build_views
+from pneugantry.engine.views.view import View
 from pneugantry.plants.gantry.timing import ControllerView
 from pyfmi_runner.blocks import recomputed_commands
 from pyfmi_runner.build import default_model

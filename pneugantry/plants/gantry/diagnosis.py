@@ -22,7 +22,7 @@ from pneugantry.engine.plant import Data, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.task import Task
-from pneugantry.engine.views.subsystem import View
+from pneugantry.engine.views.view import View
 from pneugantry.plants.gantry.catalogue import QUANTISATION, catalogue_of, check_names
 from pneugantry.plants.gantry.closed_loop import left_out, rerun
 from pneugantry.plants.gantry.converter import (

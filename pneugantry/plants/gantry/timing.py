@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.signals.sensors import shifted
-from pneugantry.engine.views.subsystem import Run
+from pneugantry.engine.views.view import Run
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.campaign import LoggedRun
 from pyfmi_runner.log import MEASURED, PERIOD

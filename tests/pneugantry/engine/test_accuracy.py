@@ -10,7 +10,7 @@ import numpy as np
 
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.views.accuracy import HIDDEN, TOLERANCE, accurate
-from pneugantry.engine.views.subsystem import View
+from pneugantry.engine.views.view import View
 from pneugantry.plants.described import described_task
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -12,7 +12,8 @@ import pytest
 
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.views.subsystem import SubsystemView, build_views
+from pneugantry.engine.views.build import build_views
+from pneugantry.engine.views.subsystem import SubsystemView
 from pneugantry.engine.views.synthetic import Nominal
 from pneugantry.plants.gantry.describe import plant_of
 from pyfmi_runner.build import cache_folder

@@ -37,9 +37,10 @@ from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import _worse
 from pneugantry.engine.selection.search import Search
+from pneugantry.engine.views.build import build_views
 from pneugantry.engine.views.simulation import Point
-from pneugantry.engine.views.subsystem import View, build_views
 from pneugantry.engine.views.synthetic import Nominal
+from pneugantry.engine.views.view import View
 
 ROOT = Path(__file__).parents[3]
 CAMPAIGNS = ROOT / ".." / "shared" / "campaigns"

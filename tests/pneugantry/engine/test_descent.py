@@ -17,7 +17,7 @@ from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Point, Simulation
-from pneugantry.engine.views.subsystem import View
+from pneugantry.engine.views.view import View
 
 NAMES = ("a", "b", "c")
 CELLS: tuple[Cell, ...] = (("view", "rough"), ("view", "smooth"))

@@ -13,8 +13,9 @@ from pneugantry.engine.answer.confirm import replays
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.views.build import build_views
 from pneugantry.engine.views.foreign import ForeignFmu, ForeignPlant, foreign_views, parameters_read
-from pneugantry.engine.views.subsystem import SubsystemView, build_views
+from pneugantry.engine.views.subsystem import SubsystemView
 from pneugantry.engine.views.synthetic import Nominal
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.fmu import FmuFile

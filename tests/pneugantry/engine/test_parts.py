@@ -13,7 +13,7 @@ from pneugantry.engine.plant import Data, Plant
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import run
 from pneugantry.engine.task import Task
-from pneugantry.engine.views.subsystem import build_views
+from pneugantry.engine.views.build import build_views
 from pneugantry.plants.gantry.any_campaign import any_campaign
 from pneugantry.plants.gantry.describe import data_of
 from pneugantry.truth.setups import campaign_setups

@@ -11,8 +11,9 @@ import pytest
 
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.views.build import build_views
 from pneugantry.engine.views.pieces import Piece
-from pneugantry.engine.views.subsystem import SubsystemView, build_views
+from pneugantry.engine.views.subsystem import SubsystemView
 from pneugantry.engine.views.synthetic import Nominal
 
 

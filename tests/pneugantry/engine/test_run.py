@@ -30,8 +30,8 @@ from pneugantry.engine.run import Found, _Confirmed, _confirmed, _cut_short, run
 from pneugantry.engine.selection.excess import Excess
 from pneugantry.engine.selection.search import Search, search
 from pneugantry.engine.task import Task
+from pneugantry.engine.views.build import build_views
 from pneugantry.engine.views.simulation import Point
-from pneugantry.engine.views.subsystem import build_views
 
 __all__ = ["parts", "plant"]  # fixtures
 

@@ -24,9 +24,10 @@ from pneugantry.engine.selection.screening import Candidate, Memory, screen
 from pneugantry.engine.selection.search import resumed, search
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import main_forms, other_forms
+from pneugantry.engine.views.build import build_views
 from pneugantry.engine.views.cuts import sharp_views
 from pneugantry.engine.views.simulation import Cell
-from pneugantry.engine.views.subsystem import SubsystemView, build_views
+from pneugantry.engine.views.subsystem import SubsystemView
 
 MODEL = """
 model Drive "A motor's current, and the speed and position that it drives"

@@ -15,7 +15,7 @@ from pneugantry.engine.hypotheses.hypothesis import effect_coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Point, Simulation
-from pneugantry.engine.views.subsystem import Run, View
+from pneugantry.engine.views.view import Run, View
 
 
 class Scale:

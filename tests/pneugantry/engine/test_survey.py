@@ -15,8 +15,8 @@ from pneugantry.engine.fitting.problem import Problem, Solution, newton, prior, 
 from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.views.build import build_views
 from pneugantry.engine.views.simulation import Point
-from pneugantry.engine.views.subsystem import build_views
 from pneugantry.engine.views.synthetic import Nominal, noisy
 
 

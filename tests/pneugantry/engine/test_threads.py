@@ -15,7 +15,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import run
 from pneugantry.engine.task import Task
 from pneugantry.engine.threads import one_blas_thread
-from pneugantry.engine.views.subsystem import build_views
+from pneugantry.engine.views.build import build_views
 
 __all__ = ["parts", "plant"]  # fixtures
 

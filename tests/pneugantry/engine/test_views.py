@@ -15,7 +15,8 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Plant, Record, Signal, thinned
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.sensors import sensed, true_signal
-from pneugantry.engine.views.subsystem import Measured, SubsystemView, build_views
+from pneugantry.engine.views.build import Measured, build_views
+from pneugantry.engine.views.subsystem import SubsystemView
 from pneugantry.engine.views.synthetic import Nominal
 from pneugantry.plants.gantry.describe import plant_of
 from pyfmi_runner.build import cache_folder

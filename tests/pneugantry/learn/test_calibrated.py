@@ -15,7 +15,7 @@ from pneugantry.api.diagnosis import diagnose
 from pneugantry.cli import main
 from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.signals.sensors import PREFIX
-from pneugantry.engine.views.subsystem import Run
+from pneugantry.engine.views.view import Run
 from pneugantry.learn.calibrated import Calibrated, calibrated, read_by
 from pneugantry.learn.forms import FORMS, REMEMBERING
 from pneugantry.learn.points import Point

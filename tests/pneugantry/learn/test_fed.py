@@ -13,7 +13,7 @@ from pneugantry.cli import main
 from pneugantry.engine.answer.confirm import replays
 from pneugantry.engine.plant import Plant, Record, Signal
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.views.subsystem import build_views
+from pneugantry.engine.views.build import build_views
 from pneugantry.learn.forms import FORMS
 from pneugantry.learn.points import Opened, Point, opened
 from pneugantry.learn.regressors import Regressor, products_of, regressors_of

@@ -11,7 +11,7 @@ import pytest
 
 from modelica_fmu.batch import Drive, Subsystem
 from pneugantry.engine.plant import Plant
-from pneugantry.engine.views.subsystem import part_of
+from pneugantry.engine.views.model_parts import part_of
 from pneugantry.learn.curve import Knots, knots_over
 from pneugantry.learn.forms import FORMS, LINE, FormLaw, distilled, free_curve, line_of
 from pneugantry.learn.linear import Answer, Base, Response

@@ -10,7 +10,7 @@ import pytest
 from pneugantry.engine.answer.confirm import replays
 from pneugantry.engine.plant import Plant, Record, Signal
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.views.subsystem import build_views
+from pneugantry.engine.views.build import build_views
 from pneugantry.learn.forms import REMEMBERING
 from pneugantry.learn.memory import MEMORIES
 from pneugantry.learn.points import Point, Shared, recut

@@ -1,0 +1,62 @@
+"""Parts of a plant's model and its structure, made once and kept."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from modelica_fmu.batch import Part, build_part, part_key, read_part
+from modelica_fmu.compiled import Structure
+from pneugantry.engine.plant import Plant
+from pneugantry.engine.views.view import Values
+
+__all__ = ["known_variables", "part_of", "structure_of"]
+
+
+def part_of(
+    plant: Plant,
+    outputs: Sequence[str],
+    known: Sequence[str],
+    cache: Path,
+    fixed: Values | None = None,
+) -> Part:
+    """The part that computes `outputs` from inputs and `known` variables, built once. fixed:
+    parameters that are numbers in it.
+    """
+    what = (plant.class_name, list(outputs), list(known), sorted((fixed or {}).items()))
+    key = part_key(plant.model, repr(what))
+    part = read_part(cache, key)
+    if part is None:
+        from modelica_fmu.cut import cut  # the compiler is loaded where it has to work
+
+        part = build_part(cut(plant.model, plant.class_name, outputs, known, fixed), cache, key)
+    return part
+
+
+def known_variables(plant: Plant, cache: Path) -> tuple[Mapping[str, str], frozenset[str]]:
+    """Variable -> the one that it is another name of; those that are states."""
+    shape = structure_of(plant, cache)
+    return shape.roots, shape.states
+
+
+def structure_of(plant: Plant, cache: Path) -> Structure:
+    key = part_key(plant.model, f"structure of {plant.class_name}")
+    path = cache / f"{key}.json"
+    if path.is_file():
+        told = json.loads(path.read_text(encoding="utf-8"))
+        states, numbers = frozenset(told["states"]), frozenset(told["numbers"])
+        return Structure(told["roots"], states, told["rates"], numbers, told["units"])
+    from modelica_fmu.cut import structure
+
+    shape = structure(plant.model, plant.class_name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    told = {
+        "roots": dict(shape.roots),
+        "states": sorted(shape.states),
+        "rates": dict(shape.rates),
+        "numbers": sorted(shape.numbers),
+        "units": dict(shape.units),
+    }
+    path.write_text(json.dumps(told), encoding="utf-8")
+    return shape
