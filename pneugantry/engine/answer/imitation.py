@@ -24,10 +24,12 @@ from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.problem import Parabola
 from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.catalogue import Form
-from pneugantry.engine.plant import Array
+from pneugantry.engine.plant import Array, Record
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.task import Task
 from pneugantry.engine.views.simulation import Cell
 
-__all__ = ["OTHERS", "Imitation", "imitations", "imitators"]
+__all__ = ["OTHERS", "Imitation", "expected", "imitations", "imitators"]
 
 OTHERS = ("way travelled", "time")  # of a record; a curve over time is each record's own
 FEWEST = 3  # nodes of a curve
@@ -84,6 +86,17 @@ def imitations(fitter: Fitter, fit: Fit) -> list[Imitation]:
             behind = curve.behind() if curve else {}
             made += [Imitation(effect.key, name, rise) for name, rise in behind.items()]
     return made
+
+
+def expected(task: Task, fit: Fit, record: Record, rules: Rules, level: float) -> list[Imitation]:
+    """The same once a further record is measured, as it would be if the effect is what is there:
+    simulated, with noise. level: of the rig's noise.
+    """
+    fitter = Fitter(task.plant, task.views, [*task.data.fitted, record], rules, level)
+    try:
+        return imitations(fitter, fitter.in_more_records(fit))
+    finally:
+        fitter.close()
 
 
 def _curves(form: Form) -> Iterator[list[str]]:

@@ -13,7 +13,10 @@ import numpy as np
 from modelica_fmu.errors import InputError, RunError
 from pneugantry.engine.answer.confirm import replays
 from pneugantry.engine.answer.decide import UNKNOWN, Decision
-from pneugantry.engine.plant import thinned
+from pneugantry.engine.answer.imitation import Imitation, expected
+from pneugantry.engine.plant import Record, thinned
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.run import Found
 from pneugantry.engine.task import Task
 from pneugantry.plants.gantry.closed_loop import augmented_of
 from pneugantry.plants.gantry.describe import record_of
@@ -25,22 +28,25 @@ from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario, scenario_text, short_phases
 from pyfmi_runner.sensors import SensorParams
 
-__all__ = ["Rival", "candidates", "next_experiment", "rivals"]
+__all__ = ["Rival", "candidates", "for_a_curve", "next_experiment", "rivals"]
 
+Answer = dict[str, Any]  # what, scenario, separates, ...
 Rival = tuple[tuple[str, ...], Mapping[str, float]]  # effects of a hypothesis, fitted values
 
 MOST_FORCE = 150.0  # N, contact force that the rig may see
 OPEN = 8.0  # s
+ELSEWHERE = 0.6  # m, x at the start of a run that passes the usual places after another way
 # times the noise: beyond it a difference counts no more, or one missed break-away would choose
 MOST = 10.0
 THINNING = 2  # rows of an experiment that are averaged into one
 UNLIKELY = 0.02  # probability of a hypothesis up to which no experiment is spent on it
 TELLING = 1.2  # separation below which an experiment is not worth its time
+DECISIVE = 30.0  # expected -2 log evidence from which on one tells a curve from what imitates it
 
 
 def next_experiment(
     task: Task, campaign: Campaign, fmu: FmuFile, pair: Sequence[Rival]
-) -> dict[str, Any] | None:
+) -> Answer | None:
     """The candidate in which the plants of two hypotheses differ most (docs/reference/gap.md); None
     where there are no two, or none of the candidates tells.
 
@@ -68,6 +74,34 @@ def next_experiment(
     }
 
 
+def for_a_curve(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) -> Answer | None:
+    """The candidate that tells an effect's curve best from the same over another variable, of those
+    that track an edge with the campaign's own force; None where none does.
+    """
+    best: tuple[float, str, Scenario, Imitation] | None = None
+    own, fit = _base(campaign).f_nd, found.decision.best
+    for what, scenario in candidates(campaign):
+        if not what.startswith("track") or scenario.f_nd != own:
+            continue
+        record = _measured(fmu, replace(scenario, sensors=SensorParams()), found.values)
+        if record is None:
+            continue
+        told = expected(found.task, fit, record, rules, found.excess.level)
+        least = min(told, key=lambda i: i.behind, default=None)
+        if least is not None and (best is None or least.behind > best[0]):
+            best = least.behind, what, scenario, least
+    if best is None or best[0] < DECISIVE:
+        return None
+    evidence, what, scenario, least = best
+    return {
+        "what": f"{what}: {least.key} is then told from a curve over the {least.variable} by "
+        f"{evidence:.0f} of -2 log evidence",
+        "scenario": scenario_text(replace(scenario, sensors=SensorParams())),
+        "separates": [[least.key], [UNKNOWN]],
+        "evidence": evidence,
+    }
+
+
 def rivals(decision: Decision) -> list[Rival]:
     """The two likeliest hypotheses within the catalogue; one, where all else is unlikely."""
     likely = (a for a in decision.answers if a.probability > UNLIKELY)
@@ -79,16 +113,7 @@ def candidates(campaign: Campaign) -> Iterator[tuple[str, Scenario]]:
     """Experiments in words and as scenarios, with the controller and gains of the campaign's own
     closed-loop logs.
     """
-    base = Scenario(sensors=SensorParams(noise=False))
-    closed = [
-        run.setup
-        for run in campaign
-        if run.setup.loop == "closed"
-        and run.setup.controller is not None
-        and is_known_controller(run.setup.controller)
-    ]
-    if closed:
-        base = _with_controller(base, closed[-1])
+    base = _base(campaign)
     for workpiece in ("straight", "incline_16", "incline_30", "curved"):
         phases = short_phases(workpiece)
         for force, speed in ((base.f_nd, base.v_td), (60.0, -0.06), (12.0, -0.03)):
@@ -105,6 +130,7 @@ def candidates(campaign: Campaign) -> Iterator[tuple[str, Scenario]]:
                     phases=phases,
                 ),
             )
+    yield from _from_elsewhere(base)
     phases = {
         "approach": (0.0, OPEN),
         "contact": (OPEN, OPEN + 0.01),
@@ -131,6 +157,27 @@ def candidates(campaign: Campaign) -> Iterator[tuple[str, Scenario]]:
         yield what, replace(step, clamped=(), standoff=STROKE_Z)
 
 
+def _base(campaign: Campaign) -> Scenario:
+    """With the controller and gains of the campaign's own last closed-loop log."""
+    base = Scenario(sensors=SensorParams(noise=False))
+    closed = [
+        run.setup
+        for run in campaign
+        if run.setup.loop == "closed"
+        and run.setup.controller is not None
+        and is_known_controller(run.setup.controller)
+    ]
+    return _with_controller(base, closed[-1]) if closed else base
+
+
+def _from_elsewhere(base: Scenario) -> Iterator[tuple[str, Scenario]]:
+    """Logs pass the places of x once, at the same way travelled from their start."""
+    straight = replace(base, name="next", workpiece="straight", standoff=None)
+    what = f"track the straight edge from x = {ELSEWHERE:g} m with {base.f_nd:g} N"
+    phases = short_phases("straight")
+    yield what, replace(straight, start_x=ELSEWHERE, phases=phases)
+
+
 def _with_controller(base: Scenario, setup: LogSetup) -> Scenario:
     gains = setup.gains if setup.gains is not None else base.gains
     force, speed = setup.f_nd or base.f_nd, setup.v_td or base.v_td
@@ -149,13 +196,10 @@ def _separation(
     """RMS difference of the two plants for the commands that the first one sees; None where the
     experiment cannot be done.
     """
-    first = dict(augmented_of(fmu, values[0]).plant)
+    record = _measured(fmu, scenario, values[0])
+    if record is None:
+        return None
     try:
-        run = run_scenario(replace(scenario, plant=first), fmu)
-        if run.outcome != "done" or np.hypot(run.log["f_x"], run.log["f_z"]).max() > MOST_FORCE:
-            return None
-        logged = LoggedRun(scenario_setup(scenario), run.log)
-        record = thinned(record_of("next", logged), THINNING)
         one, other = replays(task.plant, record, values, task.cache)
     except (InputError, RunError):
         return None
@@ -163,3 +207,15 @@ def _separation(
         return None
     apart = np.abs(one.simulated - other.simulated) / np.array([SIGMA[c] for c in one.signals])
     return float(np.sqrt(np.mean(np.minimum(apart, MOST) ** 2)))
+
+
+def _measured(fmu: FmuFile, scenario: Scenario, values: Mapping[str, float]) -> Record | None:
+    """What a rig of these values would log; None where the experiment cannot be done."""
+    plant = dict(augmented_of(fmu, values).plant)
+    try:
+        run = run_scenario(replace(scenario, plant=plant), fmu)
+    except (InputError, RunError):
+        return None
+    if run.outcome != "done" or np.hypot(run.log["f_x"], run.log["f_z"]).max() > MOST_FORCE:
+        return None
+    return thinned(record_of("next", LoggedRun(scenario_setup(scenario), run.log)), THINNING)

@@ -75,6 +75,10 @@ def test_back_over_the_same_places_tells_it_from_both() -> None:
     assert min(behind(FORTH_AND_BACK).values()) > 200
 
 
+def test_a_run_from_elsewhere_tells_position_from_the_way() -> None:
+    assert behind({**ONE_WAY, "next": (3.0, 8.0)})["way travelled"] > 100
+
+
 def test_nothing_is_said_where_columns_do_not_tell_the_place() -> None:
     assert behind(FORTH_AND_BACK, told=False) == {}
 

@@ -8,16 +8,20 @@ import json
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from pneugantry.engine.answer.decide import Decision
+from pneugantry.engine.answer.imitation import Imitation
 from pneugantry.engine.answer.result import Answer
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Data
+from pneugantry.engine.rules import Rules
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.simulation import Point
 from pneugantry.plants.gantry.augmented import (
@@ -27,7 +31,12 @@ from pneugantry.plants.gantry.augmented import (
 )
 from pneugantry.plants.gantry.converter import as_read, coarse_channels, rounded
 from pneugantry.plants.gantry.describe import plant_of, record_of
-from pneugantry.plants.gantry.next_experiment import candidates, next_experiment, rivals
+from pneugantry.plants.gantry.next_experiment import (
+    candidates,
+    for_a_curve,
+    next_experiment,
+    rivals,
+)
 from pneugantry.plants.gantry.timing import ControllerView
 from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.build import build_fmu, cache_folder
@@ -148,6 +157,40 @@ def test_no_experiment_is_spent_on_what_is_unlikely() -> None:
     answers = tuple(Answer(k, p, None if "unknown" in k else fit) for k, p in shares.items())
     made = Decision("ambiguous", answers, ("drag",), 0.01, 0.38, fit)
     assert [keys for keys, _ in rivals(made)] == [("drag",)]
+
+
+def told_elsewhere(*args: Any) -> list[Imitation]:
+    """As if a run from another place told the way travelled, and nothing told time."""
+    scenario = args[2]
+    way = 100.0 if scenario.start_x < 0.9 else 5.0
+    return [
+        Imitation("curve/x", "way travelled", way),
+        Imitation("curve/x", "time", 200.0),
+    ]
+
+
+def test_a_curve_is_told_from_the_way_travelled_by_a_run_that_can_be_done(
+    gantry: FmuFile, late: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pneugantry.plants.gantry.next_experiment._measured", lambda *a: a[1])
+    monkeypatch.setattr("pneugantry.plants.gantry.next_experiment.expected", told_elsewhere)
+    made: Any = SimpleNamespace(
+        task=TASK,
+        values={},
+        decision=SimpleNamespace(best=None),
+        excess=SimpleNamespace(level=1.0),
+    )
+    found = for_a_curve(made, late, gantry, Rules())
+    assert found is not None
+    assert found["separates"] == [["curve/x"], ["unknown"]]
+    assert found["evidence"] == 100.0
+    assert "way travelled" in found["what"]
+    assert json.dumps(found)
+    scenario = scenario_from(tomllib.loads(found["scenario"]))
+    assert scenario.start_x < 0.9
+    done = run_scenario(scenario, gantry)
+    assert done.outcome == "done"
+    assert done.log["x"].min() < scenario.start_x - 0.2
 
 
 def test_no_experiment_tells_a_plant_from_itself(gantry: FmuFile, late: Campaign) -> None:
