@@ -23,9 +23,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pneugantry.engine.run import run
+from pneugantry.learn.answer.result import to_json
 from pneugantry.learn.learn import learn
 from pneugantry.learn.learned import Learned
-from pneugantry.learn.result import to_json
 from pneugantry.learn.wanted import wanted
 from pneugantry.plants.described import described_task
 

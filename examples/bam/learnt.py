@@ -17,8 +17,8 @@ from pneugantry.engine.answer.confirm import replays, values_on
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.run import Found, run
+from pneugantry.learn.answer.result import to_json
 from pneugantry.learn.learn import learn
-from pneugantry.learn.result import to_json
 from pneugantry.plants.described import described_task
 
 __all__ = ["figures", "printed", "sets_of"]

@@ -18,9 +18,9 @@ from pneugantry.engine.answer.result import to_json
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.task import Task
+from pneugantry.learn.answer.result import to_json as learned_json
 from pneugantry.learn.learn import learn
 from pneugantry.learn.learned import Learned
-from pneugantry.learn.result import to_json as learned_json
 from pneugantry.learn.wanted import wanted
 from pneugantry.plants.described import described_task
 

@@ -135,7 +135,7 @@ class Diagnosis:
         """A catalogue with the learnt term as an effect, and the Modelica file that has it as a
         parameter; returns both paths. Raises InputError where no term was accepted.
         """
-        from pneugantry.learn.export import write_catalogue
+        from pneugantry.learn.answer.export import write_catalogue
 
         if self.learned is None:
             hint = "it is where what no catalogue has is likely, in a plant with Modelica source"

@@ -21,20 +21,20 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.threads import on_threads, one_blas_thread
 from pneugantry.engine.views.foreign import ForeignPlant
-from pneugantry.learn.calibrated import calibrated, read_by
-from pneugantry.learn.candidates import WORTH, main, most, shaped, worth_fitting
-from pneugantry.learn.composite import composites
+from pneugantry.learn.answer.read import with_readings, without_readings
+from pneugantry.learn.equations.points import Opened, Point, opened
 from pneugantry.learn.experiments import Experiment, Rival, telling
-from pneugantry.learn.joint import TermFits
-from pneugantry.learn.judge import Judge
+from pneugantry.learn.fitting.joint import TermFits
+from pneugantry.learn.fitting.judge import Judge
+from pneugantry.learn.fitting.rivals import Rivals
+from pneugantry.learn.fitting.shaping import Shaping
 from pneugantry.learn.learned import Learned, Tried
-from pneugantry.learn.points import Opened, Point, opened
-from pneugantry.learn.read import with_readings, without_readings
-from pneugantry.learn.regressors import Regressor
-from pneugantry.learn.rivals import Rivals
-from pneugantry.learn.screen import Candidate, Screen, Screening
-from pneugantry.learn.shaping import Shaping
-from pneugantry.learn.term import Term, with_term
+from pneugantry.learn.screening.candidates import WORTH, main, most, shaped, worth_fitting
+from pneugantry.learn.screening.regressors import Regressor
+from pneugantry.learn.screening.screen import Candidate, Screen, Screening
+from pneugantry.learn.terms.calibrated import calibrated, read_by
+from pneugantry.learn.terms.composite import composites
+from pneugantry.learn.terms.term import Term, with_term
 from pneugantry.learn.wanted import wanted, whole
 
 __all__ = ["learn"]

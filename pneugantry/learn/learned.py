@@ -10,10 +10,10 @@ from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Array, Nuisance
 from pneugantry.engine.run import Found
 from pneugantry.learn.experiments import Experiment
-from pneugantry.learn.forms import FreeCurve
-from pneugantry.learn.regressors import TIME
-from pneugantry.learn.screen import Candidate, Screen
-from pneugantry.learn.term import Term
+from pneugantry.learn.screening.regressors import TIME
+from pneugantry.learn.screening.screen import Candidate, Screen
+from pneugantry.learn.terms.forms import FreeCurve
+from pneugantry.learn.terms.term import Term
 
 __all__ = ["Learned", "Tried"]
 

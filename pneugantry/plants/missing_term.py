@@ -32,7 +32,7 @@ def with_missing_term(
     if found.task.epoch is not None or not wanted(found):
         return found, None
 
-    from pneugantry.learn.answer import answered  # its import is dear, for who learns
+    from pneugantry.learn.answer.answer import answered  # its import is dear, for who learns
     from pneugantry.learn.learn import learn
 
     def finish(other: Found) -> Found:
@@ -51,6 +51,6 @@ def to_json(found: Found, learned: Learned | None) -> dict[str, Any]:
     told = diagnosis_json(found.diagnosis)
     if learned is None:
         return told
-    from pneugantry.learn.result import to_json as learned_json
+    from pneugantry.learn.answer.result import to_json as learned_json
 
     return {**told, "learned": learned_json(learned)}

@@ -16,12 +16,12 @@ from pneugantry.cli import main
 from pneugantry.engine.plant import Array, Plant, Record, Signal
 from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.views.view import Run
-from pneugantry.learn.calibrated import Calibrated, calibrated, read_by
-from pneugantry.learn.forms import FORMS, REMEMBERING
-from pneugantry.learn.points import Point
-from pneugantry.learn.regressors import Regressor
-from pneugantry.learn.sources import equations_of
-from pneugantry.learn.term import Term
+from pneugantry.learn.equations.points import Point
+from pneugantry.learn.equations.sources import equations_of
+from pneugantry.learn.screening.regressors import Regressor
+from pneugantry.learn.terms.calibrated import Calibrated, calibrated, read_by
+from pneugantry.learn.terms.forms import FORMS, REMEMBERING
+from pneugantry.learn.terms.term import Term
 
 PERIOD, ROWS = 1e-3, 6000
 T = PERIOD * np.arange(ROWS)

@@ -8,10 +8,10 @@ from typing import cast
 import numpy as np
 
 from pneugantry.engine.rules import Rules
-from pneugantry.learn.candidates import shaped
-from pneugantry.learn.curve import Basis, Knots, Wave, finer
-from pneugantry.learn.regressors import Regressor
-from pneugantry.learn.screen import Candidate, Screen
+from pneugantry.learn.curves.curve import Basis, Knots, Wave, finer
+from pneugantry.learn.screening.candidates import shaped
+from pneugantry.learn.screening.regressors import Regressor
+from pneugantry.learn.screening.screen import Candidate, Screen
 
 SMOOTH = Knots(np.linspace(-1.0, 1.0, 9), True)
 

@@ -14,10 +14,10 @@ from pneugantry.engine.answer.confirm import replays
 from pneugantry.engine.plant import Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.build import build_views
-from pneugantry.learn.forms import FORMS
-from pneugantry.learn.points import Opened, Point, opened
-from pneugantry.learn.regressors import Regressor, products_of, regressors_of
-from pneugantry.learn.term import Term, with_term
+from pneugantry.learn.equations.points import Opened, Point, opened
+from pneugantry.learn.screening.regressors import Regressor, products_of, regressors_of
+from pneugantry.learn.terms.forms import FORMS
+from pneugantry.learn.terms.term import Term, with_term
 
 PERIOD, ROWS = 1e-3, 3000
 DESCRIPTION = """

@@ -12,14 +12,14 @@ import pytest
 from modelica_fmu.batch import Drive, Subsystem
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.views.model_parts import part_of
-from pneugantry.learn.curve import Knots, knots_over
-from pneugantry.learn.forms import FORMS, LINE, FormLaw, distilled, free_curve, line_of
-from pneugantry.learn.linear import Answer, Base, Response
-from pneugantry.learn.points import Point, written
-from pneugantry.learn.regressors import TIME, Regressor, products_of
-from pneugantry.learn.screen import Candidate, Course
-from pneugantry.learn.sources import EquationText, equations_of
-from pneugantry.learn.term import Term
+from pneugantry.learn.curves.curve import Knots, knots_over
+from pneugantry.learn.equations.points import Point, written
+from pneugantry.learn.equations.sources import EquationText, equations_of
+from pneugantry.learn.screening.linear import Answer, Base, Response
+from pneugantry.learn.screening.regressors import TIME, Regressor, products_of
+from pneugantry.learn.screening.screen import Candidate, Course
+from pneugantry.learn.terms.forms import FORMS, LINE, FormLaw, distilled, free_curve, line_of
+from pneugantry.learn.terms.term import Term
 
 HERE = Point("", EquationText(("M",), 1, "y", "u", 0, 0, 0))
 KNOTS = Knots(np.linspace(-2.0, 3.0, 11), jumps=True)

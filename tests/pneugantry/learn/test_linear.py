@@ -12,8 +12,8 @@ from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.views.simulation import Point
-from pneugantry.learn.linear import Base, Reduced, response_of, trial_of
-from pneugantry.learn.reply import means
+from pneugantry.learn.screening.linear import Base, Reduced, response_of, trial_of
+from pneugantry.learn.screening.reply import means
 
 ROWS, BLOCK, CELLS = 240, 4, (("view", "one"), ("view", "two"))
 RNG = np.random.default_rng(3)

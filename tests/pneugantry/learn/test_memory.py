@@ -11,12 +11,12 @@ from pneugantry.engine.answer.confirm import replays
 from pneugantry.engine.plant import Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.build import build_views
-from pneugantry.learn.forms import REMEMBERING
-from pneugantry.learn.memory import MEMORIES
-from pneugantry.learn.points import Point, Shared, recut
-from pneugantry.learn.regressors import Regressor
-from pneugantry.learn.sources import declared_in, equations_of
-from pneugantry.learn.term import Term, with_term
+from pneugantry.learn.curves.memory import MEMORIES
+from pneugantry.learn.equations.points import Point, Shared, recut
+from pneugantry.learn.equations.sources import declared_in, equations_of
+from pneugantry.learn.screening.regressors import Regressor
+from pneugantry.learn.terms.forms import REMEMBERING
+from pneugantry.learn.terms.term import Term, with_term
 
 PERIOD, ROWS = 1e-3, 6000
 T = PERIOD * np.arange(ROWS)

@@ -7,8 +7,8 @@ from typing import cast
 
 from modelica_fmu.cut import deciders, structure
 from pneugantry.engine.plant import Plant
-from pneugantry.learn.points import Opened, Point
-from pneugantry.learn.sources import equations_of
+from pneugantry.learn.equations.points import Opened, Point
+from pneugantry.learn.equations.sources import equations_of
 
 MODEL = """
 model Slider

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pneugantry.engine.plant import Record
-from pneugantry.learn.curve import Wave, finer, knots_over
+from pneugantry.learn.curves.curve import Wave, finer, knots_over
 from pneugantry.learn.experiments import variants
-from pneugantry.learn.reply import Pulses, Reply, means, reply_of
+from pneugantry.learn.screening.reply import Pulses, Reply, means, reply_of
 
 ROWS, STEP = 600, 0.01  # s
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from modelica_fmu.cut import structure
-from pneugantry.learn.sources import Addition, components_of, equations_of, with_additions
+from pneugantry.learn.equations.sources import Addition, components_of, equations_of, with_additions
 
 MODEL = """
 package P

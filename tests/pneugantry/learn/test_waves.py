@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pneugantry.engine.plant import Array
-from pneugantry.learn.curve import Wave
-from pneugantry.learn.linear import Products
-from pneugantry.learn.places import place_of
-from pneugantry.learn.reply import means
-from pneugantry.learn.screen import Course
-from pneugantry.learn.waves import periods_of
+from pneugantry.learn.curves.curve import Wave
+from pneugantry.learn.curves.places import place_of
+from pneugantry.learn.screening.linear import Products
+from pneugantry.learn.screening.reply import means
+from pneugantry.learn.screening.screen import Course
+from pneugantry.learn.screening.waves import periods_of
 
 PERIOD, BLOCK, ROWS = 0.37, 10, 3000
 TIMES = 0.002 * np.arange(ROWS)

@@ -13,12 +13,12 @@ import pytest
 
 from pneugantry.blind.sets import SETS, write_case
 from pneugantry.cli import main
-from pneugantry.learn.export import effects_toml
-from pneugantry.learn.forms import FORMS
-from pneugantry.learn.points import Point
-from pneugantry.learn.regressors import Regressor
-from pneugantry.learn.sources import components_of, equations_of
-from pneugantry.learn.term import Term, with_term
+from pneugantry.learn.answer.export import effects_toml
+from pneugantry.learn.equations.points import Point
+from pneugantry.learn.equations.sources import components_of, equations_of
+from pneugantry.learn.screening.regressors import Regressor
+from pneugantry.learn.terms.forms import FORMS
+from pneugantry.learn.terms.term import Term, with_term
 from pneugantry.plants.gantry.catalogue import catalogue_of, check_names, model_of
 from pneugantry.plants.gantry.describe import plant_of
 from pneugantry.truth.case import CaseSet

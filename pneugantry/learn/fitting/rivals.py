@@ -11,10 +11,10 @@ import numpy as np
 from pneugantry.engine.answer.predict import Told
 from pneugantry.engine.fitting import noise
 from pneugantry.engine.plant import Array
-from pneugantry.learn.joint import TermFits
+from pneugantry.learn.equations.points import Point
+from pneugantry.learn.fitting.joint import TermFits
 from pneugantry.learn.learned import Tried
-from pneugantry.learn.points import Point
-from pneugantry.learn.regressors import TIME, Regressor
+from pneugantry.learn.screening.regressors import TIME, Regressor
 
 __all__ = ["Rivals"]
 

@@ -20,11 +20,11 @@ from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.subsystem import SubsystemView
 from pneugantry.engine.views.view import View
-from pneugantry.learn.calibrated import Calibrated, read_by
+from pneugantry.learn.curves.places import place_of
+from pneugantry.learn.equations.points import Opened, recut
 from pneugantry.learn.learned import Tried
-from pneugantry.learn.places import place_of
-from pneugantry.learn.points import Opened, recut
-from pneugantry.learn.term import Term, with_term
+from pneugantry.learn.terms.calibrated import Calibrated, read_by
+from pneugantry.learn.terms.term import Term, with_term
 
 __all__ = ["TermFits"]
 

@@ -18,7 +18,7 @@ import numpy as np
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
 from pneugantry.engine.views.view import Run, View
-from pneugantry.learn.term import Term
+from pneugantry.learn.terms.term import Term
 
 __all__ = ["Calibrated", "calibrated", "read_by"]
 

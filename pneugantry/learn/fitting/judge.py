@@ -11,7 +11,7 @@ from pneugantry.engine.answer.confirm import Gap
 from pneugantry.engine.fitting import noise
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.run import Found
-from pneugantry.learn.joint import TermFits
+from pneugantry.learn.fitting.joint import TermFits
 from pneugantry.learn.learned import Tried
 
 __all__ = ["Judge"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pneugantry.engine.rules import Rules
-from pneugantry.learn.curve import FineKnots, Knots, Wave
-from pneugantry.learn.memory import Remembered
-from pneugantry.learn.points import Opened
-from pneugantry.learn.screen import Candidate, Screen
+from pneugantry.learn.curves.curve import FineKnots, Knots, Wave
+from pneugantry.learn.curves.memory import Remembered
+from pneugantry.learn.equations.points import Opened
+from pneugantry.learn.screening.screen import Candidate, Screen
 
 __all__ = ["WORTH", "kind", "main", "most", "shaped", "worth_fitting"]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneugantry.engine.plant import Array
 from pneugantry.engine.views.simulation import Cell
-from pneugantry.learn.linear import Response
+from pneugantry.learn.screening.linear import Response
 
 __all__ = ["periods_of"]
 

@@ -13,7 +13,7 @@ from modelica_fmu.files import write_atomically
 from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.learn.learned import Learned
-from pneugantry.learn.term import Term, with_term
+from pneugantry.learn.terms.term import Term, with_term
 
 __all__ = ["effect_name", "effects_toml", "write_catalogue"]
 

@@ -24,7 +24,7 @@ from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.views.model_parts import part_of
 from pneugantry.engine.views.subsystem import RATE, SubsystemView
 from pneugantry.engine.views.view import View
-from pneugantry.learn.sources import (
+from pneugantry.learn.equations.sources import (
     Addition,
     Declared,
     EquationText,

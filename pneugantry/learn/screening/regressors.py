@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneugantry.engine.plant import Array, Record
-from pneugantry.learn.curve import JUMP
-from pneugantry.learn.points import Opened, Point
+from pneugantry.learn.curves.curve import JUMP
+from pneugantry.learn.equations.points import Opened, Point
 
 __all__ = ["TIME", "Regressor", "products_of", "regressors_of"]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.views.simulation import Cell
-from pneugantry.learn.points import OpenedView
+from pneugantry.learn.equations.points import OpenedView
 
 __all__ = ["Kernels", "Pulses", "Reply", "blocks_of", "means", "reply_of"]
 

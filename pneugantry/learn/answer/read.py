@@ -11,10 +11,10 @@ from modelica_fmu.cut import structure
 from pneugantry.engine.plant import Signal
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.subsystem import SubsystemView
+from pneugantry.learn.equations.points import named_again, recut, stored
+from pneugantry.learn.equations.sources import equations_of, with_outputs
 from pneugantry.learn.learned import Learned, Tried
-from pneugantry.learn.points import named_again, recut, stored
-from pneugantry.learn.sources import equations_of, with_outputs
-from pneugantry.learn.term import with_term
+from pneugantry.learn.terms.term import with_term
 
 __all__ = ["with_readings", "without_readings"]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneugantry.engine.plant import Array
-from pneugantry.learn.curve import Knots, Wave
-from pneugantry.learn.memory import MEMORIES, Memory, Remembered
-from pneugantry.learn.screen import Candidate
+from pneugantry.learn.curves.curve import Knots, Wave
+from pneugantry.learn.curves.memory import MEMORIES, Memory, Remembered
+from pneugantry.learn.screening.screen import Candidate
 
 __all__ = [
     "FORMS",

@@ -11,10 +11,10 @@ import numpy as np
 
 from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Array, Plant, Record
-from pneugantry.learn.forms import FORMS, LINE, PERIODIC, FormLaw
-from pneugantry.learn.points import Point, written
-from pneugantry.learn.regressors import TIME, Regressor
-from pneugantry.learn.sources import Addition
+from pneugantry.learn.equations.points import Point, written
+from pneugantry.learn.equations.sources import Addition
+from pneugantry.learn.screening.regressors import TIME, Regressor
+from pneugantry.learn.terms.forms import FORMS, LINE, PERIODIC, FormLaw
 
 __all__ = ["NAME", "Term", "with_term"]
 

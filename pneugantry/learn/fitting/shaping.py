@@ -8,8 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneugantry.engine.fitting.fit import Fit
-from pneugantry.learn.curve import Knots, Wave
-from pneugantry.learn.forms import (
+from pneugantry.learn.curves.curve import Knots, Wave
+from pneugantry.learn.curves.memory import Remembered
+from pneugantry.learn.fitting.joint import TermFits
+from pneugantry.learn.learned import Tried
+from pneugantry.learn.screening.screen import Candidate, Screen
+from pneugantry.learn.terms.forms import (
     FORMS,
     LINE,
     PERIODIC,
@@ -21,11 +25,7 @@ from pneugantry.learn.forms import (
     wave_of,
     with_harmonics,
 )
-from pneugantry.learn.joint import TermFits
-from pneugantry.learn.learned import Tried
-from pneugantry.learn.memory import Remembered
-from pneugantry.learn.screen import Candidate, Screen
-from pneugantry.learn.term import Term
+from pneugantry.learn.terms.term import Term
 
 __all__ = ["Shaping"]
 

@@ -16,7 +16,7 @@ from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell
-from pneugantry.learn.reply import Reply, means
+from pneugantry.learn.screening.reply import Reply, means
 
 __all__ = [
     "Answer",

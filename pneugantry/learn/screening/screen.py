@@ -19,8 +19,10 @@ from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.threads import on_threads
 from pneugantry.engine.views.simulation import Cell
-from pneugantry.learn.curve import SIZES, Basis, Wave, finer, knots_over, waves_of
-from pneugantry.learn.linear import (
+from pneugantry.learn.curves.curve import SIZES, Basis, Wave, finer, knots_over, waves_of
+from pneugantry.learn.curves.memory import MEMORIES, Remembered, Walks
+from pneugantry.learn.equations.points import Opened, OpenedView, Point
+from pneugantry.learn.screening.linear import (
     Answer,
     Base,
     Response,
@@ -30,11 +32,9 @@ from pneugantry.learn.linear import (
     trial_of,
     trial_over,
 )
-from pneugantry.learn.memory import MEMORIES, Remembered, Walks
-from pneugantry.learn.points import Opened, OpenedView, Point
-from pneugantry.learn.regressors import TIME, Regressor, products_of, regressors_of
-from pneugantry.learn.reply import Pulses, Reply, blocks_of, reply_of
-from pneugantry.learn.waves import periods_of
+from pneugantry.learn.screening.regressors import TIME, Regressor, products_of, regressors_of
+from pneugantry.learn.screening.reply import Pulses, Reply, blocks_of, reply_of
+from pneugantry.learn.screening.waves import periods_of
 
 __all__ = ["Candidate", "Course", "Screen", "Screening"]
 

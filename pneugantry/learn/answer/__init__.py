@@ -1,0 +1,1 @@
+"""What a learnt term says: to the diagnosis, to a report, to the next rig."""

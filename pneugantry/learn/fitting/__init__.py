@@ -1,0 +1,1 @@
+"""Terms fitted jointly with everything else, held against each other, and judged."""

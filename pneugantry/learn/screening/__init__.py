@@ -1,0 +1,1 @@
+"""Which equation lacks a term, and of what variable: linear about a fit."""

@@ -1,0 +1,1 @@
+"""A term as the field writes it, as Modelica and as an effect."""
