@@ -401,11 +401,12 @@ class Fitter:
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
     def in_more_records(self, fit: Fit) -> Fit:
-        """A fit of some of these records where it stands, in all of them."""
+        """A fit of some of these records where it stands, in all that read its effects."""
         coordinates = self.coordinates(fit.hypothesis, fit.scale)
         point = Point(coordinates, theta_in(fit.point, coordinates), fit.point.settings)
         self.prepare([fit.hypothesis])
-        whole, cells = prior(coordinates), [c for c in self.simulation.cells if c not in fit.noise]
+        whole = prior(coordinates)
+        cells = [c for c in self.touched(fit.hypothesis) if c not in fit.noise]
         residuals, columns = self.simulation.linearised(point, cells, set(whole.names))
         every = Solution(point, {**fit.residuals, **residuals}, {**fit.columns, **columns})
         return self._finished(fit.hypothesis, every, whole, fit.scale)

@@ -34,7 +34,7 @@ from pneugantry.plants.gantry.converter import (
 )
 from pneugantry.plants.gantry.describe import data_of, measured_of, plant_of, record_of, views_of
 from pneugantry.plants.gantry.excitation import not_excited
-from pneugantry.plants.gantry.next_experiment import UNLIKELY, for_a_curve, next_experiment, rivals
+from pneugantry.plants.gantry.next_experiment import proposed
 from pneugantry.plants.gantry.nominal import Nominal, parameters_of
 from pneugantry.plants.gantry.usable import sound_logs
 from pyfmi_runner.build import build_fmu, cache_folder
@@ -91,9 +91,7 @@ def diagnose(
     found = _in_loop(found, campaign, fmu or own)
     if found.diagnosis.verdict == "ambiguous" and after is None:
         say("next experiment")
-        best = next_experiment(task, campaign, fmu or own, rivals(found.decision))
-        if best is None and found.decision.imitated > UNLIKELY:
-            best = for_a_curve(found, campaign, fmu or own, rules)
+        best = proposed(found, campaign, fmu or own, rules)
         found = _with(found, replace(found.diagnosis, next_experiment=best))
     return _with(found, replace(found.diagnosis, seconds=time.perf_counter() - began))
 

@@ -28,7 +28,7 @@ from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario, scenario_text, short_phases
 from pyfmi_runner.sensors import SensorParams
 
-__all__ = ["Rival", "candidates", "for_a_curve", "next_experiment", "rivals"]
+__all__ = ["Rival", "candidates", "for_a_curve", "next_experiment", "proposed", "rivals"]
 
 Answer = dict[str, Any]  # what, scenario, separates, ...
 Rival = tuple[tuple[str, ...], Mapping[str, float]]  # effects of a hypothesis, fitted values
@@ -42,6 +42,17 @@ THINNING = 2  # rows of an experiment that are averaged into one
 UNLIKELY = 0.02  # probability of a hypothesis up to which no experiment is spent on it
 TELLING = 1.2  # separation below which an experiment is not worth its time
 DECISIVE = 30.0  # expected -2 log evidence from which on one tells a curve from what imitates it
+
+
+def proposed(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) -> Answer | None:
+    """What tells the likeliest answer from the next: another one of the catalogue, or something
+    unknown that imitates one of its curves.
+    """
+    pair, decision = rivals(found.decision), found.decision
+    second = [a.probability for a in decision.answers if len(pair) > 1 and a.keys == pair[1][0]]
+    curve = decision.imitated > max([UNLIKELY, *second])
+    told = for_a_curve(found, campaign, fmu, rules) if curve else None
+    return told or next_experiment(found.task, campaign, fmu, pair)
 
 
 def next_experiment(
