@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Nuisance
 
-__all__ = ["Coordinate", "Hypothesis", "effect_coordinate", "nuisance_coordinate"]
+__all__ = ["Coordinate", "Forms", "Hypothesis", "effect_coordinate", "nuisance_coordinate"]
+
+Forms = frozenset[tuple[str, str]]  # effects, each with its form
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class Hypothesis:
         return tuple(p for _, form in self.effects for p in form.parameters)
 
     @property
-    def forms(self) -> frozenset[tuple[str, str]]:
+    def forms(self) -> Forms:
         """Names of its effects, each with that of its form, in whichever order they came."""
         return frozenset((e.key, f.name) for e, f in self.effects)
 

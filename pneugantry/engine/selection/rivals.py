@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.hypothesis import Forms
 from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.screening import Offer, screen, usual
 from pneugantry.engine.selection.trail import Step, Trail
@@ -73,7 +74,7 @@ def _rivals(trail: Trail, best: Fit) -> list[Fit]:
             if e.block == effect.block and fitter.readable(f)
             if (f is form) or base.hypothesis.plus(e, f).forms not in known
         ]
-        screened = screen(fitter, base, offers, {})
+        screened = screen(fitter, base, offers, trail.near.about(fitter, base))
         chosen = promising(fitter, screened, trail.bar, ("gain", "plain"))
         own = (effect.key, form.name)
         fits += added(fitter, base, [c for c in chosen if form_of(c[0]) != own], best)
@@ -144,7 +145,7 @@ def _replacing(trail: Trail, best: Fit) -> list[Fit]:
     without that effect: it may stand in a better optimum only.
     """
     fits: list[Fit] = []
-    seen: set[frozenset[tuple[str, str]]] = set()
+    seen: set[Forms] = set()
     for fit in sorted(trail.tried, key=lambda f: f.evidence):
         effects = fit.hypothesis.effects
         more = [e for e, _ in effects if e.key not in best.keys]

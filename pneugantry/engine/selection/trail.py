@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.catalogue import Effect
-from pneugantry.engine.hypotheses.hypothesis import Hypothesis
-from pneugantry.engine.selection.screening import Candidate
+from pneugantry.engine.hypotheses.hypothesis import Forms, Hypothesis
+from pneugantry.engine.selection.screening import Candidate, Memory
 from pneugantry.engine.selection.trials import without
 
 __all__ = ["Step", "Trail"]
@@ -35,6 +35,7 @@ class Trail:
     tried: list[Fit]
     steps: list[Step] = field(default_factory=list)
     screened: list[Candidate] = field(default_factory=list)
+    near: Memory = field(default_factory=Memory)  # of screens about what was fitted
 
     @property
     def bar(self) -> float:
@@ -42,7 +43,7 @@ class Trail:
         return self.fitter.rules.effect + 2 * math.log(max(len(self.offered), 1))
 
     @property
-    def known(self) -> set[frozenset[tuple[str, str]]]:
+    def known(self) -> set[Forms]:
         """Which effects were tried together, in which forms."""
         return {f.hypothesis.forms for f in self.tried}
 

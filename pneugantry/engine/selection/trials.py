@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import FRESH, Fitter
 from pneugantry.engine.hypotheses.catalogue import Effect
-from pneugantry.engine.hypotheses.hypothesis import Hypothesis
+from pneugantry.engine.hypotheses.hypothesis import Forms, Hypothesis
 from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.screening import Candidate, Offer, starts_of
 
@@ -32,7 +32,6 @@ __all__ = [
 
 NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
 STARTS = 2  # from which a form is fitted, beside the base
-Forms = frozenset[tuple[str, str]]  # of a hypothesis
 Told = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and where it starts
 
 
