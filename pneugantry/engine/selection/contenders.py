@@ -26,7 +26,7 @@ from pneugantry.engine.selection.trials import (
     form_of,
     left_open,
     other_forms,
-    promising,
+    predicted,
     spent,
     told_of,
     unbent_values,
@@ -51,7 +51,7 @@ def contending(
     break-away) shows in no prediction, and a fit of that view alone tells which are worth one of
     all. Where that does, too, also what is predicted from the nominal plant on, of which `far` is.
     """
-    rough = added(fitter, base, promising(fitter, screened, bar, ("gain", "plain")), None)
+    rough = added(fitter, base, predicted(fitter, screened, bar, ("gain", "plain")), None)
     rough += _unbent(fitter, base, rough)
     reformed = other_forms(fitter, base, rough)
     rough += reformed
@@ -59,7 +59,7 @@ def contending(
         rough += _unbent(fitter, base, reformed)
     rough += _scouted(fitter, base, screened, rough, bar)
     if _open(fitter, base, rough, bar):
-        distant = promising(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
+        distant = predicted(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
         told = [
             (base.hypothesis.plus(own[0].effect, own[0].form), [c.starts for c in own])
             for own in distant
@@ -84,7 +84,7 @@ def _scouted(
         if form_of(c) not in known and not fitter.readers(c.form).isdisjoint(left)
     ]
     scouts, worth = Scouts(fitter, base, left), []
-    others = promising(fitter, rest, bar, ("gain", "plain"), every=True)
+    others = predicted(fitter, rest, bar, ("gain", "plain"), every=True)
     for at in range(0, len(others), SCOUTED):
         if spent(fitter) >= 1:
             break

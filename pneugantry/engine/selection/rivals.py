@@ -17,7 +17,7 @@ from pneugantry.engine.selection.trials import (
     explored,
     form_of,
     main_forms,
-    promising,
+    predicted,
     unbent_values,
     without,
 )
@@ -75,7 +75,7 @@ def _rivals(trail: Trail, best: Fit) -> list[Fit]:
             if (f is form) or base.hypothesis.plus(e, f).forms not in known
         ]
         screened = screen(fitter, base, offers, trail.near.about(fitter, base))
-        chosen = promising(fitter, screened, trail.bar, ("gain", "plain"))
+        chosen = predicted(fitter, screened, trail.bar, ("gain", "plain"))
         own = (effect.key, form.name)
         fits += added(fitter, base, [c for c in chosen if form_of(c[0]) != own], best)
     return fits

@@ -23,7 +23,7 @@ __all__ = [
     "left_open",
     "main_forms",
     "other_forms",
-    "promising",
+    "predicted",
     "spent",
     "told_of",
     "unbent_values",
@@ -152,7 +152,7 @@ def other_forms(
     return explored(fitter, base, told, best_fit(fits))
 
 
-def promising(
+def predicted(
     fitter: Fitter,
     screened: Sequence[Candidate],
     bar: float,
