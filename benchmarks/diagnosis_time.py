@@ -19,6 +19,7 @@ from typing import Any
 from unittest.mock import patch
 
 import pneugantry.engine.selection.contenders as contenders
+import pneugantry.engine.selection.rivals as rivals
 import pneugantry.engine.selection.search as searching
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
@@ -98,6 +99,7 @@ def _counted() -> Iterator[list[Piece]]:
         patch.object(Fitter, "together", counting("fits side by side", Fitter.together)),
         patch.object(Scouts, "gains", counting("scouts", Scouts.gains)),
         patch.object(searching, "screen", counting("screen", searching.screen)),
+        patch.object(rivals, "screen", counting("screen of rivals", rivals.screen)),
         patch.object(contenders, "afresh", counting("screen afresh", contenders.afresh)),
     ):
         yield pieces

@@ -37,7 +37,7 @@ COMMANDS = {  # name: the command, without --json
     "blind_contour": "pneugantry blind --set contour --seed 87836 --cases 16 --no-learn",
     "blind_three": "pneugantry blind --set three --seed 87860 --cases 12 --no-learn",
     "blind_wide": "pneugantry blind --set wide --seed 87872 --cases 16 --no-learn",
-    "blind_random": "pneugantry blind --set random --seed 87320 --cases 16",
+    "blind_random": "pneugantry blind --set random --seed 90580 --cases 16 --no-learn",
     "drive_blind": "python -m benchmarks.drive_blind --seed 92420",
     "bam_planted": "python -m examples.bam planted --raw ../shared/real/bam_xl330",
     "replay": f"pneugantry replay {NOMINAL}",

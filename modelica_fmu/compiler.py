@@ -19,7 +19,7 @@ from modelica_fmu.hybrid import HybridSystem
 from modelica_fmu.index_reduction import reduce_index
 from modelica_fmu.initialisation import Initial, initial_system, is_fixed, is_free_parameter
 from modelica_fmu.ir import FlatModel
-from modelica_fmu.layout import Expressions, Layout
+from modelica_fmu.layout import Expressions, Layout, column
 from modelica_fmu.sorting import solve
 from modelica_fmu.symbols import Scalar
 from modelica_fmu.translation import build_system
@@ -132,7 +132,7 @@ def _typed(
 
 def _switching(system: HybridSystem, layout: Layout, expressions: Expressions) -> tuple[str, ...]:
     """States whose rate reads a relation."""
-    relations = generate.column([r.symbol for r in system.relations])
+    relations = column([r.symbol for r in system.relations])
     return tuple(
         s.name
         for s, rate in zip(layout.states, expressions.derivatives, strict=True)
@@ -306,7 +306,7 @@ def _dependencies(
     layout: Layout, e: Expressions, variables: tuple[Variable, ...]
 ) -> dict[int, tuple[int, ...]]:
     known = [(i, v) for i, v in enumerate(variables) if v.kind in ("state", "input")]
-    symbols = generate.column(
+    symbols = column(
         [(layout.states if v.kind == "state" else layout.inputs)[v.index].symbol for _, v in known]
     )
     result = {}
@@ -336,4 +336,4 @@ def _initial_unknowns(
     }
 
 
-__all__ = ["CORE", "FlatModel", "compile_model", "compile_system"]
+__all__ = ["CORE", "compile_model", "compile_system"]

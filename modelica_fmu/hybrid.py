@@ -20,6 +20,18 @@ from modelica_fmu.ir import FlatVariable
 from modelica_fmu.symbols import Scalar, Table, constant
 from modelica_fmu.tearing import Loop
 
+__all__ = [
+    "Assertion",
+    "Branch",
+    "Delay",
+    "HybridNames",
+    "HybridScope",
+    "HybridSystem",
+    "Relation",
+    "Rounding",
+    "Sample",
+]
+
 DEEPEST = 1_000_000  # operations down to which two indicators are compared
 
 

@@ -13,15 +13,12 @@ from modelica_fmu.expressions import Translator, Value, elementwise, flatten
 from modelica_fmu.hybrid import (
     Assertion,
     Branch,
-    Delay,
     HybridScope,
     HybridSystem,
-    Relation,
-    Sample,
 )
 from modelica_fmu.ir import FlatModel
 from modelica_fmu.source import place_of
-from modelica_fmu.symbols import TIME, build_table, scalars_under
+from modelica_fmu.symbols import build_table, scalars_under
 
 __all__ = ["build_system"]
 
@@ -299,15 +296,3 @@ def _put_constants(system: HybridSystem, old: list[ca.SX], new: list[Any]) -> No
         branch.reinits = {k: put(v) for k, v in branch.reinits.items()}
     for assertion in system.assertions:
         assertion.condition = put(assertion.condition)
-
-
-__all__ = [
-    "TIME",
-    "Assertion",
-    "Branch",
-    "Delay",
-    "HybridSystem",
-    "Relation",
-    "Sample",
-    "build_system",
-]

@@ -14,12 +14,13 @@ class Chances:
 
     temper: float = 6.0  # -2 log evidence that makes a hypothesis e^(1/2) times less likely
     entry: float = 40.0  # -2 log evidence that an effect must bring to be as likely as none
-    unknown_at: float = 0.2  # excess (see `outstanding`) at which unknown is as likely as not
+    unknown_at: float = 0.2  # excess (see `answer.decide`) at which unknown is as likely as not
     unknown_per: float = 0.03  # excess that makes it e times likelier
     unknown_beside: float = 0.6  # as `unknown_at`, beside an effect, whose form may be another
     beside: float = 0.1  # that what is named beside something unknown in its view is there (0132)
     imitated: float = 0.04  # that what looks like a named effect is none the catalogue has (0140)
-    usual: Mapping[tuple[str, str], float] | None = None  # a sound rig's, by view and signal
+    # excess ratio of a sound rig, by view and signal
+    usual: Mapping[tuple[str, str], float] | None = None
     replay: float = 0.2  # excess that a replay's gap e times the usual one counts as
     bent: float = 0.1  # excess that each spread counts as by which a deviation exceeds `bent_from`
     bent_from: float = 3.0  # spreads of the rig's tolerance that its largest deviation may have

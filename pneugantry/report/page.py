@@ -66,7 +66,7 @@ class Extras:
 
     drawing: str | None = None  # of the plant, SVG; blocks by their share
     closed_loop: Mapping[str, float] | None = None  # nominal, augmented, floor, shrink
-    next_experiment: Mapping[str, Any] | None = None  # what, scenario, separates, separation
+    next_experiment: Mapping[str, Any] | None = None  # what, scenario, separates, ...
     phases: Mapping[str, Sequence[Phase]] = field(default_factory=dict)  # by record
     setups: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # by record: head, words
     learned: Mapping[str, Any] | None = None  # the missing term, as `learned` of gap/1

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,10 +26,11 @@ from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.catalogue import Form
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.signals.sensors import sensed
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.simulation import Cell
 
-__all__ = ["OTHERS", "Imitation", "expected", "imitations", "imitators"]
+__all__ = ["OTHERS", "Imitation", "expected", "has_curves", "imitations", "imitators"]
 
 OTHERS = ("way travelled", "time")  # of a record; a curve over time is each record's own
 FEWEST = 3  # nodes of a curve
@@ -77,6 +78,11 @@ def imitators(
     return made, notes
 
 
+def has_curves(fit: Fit) -> bool:
+    """Whether any effect of a fit is a curve."""
+    return any(True for _, form in fit.hypothesis.effects for _ in _curves(form))
+
+
 def imitations(fitter: Fitter, fit: Fit) -> list[Imitation]:
     """Each curve of a fit's effects over each other variable."""
     made = []
@@ -89,9 +95,13 @@ def imitations(fitter: Fitter, fit: Fit) -> list[Imitation]:
 
 
 def expected(task: Task, fit: Fit, record: Record, rules: Rules, level: float) -> list[Imitation]:
-    """The same once a further record is measured, as it would be if the effect is what is there:
-    simulated, with noise. level: of the rig's noise.
+    """The same once a further record is measured, as it would be if the effect is what is there.
+    record: simulated, its sensors exact but for noise; level: of the rig's noise.
     """
+    values, taken = fit.values(None), {r.name for r in task.data.fitted}
+    signals = {n: sensed(n, y, record, values) for n, y in record.signals.items()}
+    name = next(n for n in (record.name + k * "+" for k in range(len(taken) + 1)) if n not in taken)
+    record = replace(record, name=name, signals=signals)
     fitter = Fitter(task.plant, task.views, [*task.data.fitted, record], rules, level)
     try:
         return imitations(fitter, fitter.in_more_records(fit))

@@ -12,7 +12,7 @@ from pneugantry.engine.plant import Array
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Columns, Point, Residuals, Simulation
 
-__all__ = ["FAILED", "LARGE", "Weighing", "flat_noise", "of_view"]
+__all__ = ["FAILED", "LARGE", "Weighing", "flat_noise"]
 
 FAILED = 1e12  # stands for a simulation that failed
 LARGE = 5.0  # standard deviations of what stands out
@@ -86,7 +86,7 @@ def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:
     """White noise, in each view of its residuals' own size."""
     of_views = {
         name: tuple(
-            noise.flat([r[:, c] for r in of_view(residuals, name)], sigma)
+            noise.flat([r[:, c] for r in _of_view(residuals, name)], sigma)
             for c, sigma in enumerate(simulation.views[name].sigmas)
         )
         for name in dict.fromkeys(c[0] for c in residuals)
@@ -94,6 +94,6 @@ def flat_noise(simulation: Simulation, residuals: Residuals) -> Noise:
     return {cell: of_views[cell[0]] for cell in residuals}
 
 
-def of_view(residuals: Residuals, view: str) -> list[Array]:
+def _of_view(residuals: Residuals, view: str) -> list[Array]:
     """A view's residuals, record after record."""
     return [r for (v, _), r in residuals.items() if v == view]

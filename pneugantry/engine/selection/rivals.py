@@ -74,7 +74,7 @@ def _rivals(trail: Trail, best: Fit) -> list[Fit]:
             if e.block == effect.block and fitter.readable(f)
             if (f is form) or base.hypothesis.plus(e, f).forms not in known
         ]
-        screened = screen(fitter, base, offers, trail.near.about(fitter, base))
+        screened = screen(fitter, base, offers, {})
         chosen = predicted(fitter, screened, trail.bar, ("gain", "plain"))
         own = (effect.key, form.name)
         fits += added(fitter, base, [c for c in chosen if form_of(c[0]) != own], best)

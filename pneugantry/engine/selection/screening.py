@@ -17,7 +17,7 @@ from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.noise import Noise, doubted, loss, weights
 from pneugantry.engine.fitting.weighing import Weighing, flat_noise
 from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
-from pneugantry.engine.hypotheses.hypothesis import Coordinate, Forms
+from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array
 from pneugantry.engine.selection.relief import Reliefs
 from pneugantry.engine.views.simulation import Cell
@@ -62,22 +62,18 @@ Traces = dict[tuple[str, str, int, Cell, int], Array]
 
 
 class Memory:
-    """Traces about fits, as long as they serve."""
+    """Traces about a fit that changes from round to round, as long as they serve."""
 
     def __init__(self) -> None:
-        self._about: dict[Forms, tuple[Fit, Traces]] = {}  # by effects, what was asked last
+        self._fit: Fit | None = None
+        self._traces: Traces = {}
 
     def about(self, fitter: Fitter, fit: Fit) -> Traces:
-        """Those that serve about a fit, from one of the same effects, else from what was asked
-        last; what is added to them is kept.
-        """
-        forms = fit.hypothesis.forms
-        last = next(reversed(self._about.values()), None)
-        before, traces = self._about.pop(forms, last) or (fit, {})
-        if before is not fit:
-            traces = _kept(fitter, traces, before, fit)
-        self._about[forms] = fit, traces
-        return traces
+        """Those that serve about a fit; what is added to them is kept."""
+        if self._fit is not None and fit is not self._fit:
+            self._traces = _kept(fitter, self._traces, self._fit, fit)
+        self._fit = fit
+        return self._traces
 
 
 def _kept(fitter: Fitter, traces: Traces, before: Fit, after: Fit) -> Traces:

@@ -108,12 +108,12 @@ def _gathered(trail: Trail, base: Fit, polished: bool = False) -> Fit:
     # a rig without anything to explain is screened once, about its best optimum
     thorough = polished or not unexplained(fitter, base)
     best = trail.polished(base) if thorough and not polished else base
-    far = Memory()
+    near, far = Memory(), Memory()
     for _ in range(fitter.rules.rounds):
         forms = main_forms(fitter, trail.beside(best.keys), every=bool(left_open(fitter, best)))
         if best.keys:  # there are too many pairs to prepare each
             fitter.prepare_any(best.hypothesis, trail.offered.values())
-        trail.screened = screen(fitter, best, forms, trail.near.about(fitter, best))
+        trail.screened = screen(fitter, best, forms, near.about(fitter, best))
         fits = contending(fitter, best, trail.screened, trail.bar, forms, far)
         finals = finalists(fitter, best, fits, trail.bar)
         trail.tried += [*fits, *finals]

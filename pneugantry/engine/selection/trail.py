@@ -10,7 +10,7 @@ from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.hypotheses.hypothesis import Forms, Hypothesis
-from pneugantry.engine.selection.screening import Candidate, Memory
+from pneugantry.engine.selection.screening import Candidate
 from pneugantry.engine.selection.trials import without
 
 __all__ = ["Step", "Trail"]
@@ -35,7 +35,6 @@ class Trail:
     tried: list[Fit]
     steps: list[Step] = field(default_factory=list)
     screened: list[Candidate] = field(default_factory=list)
-    near: Memory = field(default_factory=Memory)  # of screens about what was fitted
 
     @property
     def bar(self) -> float:

@@ -65,6 +65,7 @@ def unbent_values(fitter: Fitter, fit: Fit) -> dict[str, float] | None:
 
 
 def best_fit(fits: Sequence[Fit]) -> Fit | None:
+    """The one of the most evidence; None of none."""
     return min(fits, key=lambda f: f.evidence, default=None)
 
 
@@ -177,4 +178,5 @@ def predicted(
 
 
 def form_of(c: Candidate) -> tuple[str, str]:
+    """Its effect and the name of its form."""
     return c.effect.key, c.form.name

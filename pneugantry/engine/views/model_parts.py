@@ -41,6 +41,7 @@ def known_variables(plant: Plant, cache: Path) -> tuple[Mapping[str, str], froze
 
 
 def structure_of(plant: Plant, cache: Path) -> Structure:
+    """States, rates and other names of a plant's model, found once."""
     key = part_key(plant.model, f"structure of {plant.class_name}")
     path = cache / f"{key}.json"
     if path.is_file():

@@ -1,4 +1,4 @@
-"""Coarse converters of a campaign's channels (see `engine.converter`)."""
+"""Coarse converters of a campaign's channels (see `engine.signals.converter`)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The experiment that would tell two hypotheses apart: of a few that the rig can do, the one in
-which their plants differ most.
+"""The experiment that would tell the likeliest answer from the next: of a few that the rig can do,
+the one in which their plants differ most, or which tells a curve best from what imitates it.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ import numpy as np
 from modelica_fmu.errors import InputError, RunError
 from pneugantry.engine.answer.confirm import replays
 from pneugantry.engine.answer.decide import UNKNOWN, Decision
-from pneugantry.engine.answer.imitation import Imitation, expected
+from pneugantry.engine.answer.imitation import Imitation, expected, has_curves
 from pneugantry.engine.plant import Record, thinned
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
 from pneugantry.engine.task import Task
+from pneugantry.engine.threads import one_blas_thread
 from pneugantry.plants.gantry.closed_loop import augmented_of
 from pneugantry.plants.gantry.describe import record_of
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup, scenario_setup
@@ -50,9 +51,17 @@ def proposed(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) -> An
     """
     pair, decision = rivals(found.decision), found.decision
     second = [a.probability for a in decision.answers if len(pair) > 1 and a.keys == pair[1][0]]
-    curve = decision.imitated > max([UNLIKELY, *second])
-    told = for_a_curve(found, campaign, fmu, rules) if curve else None
-    return told or next_experiment(found.task, campaign, fmu, pair)
+
+    def curve() -> Answer | None:
+        likely = decision.imitated > UNLIKELY
+        return for_a_curve(found, campaign, fmu, rules) if likely else None
+
+    def plants() -> Answer | None:
+        return next_experiment(found.task, campaign, fmu, pair)
+
+    if decision.imitated > max(second, default=0.0):
+        return curve() or plants()
+    return plants() or curve()
 
 
 def next_experiment(
@@ -85,25 +94,32 @@ def next_experiment(
     }
 
 
+@one_blas_thread()
 def for_a_curve(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) -> Answer | None:
     """The candidate that tells an effect's curve best from the same over another variable, of those
     that track an edge with the campaign's own force; None where none does.
     """
-    best: tuple[float, str, Scenario, Imitation] | None = None
     own, fit = _base(campaign).f_nd, found.decision.best
+    if not has_curves(fit):
+        return None
+    best: tuple[int, float, str, Scenario, Imitation] | None = None
     for what, scenario in candidates(campaign):
         if not what.startswith("track") or scenario.f_nd != own:
             continue
-        record = _measured(fmu, replace(scenario, sensors=SensorParams()), found.values)
+        noisy = replace(scenario, sensors=SensorParams())
+        record = _measured(fmu, noisy, found.values, rules.thinning)
         if record is None:
             continue
-        told = expected(found.task, fit, record, rules, found.excess.level)
+        try:
+            told = expected(found.task, fit, record, rules, found.excess.level)
+        except (InputError, RunError):
+            continue
         least = min(told, key=lambda i: i.behind, default=None)
-        if least is not None and (best is None or least.behind > best[0]):
-            best = least.behind, what, scenario, least
-    if best is None or best[0] < DECISIVE:
+        if least and (best is None or (len(told), least.behind) > best[:2]):
+            best = len(told), least.behind, what, scenario, least
+    if best is None or best[1] < DECISIVE:
         return None
-    evidence, what, scenario, least = best
+    _, evidence, what, scenario, least = best
     return {
         "what": f"{what}: {least.key} is then told from a curve over the {least.variable} by "
         f"{evidence:.0f} of -2 log evidence",
@@ -207,7 +223,7 @@ def _separation(
     """RMS difference of the two plants for the commands that the first one sees; None where the
     experiment cannot be done.
     """
-    record = _measured(fmu, scenario, values[0])
+    record = _measured(fmu, scenario, values[0], THINNING)
     if record is None:
         return None
     try:
@@ -220,8 +236,12 @@ def _separation(
     return float(np.sqrt(np.mean(np.minimum(apart, MOST) ** 2)))
 
 
-def _measured(fmu: FmuFile, scenario: Scenario, values: Mapping[str, float]) -> Record | None:
-    """What a rig of these values would log; None where the experiment cannot be done."""
+def _measured(
+    fmu: FmuFile, scenario: Scenario, values: Mapping[str, float], thinning: int
+) -> Record | None:
+    """What a rig whose plant has these values would log, its sensors exact but for noise; None
+    where the experiment cannot be done.
+    """
     plant = dict(augmented_of(fmu, values).plant)
     try:
         run = run_scenario(replace(scenario, plant=plant), fmu)
@@ -229,4 +249,4 @@ def _measured(fmu: FmuFile, scenario: Scenario, values: Mapping[str, float]) -> 
         return None
     if run.outcome != "done" or np.hypot(run.log["f_x"], run.log["f_z"]).max() > MOST_FORCE:
         return None
-    return thinned(record_of("next", LoggedRun(scenario_setup(scenario), run.log)), THINNING)
+    return thinned(record_of("next", LoggedRun(scenario_setup(scenario), run.log)), thinning)

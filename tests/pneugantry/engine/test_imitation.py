@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from pneugantry.engine.answer.decide import UNKNOWN, Evidence, beliefs, decide
-from pneugantry.engine.answer.imitation import imitations, imitators
+from pneugantry.engine.answer.imitation import expected, imitations, imitators
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.noise import Whitener
 from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
+from pneugantry.engine.plant import Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Point
 
@@ -77,6 +78,33 @@ def test_back_over_the_same_places_tells_it_from_both() -> None:
 
 def test_a_run_from_elsewhere_tells_position_from_the_way() -> None:
     assert behind({**ONE_WAY, "next": (3.0, 8.0)})["way travelled"] > 100
+
+
+def test_a_record_that_is_expected_is_read_by_the_rig_s_sensors_under_a_name_of_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: list[Record] = []
+
+    class Stub:
+        def __init__(self, plant: object, views: object, records: list[Record], *rest: object):
+            seen.extend(records)
+
+        def in_more_records(self, fit: Fit) -> Fit:
+            return fit
+
+        def close(self) -> None: ...
+
+    monkeypatch.setattr("pneugantry.engine.answer.imitation.Fitter", Stub)
+    monkeypatch.setattr("pneugantry.engine.answer.imitation.imitations", lambda fitter, fit: [])
+    at = np.linspace(0.0, 1.0, 100)
+    logged = Record("next", 0.01, {}, {"x": at}, {})
+    bias = Coordinate("sensors.x.bias", 0.0, 1.0, effect=False, spread=1.0)
+    point = Point((bias,), np.array([0.5]), {})
+    fit = Fit(**{**vars(curve_of(ONE_WAY)[1]), "point": point})
+    task: Any = SimpleNamespace(plant=None, views=(), data=SimpleNamespace(fitted=(logged,)))
+    assert expected(task, fit, logged, Rules(), 1.0) == []
+    assert [r.name for r in seen] == ["next", "next+"]
+    np.testing.assert_allclose(seen[1].signals["x"], at + 0.5)
 
 
 def test_nothing_is_said_where_columns_do_not_tell_the_place() -> None:

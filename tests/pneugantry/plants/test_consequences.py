@@ -35,6 +35,7 @@ from pneugantry.plants.gantry.next_experiment import (
     candidates,
     for_a_curve,
     next_experiment,
+    proposed,
     rivals,
 )
 from pneugantry.plants.gantry.timing import ControllerView
@@ -174,6 +175,7 @@ def test_a_curve_is_told_from_the_way_travelled_by_a_run_that_can_be_done(
 ) -> None:
     monkeypatch.setattr("pneugantry.plants.gantry.next_experiment._measured", lambda *a: a[1])
     monkeypatch.setattr("pneugantry.plants.gantry.next_experiment.expected", told_elsewhere)
+    monkeypatch.setattr("pneugantry.plants.gantry.next_experiment.has_curves", lambda fit: True)
     made: Any = SimpleNamespace(
         task=TASK,
         values={},
@@ -191,6 +193,34 @@ def test_a_curve_is_told_from_the_way_travelled_by_a_run_that_can_be_done(
     done = run_scenario(scenario, gantry)
     assert done.outcome == "done"
     assert done.log["x"].min() < scenario.start_x - 0.2
+
+
+@pytest.mark.parametrize(
+    ("imitated", "told", "first"),
+    [
+        (0.4, ("curve", "plants"), "curve"),
+        (0.2, ("curve", "plants"), "plants"),
+        (0.2, ("curve", None), "curve"),
+        (0.4, (None, "plants"), "plants"),
+        (0.01, ("curve", None), None),
+    ],
+)
+def test_the_likelier_rival_is_told_first(
+    monkeypatch: pytest.MonkeyPatch,
+    gantry: FmuFile,
+    late: Campaign,
+    imitated: float,
+    told: tuple[str | None, str | None],
+    first: str | None,
+) -> None:
+    home = "pneugantry.plants.gantry.next_experiment"
+    monkeypatch.setattr(f"{home}.for_a_curve", lambda *a: told[0])
+    monkeypatch.setattr(f"{home}.next_experiment", lambda *a: told[1])
+    monkeypatch.setattr(f"{home}.rivals", lambda d: [(("curve/x",), {}), (("level/x",), {})])
+    answers = (SimpleNamespace(keys=("level/x",), probability=0.3),)
+    decision = SimpleNamespace(imitated=imitated, answers=answers)
+    made: Any = SimpleNamespace(task=TASK, decision=decision)
+    assert proposed(made, late, gantry, Rules()) == first
 
 
 def test_no_experiment_tells_a_plant_from_itself(gantry: FmuFile, late: Campaign) -> None:
