@@ -1,5 +1,5 @@
-"""A hybrid system: residuals, event relations, when-branches, sampled ticks and delays; and what
-expressions that make them mean.
+"""A hybrid system: residuals, event relations, when-branches, sampled ticks and delays; and how
+expressions are read that make them.
 
 Between events every relation is a frozen symbol (0 or 1). Its indicator, left minus right side,
 tells the solver when to look again. A relation makes no event inside noEvent(), in a function, or

@@ -4,6 +4,7 @@ the one in which their plants differ most, or which tells a curve best from what
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -29,7 +30,15 @@ from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario, scenario_text, short_phases
 from pyfmi_runner.sensors import SensorParams
 
-__all__ = ["Rival", "candidates", "for_a_curve", "next_experiment", "proposed", "rivals"]
+__all__ = [
+    "Rival",
+    "candidates",
+    "for_a_curve",
+    "next_experiment",
+    "proposed",
+    "rivals",
+    "simulated",
+]
 
 Answer = dict[str, Any]  # what, scenario, separates, ...
 Rival = tuple[tuple[str, ...], Mapping[str, float]]  # effects of a hypothesis, fitted values
@@ -102,12 +111,13 @@ def for_a_curve(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) ->
     own, fit = _base(campaign).f_nd, found.decision.best
     if not has_curves(fit):
         return None
+    plant = dict(augmented_of(fmu, found.values).plant)
     best: tuple[int, float, str, Scenario, Imitation] | None = None
     for what, scenario in candidates(campaign):
         if not what.startswith("track") or scenario.f_nd != own:
             continue
-        noisy = replace(scenario, sensors=SensorParams())
-        record = _measured(fmu, noisy, found.values, rules.thinning)
+        noisy = replace(scenario, sensors=SensorParams(), plant=plant)
+        record = simulated("next", noisy, fmu, rules.thinning)
         if record is None:
             continue
         try:
@@ -125,6 +135,7 @@ def for_a_curve(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) ->
         f"{evidence:.0f} of -2 log evidence",
         "scenario": scenario_text(replace(scenario, sensors=SensorParams())),
         "separates": [[least.key], [UNKNOWN]],
+        "separation": math.sqrt(evidence),
         "evidence": evidence,
     }
 
@@ -157,7 +168,11 @@ def candidates(campaign: Campaign) -> Iterator[tuple[str, Scenario]]:
                     phases=phases,
                 ),
             )
-    yield from _from_elsewhere(base)
+    elsewhere = replace(base, name="next", workpiece="straight", standoff=None)
+    yield (
+        f"track the straight edge from x = {ELSEWHERE:g} m with {base.f_nd:g} N",
+        replace(elsewhere, start_x=ELSEWHERE, phases=short_phases("straight")),
+    )
     phases = {
         "approach": (0.0, OPEN),
         "contact": (OPEN, OPEN + 0.01),
@@ -197,14 +212,6 @@ def _base(campaign: Campaign) -> Scenario:
     return _with_controller(base, closed[-1]) if closed else base
 
 
-def _from_elsewhere(base: Scenario) -> Iterator[tuple[str, Scenario]]:
-    """Logs pass the places of x once, at the same way travelled from their start."""
-    straight = replace(base, name="next", workpiece="straight", standoff=None)
-    what = f"track the straight edge from x = {ELSEWHERE:g} m with {base.f_nd:g} N"
-    phases = short_phases("straight")
-    yield what, replace(straight, start_x=ELSEWHERE, phases=phases)
-
-
 def _with_controller(base: Scenario, setup: LogSetup) -> Scenario:
     gains = setup.gains if setup.gains is not None else base.gains
     force, speed = setup.f_nd or base.f_nd, setup.v_td or base.v_td
@@ -223,7 +230,8 @@ def _separation(
     """RMS difference of the two plants for the commands that the first one sees; None where the
     experiment cannot be done.
     """
-    record = _measured(fmu, scenario, values[0], THINNING)
+    first = dict(augmented_of(fmu, values[0]).plant)
+    record = simulated("next", replace(scenario, plant=first), fmu, THINNING)
     if record is None:
         return None
     try:
@@ -236,17 +244,14 @@ def _separation(
     return float(np.sqrt(np.mean(np.minimum(apart, MOST) ** 2)))
 
 
-def _measured(
-    fmu: FmuFile, scenario: Scenario, values: Mapping[str, float], thinning: int
-) -> Record | None:
-    """What a rig whose plant has these values would log, its sensors exact but for noise; None
+def simulated(name: str, scenario: Scenario, fmu: FmuFile, thinning: int) -> Record | None:
+    """What a rig with the scenario's plant and sensors would log, averages of `thinning` rows; None
     where the experiment cannot be done.
     """
-    plant = dict(augmented_of(fmu, values).plant)
     try:
-        run = run_scenario(replace(scenario, plant=plant), fmu)
+        run = run_scenario(scenario, fmu)
     except (InputError, RunError):
         return None
     if run.outcome != "done" or np.hypot(run.log["f_x"], run.log["f_z"]).max() > MOST_FORCE:
         return None
-    return thinned(record_of("next", LoggedRun(scenario_setup(scenario), run.log)), thinning)
+    return thinned(record_of(name, LoggedRun(scenario_setup(scenario), run.log)), thinning)

@@ -173,7 +173,7 @@ def told_elsewhere(*args: Any) -> list[Imitation]:
 def test_a_curve_is_told_from_the_way_travelled_by_a_run_that_can_be_done(
     gantry: FmuFile, late: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pneugantry.plants.gantry.next_experiment._measured", lambda *a: a[1])
+    monkeypatch.setattr("pneugantry.plants.gantry.next_experiment.simulated", lambda *a: a[1])
     monkeypatch.setattr("pneugantry.plants.gantry.next_experiment.expected", told_elsewhere)
     monkeypatch.setattr("pneugantry.plants.gantry.next_experiment.has_curves", lambda fit: True)
     made: Any = SimpleNamespace(
@@ -186,6 +186,7 @@ def test_a_curve_is_told_from_the_way_travelled_by_a_run_that_can_be_done(
     assert found is not None
     assert found["separates"] == [["curve/x"], ["unknown"]]
     assert found["evidence"] == 100.0
+    assert found["separation"] == 10.0
     assert "way travelled" in found["what"]
     assert json.dumps(found)
     scenario = scenario_from(tomllib.loads(found["scenario"]))
