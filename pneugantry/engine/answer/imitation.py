@@ -26,6 +26,7 @@ from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.catalogue import Form
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.signals.hats import hats
 from pneugantry.engine.signals.sensors import sensed
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.simulation import Cell
@@ -169,10 +170,10 @@ class _Curve:
             record, rows = cell[1], self.columns[cell].shape[1]
             if variable == "time":
                 at = np.linspace(0.0, count - 1.0, rows)
-                return {(record, k): h for k, h in enumerate(_hats(at, count))}
+                return {(record, k): h for k, h in enumerate(hats(at, count).T)}
             at, nodes = (places[record], count) if not variable else (ways[record], longest + 1)
             at = np.interp(np.linspace(0.0, 1.0, rows), np.linspace(0.0, 1.0, len(at)), at)
-            return {("", k): h for k, h in enumerate(_hats(at, nodes))}
+            return {("", k): h for k, h in enumerate(hats(at, nodes).T)}
 
         own, price = self._evidence({c: over("", c) for c in self.cells})
         doubt, found = self.fitter.rules.doubt, dict[str, float]()
@@ -278,9 +279,3 @@ def _travelled(place: Array) -> Array:
     """Way (rows,) along the curve, in nodes."""
     steps = np.abs(np.diff(_averaged(np.pad(place, SMOOTH, "edge"))[SMOOTH:-SMOOTH]))
     return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _hats(at: Array, nodes: int) -> Array:
-    """Linear hat functions (nodes, rows) of nodes at 0, 1, ... at some places (rows,)."""
-    inside = np.clip(at, 0.0, nodes - 1.0)
-    return np.maximum(0.0, 1.0 - np.abs(inside - np.arange(nodes)[:, None]))

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from pneugantry.engine.plant import Array
+from pneugantry.engine.signals.hats import hats
 
 __all__ = [
     "JUMP",
@@ -69,9 +70,7 @@ class Knots:
 
     def hats(self, values: Array) -> Array:
         """Weights (rows, COUNT) of the values at the knots."""
-        step = self.at[1] - self.at[0]
-        place = np.clip((values - self.at[0]) / step, 0.0, len(self.at) - 1.0)
-        return np.asarray(np.maximum(1 - np.abs(place[:, None] - np.arange(len(self.at))), 0.0))
+        return hats((values - self.at[0]) / (self.at[1] - self.at[0]), len(self.at))
 
     def shapes(self, values: Array) -> Array:
         hats = self.hats(values)

@@ -69,14 +69,14 @@ def _experiments(campaign: Campaign, plant: Plant, rules: Rules) -> Iterator[Exp
     """
     yield from _varied(campaign, rules)
     fmu = FmuFile.read(build_fmu().path)
-    for what, scenario in candidates(campaign):
-        tracks = what.startswith("track")
-        if tracks and (scenario.f_nd < FIRM or scenario.workpiece == "incline_16"):
+    for candidate in candidates(campaign):
+        scenario = candidate.scenario
+        if candidate.tracks and (scenario.f_nd < FIRM or scenario.workpiece == "incline_16"):
             continue  # a firmer or steeper one tells more
-        record = _run(what, scenario, fmu, plant, rules)
+        record = _run(candidate.what, scenario, fmu, plant, rules)
         if record is not None:
             text = scenario_text(replace(scenario, sensors=SensorParams()))
-            yield Experiment(what, record, text)
+            yield Experiment(candidate.what, record, text)
 
 
 def _run(what: str, scenario: Scenario, fmu: FmuFile, plant: Plant, rules: Rules) -> Record | None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ from pyfmi_runner.scenario import Scenario, scenario_text, short_phases
 from pyfmi_runner.sensors import SensorParams
 
 __all__ = [
+    "Candidate",
     "Rival",
     "candidates",
     "for_a_curve",
@@ -52,6 +53,15 @@ THINNING = 2  # rows of an experiment that are averaged into one
 UNLIKELY = 0.02  # probability of a hypothesis up to which no experiment is spent on it
 TELLING = 1.2  # separation below which an experiment is not worth its time
 DECISIVE = 30.0  # expected -2 log evidence from which on one tells a curve from what imitates it
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An experiment that the rig can do."""
+
+    what: str  # in words
+    scenario: Scenario
+    tracks: bool = False  # an edge
 
 
 def proposed(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) -> Answer | None:
@@ -85,19 +95,19 @@ def next_experiment(
     if len(pair) < 2:
         return None
     values = [fitted for _, fitted in pair]
-    best: tuple[float, str, Scenario] | None = None
-    for what, scenario in candidates(campaign):
-        separation = _separation(task, fmu, scenario, values)
+    best: tuple[float, Candidate] | None = None
+    for candidate in candidates(campaign):
+        separation = _separation(task, fmu, candidate.scenario, values)
         if separation is not None and (best is None or separation > best[0]):
-            best = separation, what, scenario
+            best = separation, candidate
     if best is None or best[0] < TELLING:
         return None
-    separation, what, scenario = best
+    separation, chosen = best
     names = " and ".join(" + ".join(keys) or "no effect" for keys, _ in pair)
     return {
-        "what": f"{what}: {names} then differ by {separation:.2g} times the sensors' noise (RMS "
-        f"over all channels)",
-        "scenario": scenario_text(replace(scenario, sensors=SensorParams())),
+        "what": f"{chosen.what}: {names} then differ by {separation:.2g} times the sensors' "
+        "noise (RMS over all channels)",
+        "scenario": scenario_text(replace(chosen.scenario, sensors=SensorParams())),
         "separates": [list(keys) for keys, _ in pair],
         "separation": separation,
     }
@@ -112,11 +122,11 @@ def for_a_curve(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) ->
     if not has_curves(fit):
         return None
     plant = dict(augmented_of(fmu, found.values).plant)
-    best: tuple[int, float, str, Scenario, Imitation] | None = None
-    for what, scenario in candidates(campaign):
-        if not what.startswith("track") or scenario.f_nd != own:
+    best: tuple[int, float, Candidate, Imitation] | None = None
+    for candidate in candidates(campaign):
+        if not candidate.tracks or candidate.scenario.f_nd != own:
             continue
-        noisy = replace(scenario, sensors=SensorParams(), plant=plant)
+        noisy = replace(candidate.scenario, sensors=SensorParams(), plant=plant)
         record = simulated("next", noisy, fmu, rules.thinning)
         if record is None:
             continue
@@ -126,14 +136,14 @@ def for_a_curve(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) ->
             continue
         least = min(told, key=lambda i: i.behind, default=None)
         if least and (best is None or (len(told), least.behind) > best[:2]):
-            best = len(told), least.behind, what, scenario, least
+            best = len(told), least.behind, candidate, least
     if best is None or best[1] < DECISIVE:
         return None
-    _, evidence, what, scenario, least = best
+    _, evidence, chosen, least = best
     return {
-        "what": f"{what}: {least.key} is then told from a curve over the {least.variable} by "
-        f"{evidence:.0f} of -2 log evidence",
-        "scenario": scenario_text(replace(scenario, sensors=SensorParams())),
+        "what": f"{chosen.what}: {least.key} is then told from a curve over the "
+        f"{least.variable} by {evidence:.0f} of -2 log evidence",
+        "scenario": scenario_text(replace(chosen.scenario, sensors=SensorParams())),
         "separates": [[least.key], [UNKNOWN]],
         "separation": math.sqrt(evidence),
         "evidence": evidence,
@@ -147,56 +157,42 @@ def rivals(decision: Decision) -> list[Rival]:
     return [(a.keys, a.fit.values(None)) for a in known[:2] if a.fit is not None]
 
 
-def candidates(campaign: Campaign) -> Iterator[tuple[str, Scenario]]:
-    """Experiments in words and as scenarios, with the controller and gains of the campaign's own
-    closed-loop logs.
-    """
-    base = _base(campaign)
+def candidates(campaign: Campaign) -> Iterator[Candidate]:
+    """With the controller and gains of the campaign's own closed-loop logs."""
+    base = replace(_base(campaign), name="next")
     for workpiece in ("straight", "incline_16", "incline_30", "curved"):
-        phases = short_phases(workpiece)
+        edge = replace(base, workpiece=workpiece, standoff=None, phases=short_phases(workpiece))
         for force, speed in ((base.f_nd, base.v_td), (60.0, -0.06), (12.0, -0.03)):
             what = f"track the {workpiece} edge with {force:g} N at {abs(1e3 * speed):g} mm/s"
-            yield (
-                what,
-                replace(
-                    base,
-                    name="next",
-                    workpiece=workpiece,
-                    standoff=None,
-                    f_nd=force,
-                    v_td=speed,
-                    phases=phases,
-                ),
-            )
-    elsewhere = replace(base, name="next", workpiece="straight", standoff=None)
-    yield (
-        f"track the straight edge from x = {ELSEWHERE:g} m with {base.f_nd:g} N",
-        replace(elsewhere, start_x=ELSEWHERE, phases=short_phases("straight")),
-    )
+            yield Candidate(what, replace(edge, f_nd=force, v_td=speed), tracks=True)
+        if workpiece == "straight":
+            what = f"track the straight edge from x = {ELSEWHERE:g} m with {base.f_nd:g} N"
+            yield Candidate(what, replace(edge, start_x=ELSEWHERE), tracks=True)
+    yield from _open_loop(base)
+
+
+def _open_loop(base: Scenario) -> Iterator[Candidate]:
+    """Steps of the commands, with the pistons clamped and without a workpiece."""
     phases = {
         "approach": (0.0, OPEN),
         "contact": (OPEN, OPEN + 0.01),
         "contour": (OPEN + 0.01, OPEN + 0.02),
-    }  # open loop
+    }
     for u_x, u_z in ((0.9, 1.1), (1.2, 1.4), (2.0, 2.0)):
         step = replace(
-            base,
-            name="next",
-            workpiece="straight",
-            phases=phases,
-            approach_u_x=u_x,
-            approach_u_z=u_z,
+            base, workpiece="straight", phases=phases, approach_u_x=u_x, approach_u_z=u_z
         )
-        what = (
+        held = replace(step, clamped=("x", "z"), start_x=0.5, start_z=0.05, standoff=0.09)
+        yield Candidate(
             f"with both pistons clamped, step the commands from 0 to {u_x:g} V (x) and "
-            f"{u_z:g} V (z) for {OPEN:g} s"
+            f"{u_z:g} V (z) for {OPEN:g} s",
+            held,
         )
-        yield what, replace(step, clamped=("x", "z"), start_x=0.5, start_z=0.05, standoff=0.09)
-        what = (
+        yield Candidate(
             f"without a workpiece, let both axes run free at {u_x:g} V (x) and {u_z:g} V (z) "
-            f"for {OPEN:g} s"
+            f"for {OPEN:g} s",
+            replace(step, clamped=(), standoff=STROKE_Z),
         )
-        yield what, replace(step, clamped=(), standoff=STROKE_Z)
 
 
 def _base(campaign: Campaign) -> Scenario:

@@ -2,7 +2,7 @@
 
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 
 from modelica_fmu.compiled import CompiledModel, Variable
 from modelica_fmu.package import package_fmu
@@ -93,4 +93,10 @@ STUB = CompiledModel(
 @cache
 def stub_fmu(fmi: str) -> Path:
     """The stub's FMU, built once a test run."""
-    return package_fmu(STUB, fmi, Path(mkdtemp(prefix="stub-fmu-")) / "Stub.fmu")
+    return package_fmu(STUB, fmi, Path(_folder().name) / fmi / "Stub.fmu")
+
+
+@cache
+def _folder() -> TemporaryDirectory[str]:
+    """Where it is built: removed when the process ends."""
+    return TemporaryDirectory(prefix="stub-fmu-")
