@@ -60,6 +60,8 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     path = write_calibration(options.plant, found, options.seed, options.catalogue)
     print(f"{found.rigs} rigs; mean log probability of the truth, each rig unseen by its weights:")
     print(f"  before {found.before:.3f}, calibrated {found.score:.3f}")
+    if found.score <= found.before:
+        print("  no better than before: these rigs do not tell, more would")
     print("claim     probability  share right  claims")
     for b in found.reliability:
         print(f"{b.what:<9} {b.said:11.2f} {b.right:12.2f} {b.claims:7d}")

@@ -224,7 +224,8 @@ def print_diagnosis(found: dict[str, Any]) -> None:
         print(f"cause: {cause_name(cause):<22} probability {chance(cause['probability'])}")
         for parameter, entry in cause["parameters"].items():
             value, low, high = interval(entry["value"], *entry["ci95"])
-            print(f"         {parameter} = {value} {entry['unit']}, 95 % from {low} to {high}")
+            unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
+            print(f"         {parameter} = {value}{unit}, 95 % from {low} to {high}")
     if found["answer_set"]:
         answers = (" + ".join(keys) or "no effect" for keys in found["answer_set"])
         print("answer set (95 %): " + "; or ".join(answers))

@@ -27,6 +27,7 @@ then on. A signal that no log has is left out; the others' views then reach furt
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -37,7 +38,7 @@ from pneugantry.engine.planning.plan import Case
 from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.converter import converted
-from pneugantry.engine.signals.records import Logs, free, signals_of, variables_of
+from pneugantry.engine.signals.records import Logs, free, quantity, signals_of, variables_of
 from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.views.cuts import sharp_views
 from pneugantry.engine.views.foreign import ForeignFmu, ForeignPlant, foreign_views
@@ -106,8 +107,8 @@ def described(
     signals, read = converted(signals, (*records, *held))
     records, held = read[: len(records)], read[len(records) :]
     said += [
-        f"{s.name} is read on a grid of {_quantity(s.step, s.unit)}: its noise counts as "
-        f"{_quantity(s.sigma, s.unit)}"
+        f"{s.name} is read on a grid of {quantity(s.step, s.unit)}: its noise counts as "
+        f"{quantity(s.sigma, s.unit)}"
         for s in signals
         if s.step
     ]
@@ -252,10 +253,6 @@ def _wired(fmu: ForeignFmu, inputs: Sequence[str], signals: Mapping[str, str]) -
     return replace(fmu, inputs=sources, outputs=made)
 
 
-def _quantity(value: float, unit: str) -> str:
-    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
-
-
 def _check_names(top: Fields, signals: Sequence[Signal], source: _Model) -> None:
     """Refuses what the model lacks or does not let be set. Inputs and outputs of [[fmu]] tables may
     have other names than the plant's.
@@ -271,14 +268,15 @@ def _check_names(top: Fields, signals: Sequence[Signal], source: _Model) -> None
         named += [(f"outputs.{s.name}", s.variable) for s in signals]
     for field, name in named:
         if name not in source.variables and not name.startswith(PREFIX):
-            hint = f"see modelDescription.xml of {source.what}"
+            near = difflib.get_close_matches(name, source.variables, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"name a variable of {source.what}"
             top.refuse(field, "no such variable in the model", hint)
 
 
 def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) -> Plant:
     assert top.file is not None
     nuisances = [
-        Nuisance(p, s, relative=True, scales=True) for p, s in top.numbers("tolerance").items()
+        Nuisance(p, s, relative=True, scales=True) for p, s in _shares(top, "tolerance").items()
     ]
     nuisances += [Nuisance(p, s, per_record=True) for p, s in top.numbers("per_log").items()]
     for s in signals:
@@ -299,6 +297,16 @@ def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) 
     if not source.fmus:
         return plant
     return _of_fmus(top, source, plant)
+
+
+def _shares(top: Fields, key: str) -> dict[str, float]:
+    """A table of shares of values."""
+    found = top.numbers(key)
+    for name, share in found.items():
+        if not 0 <= share <= 1:
+            hint = "give a share of the value: 0.02 for 2 %"
+            top.refuse(f"{key}.{name}", f"is {share:g}, expected 0..1", hint)
+    return found
 
 
 def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:

@@ -54,3 +54,8 @@ class Rules:
     effort: float = 2500.0  # of a view over all records, spent on what nothing predicts (0149)
     rounds: int = 6  # steps of the search, at most
     block: float = 0.5  # s of a record that are drawn together in a bootstrap
+    stretches: int = 8  # of a record, at least: fewer tell no scatter between them (0162)
+
+    def stretch(self, period: float, rows: int) -> int:
+        """Rows that are drawn together of a record of so many, `period` s apart."""
+        return max(4, min(round(self.block / period), rows // self.stretches))

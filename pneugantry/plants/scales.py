@@ -1,4 +1,6 @@
-"""Readings in another unit than the model's: what no effect explains may be in millimetres."""
+"""Readings in another unit than the model's, or of the other sign: what no effect explains may be
+in millimetres, or turned round.
+"""
 
 from __future__ import annotations
 
@@ -45,21 +47,20 @@ def _doubtful(found: Found) -> Iterator[str]:
             continue
         for k, name in enumerate(nominal.signals):
             ratio = _ratio(nominal, k)
+            read = f"{record.name}: {name} reads {ratio:.3g} times what the model tells"
+            if ratio < 0:
+                yield f"{read}: check the sign of it and of the inputs (scale = -1 turns one round)"
             for factor, unit in FACTORS.items():
-                if ratio and abs(math.log(ratio / factor)) < math.log(NEAR):
-                    yield (
-                        f"{record.name}: {name} reads {ratio:.3g} times what the model tells, as "
-                        f"{unit} would: check its unit (`recorded` under [outputs])"
-                    )
+                if ratio > 0 and abs(math.log(ratio / factor)) < math.log(NEAR):
+                    yield f"{read}, as {unit} would: check its unit (`recorded` under [outputs])"
 
 
 def _ratio(nominal: Replay, k: int) -> float:
-    """Standard deviation of what a signal reads over that of what the model tells; 0 where the two
-    are not alike.
+    """Standard deviation of what a signal reads over that of what the model tells, with the sign of
+    their correlation; 0 where the two are not alike.
     """
     rows = ~np.isnan(nominal.residuals[:, k])
     read, told = nominal.measured[rows, k], nominal.simulated[rows, k]
     sizes = float(np.std(read)), float(np.std(told))
-    if min(sizes) == 0.0 or np.corrcoef(read, told)[0, 1] < ALIKE:
-        return 0.0
-    return sizes[0] / sizes[1]
+    alike = float(np.corrcoef(read, told)[0, 1]) if min(sizes) > 0.0 else 0.0
+    return math.copysign(sizes[0] / sizes[1], alike) if abs(alike) >= ALIKE else 0.0

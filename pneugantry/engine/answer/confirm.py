@@ -204,25 +204,26 @@ def gap_of(
     """The gap before and after. period: s, between rows. floor: RMS over signals of the noise in
     units of the quoted one (`noise_levels`). others: the record under `draws` of the values.
     """
-    found = _gap_of(nominal, augmented, rules, period, floor, others)
+    length = rules.stretch(period, len(nominal.squares))
+    found = _gap_of(nominal, augmented, length, period, floor, others)
     if found.parted is None:
         return found
     first, second, *rest = (r and r.until(found.parted) for r in (nominal, augmented, *others))
     assert first is not None
     assert second is not None
-    early = _gap_of(first, second, rules, period, floor, rest)
+    early = _gap_of(first, second, length, period, floor, rest)
     return replace(found, early=replace(early, parted=None))
 
 
 def _gap_of(
     nominal: Replay,
     augmented: Replay,
-    rules: Rules,
+    length: int,
     period: float,
     floor: float,
     others: Sequence[Replay | None],
 ) -> Gap:
-    length = max(1, round(rules.block / period))
+    """length: rows that are drawn together."""
     before, after = nominal.squares, augmented.squares
     told = [r.gap for r in others if r is not None]
     ends = np.quantile(told, (0.05, 0.95)) if told else None
@@ -294,7 +295,7 @@ def noise_levels(plant: Plant, record: Record, rules: Rules) -> dict[str, float]
     hardly show the motion, in the middle one of all stretches. Not less than a sensor may have, nor
     more than noise can be; with what even a right model leaves.
     """
-    length = max(16, round(rules.block / record.period))
+    length = max(16, rules.stretch(record.period, record.rows))
     found = {}
     for s in plant.signals:
         if s.name not in record.signals or s.sigma <= 0:

@@ -139,10 +139,11 @@ class CellNoise:
         return np.array([p.sum() for p in parts])
 
     def pieces(self, cell: Cell, rows: int) -> int:
-        """Stretches into which so many rows of a cell are parted, `Rules.block` long."""
+        """Stretches into which so many rows of a cell are parted: `Rules.block` long, shorter ones
+        where a record lasts for few of these.
+        """
         view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
-        length = max(4, round(self.rules.block / (record.period * view.decimation)))
-        return max(1, rows // length)
+        return max(1, rows // self.rules.stretch(record.period * view.decimation, rows))
 
     def loudness(self, of_views: Sequence[Residuals]) -> float:
         """How much noisier the rig's sensors are than quoted: that of most of them. A coarse

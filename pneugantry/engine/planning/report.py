@@ -56,10 +56,11 @@ def _ordered(found: Sequence[Sight]) -> list[Sight]:
 
 def _cells(plan: Plan, s: Sight) -> tuple[str, ...]:
     size = plan.sizes[s.effect]
-    seen = f"{s.smallest * size.usual:.2g} {size.unit}" if s.sigma > 0 else "never"
+    unit = "" if size.unit == "1" else f" {size.unit}"
+    seen = f"{s.smallest * size.usual:.2g}{unit}" if s.sigma > 0 else "never"
     share = f"{100 * s.smallest:.2g} %" if s.sigma > 0 else "-"
     rival = s.rival if s.rival is not None and s.own_share < 0.9 else ""
-    usual = f"{size.usual:.3g} {size.unit}"
+    usual = f"{size.usual:.3g}{unit}"
     return (s.effect, usual, seen, share, f"{s.sigma:.3g}", f"{s.told:.3g}", rival or "-")
 
 

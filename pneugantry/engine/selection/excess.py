@@ -109,7 +109,7 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors, level: float | None = No
     own = {ch: [w for (other, _), w in white.items() if other == ch] for ch, _ in white}
     bulk = {ch: spread(rows) for ch, rows in own.items()}
     erring = _erring(fitter)
-    level = level or _level(bulk, erring)
+    level = level or _level(bulk, erring, fitter.rules.quietest)
     sizes: dict[tuple[Channel, str], Array] = {}
     for (channel, record), rows in white.items():
         told = _sizes(rows, fitter.noise.pieces((channel[0], record), len(rows)))
@@ -138,13 +138,13 @@ def _erring(fitter: Fitter) -> set[Channel]:
     }
 
 
-def _level(bulk: Mapping[Channel, float], erring: set[Channel]) -> float:
-    """Of the sensors, as most channels have it; one that errs says nothing of it, and must not
-    stand out because the others are quiet.
+def _level(bulk: Mapping[Channel, float], erring: set[Channel], quietest: float) -> float:
+    """Of the sensors, as most channels have it, but no quieter than sensors are taken to be; one
+    that errs says nothing of it, and must not stand out because the others are quiet.
     """
     told = [size for channel, size in bulk.items() if channel not in erring]
     level = min(float(np.median(told)), NOISIEST) if told else 1.0
-    return max(level, 1.0) if erring else level
+    return max(level, 1.0 if erring else quietest)
 
 
 def _sizes(rows: Array, stretches: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,17 @@ from pneugantry.engine.signals.tables import (
 )
 from pyfmi_runner.scenario import Fields
 
-__all__ = ["Logs", "free", "signals_of", "variables_of"]
+__all__ = ["Logs", "free", "quantity", "signals_of", "variables_of"]
 
 COLUMN_KEYS = ("column", "unit", "recorded", "scale", "offset")
 OUTPUT_KEYS = ("sigma", "error", "lasting", "variable")
+MISSPELT = 0.5  # likeness from which on an unused column may be the one that is missing
 Source = Column | float
+
+
+def quantity(value: float, unit: str) -> str:
+    """A value as it is read, without a unit of 1."""
+    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
 
 
 def variables_of(top: Fields) -> dict[str, str]:
@@ -51,6 +58,7 @@ class Logs:
         self.skip = own.number("skip", 0.0, 0.0)
         self.period: float | None = own.number("period", None, FINEST, COARSEST)
         self.time: Column | None = None
+        self.unused: set[str] = set()  # columns of logs that nothing names
         if "time" in own:
             given = own.table["time"]
             named = isinstance(given, str)
@@ -94,6 +102,7 @@ class Logs:
         file = Path(self.top.file).parent / entry.table["file"]
         held = {f"input {n}" for n in driving}
         table = read_columns(file, wanted, set(self.signals), self.time, self.period, held)
+        self.unused |= table.unused
         rows = _rows(table.columns, file)
         inputs = {
             n: table.columns[f"input {n}"] if n in driving else np.full(rows, s)
@@ -129,14 +138,21 @@ def signals_of(logs: Logs, records: Sequence[Record]) -> tuple[list[Signal], lis
     for name, column in logs.signals.items():
         measured = [r.signals[name] for r in records if name in r.signals]
         if not measured:
-            notes.append(f"no log has a column {column.name!r}: {name} is taken as not measured")
+            near = difflib.get_close_matches(column.name, sorted(logs.unused), 1, MISSPELT)
+            if near:
+                hint = f"did you mean {near[0]!r}? else take {name} out"
+                outputs.refuse(name, f"no log has a column {column.name!r}", hint)
+            rest = f" (not read: {', '.join(sorted(logs.unused))})" if logs.unused else ""
+            notes.append(
+                f"no log has a column {column.name!r}{rest}: {name} is taken as not measured"
+            )
             continue
         entry = outputs.sub(name, (*COLUMN_KEYS, *OUTPUT_KEYS))
         unit = entry.of_type("unit", str, "1")
         sigma = entry.number("sigma", None)
         if sigma is None:
             sigma = noise_of(measured)
-            notes.append(f"noise of {name} estimated from the logs: {sigma:.3g} {unit}")
+            notes.append(f"noise of {name} estimated from the logs: {quantity(sigma, unit)}")
         if sigma <= 0:
             hint = "give the RMS of the sensor's noise"
             entry.refuse("sigma", f"must be > 0, got {sigma:g}", hint)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ __all__ = ["Column", "Table", "factor", "noise_of", "read_columns"]
 
 EVEN = 1e-3  # of a period: stamps within it, and the rate too, need no resampling
 FINEST, COARSEST = 1e-5, 10.0  # s, periods that a description may name
+FARTHEST = 100.0  # times the period from which on stamps are in another unit
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Table:
     period: float  # s
     columns: Mapping[str, Array]  # by the description's names
     notes: tuple[str, ...]
+    unused: frozenset[str] = frozenset()  # columns of the file that the description does not name
 
 
 def factor(recorded: str, wanted: str) -> float | None:
@@ -80,9 +82,12 @@ def read_columns(
     }
     if time is None and period is None and "time" in table.columns:
         time = Column("time")
+    named = {c.name for c in wanted.values()} | ({time.name} if time else set())
+    unused = frozenset(map(str, table.columns)) - named
     if time is None:
-        return Table(period or 1e-3, found, ())
-    return _evened(found, _values(table, time, file), period, held, file)
+        return Table(period or 1e-3, found, (), unused)
+    made = _evened(found, _values(table, time, file), period, held, file)
+    return replace(made, unused=unused)
 
 
 def _evened(
@@ -97,9 +102,12 @@ def _evened(
     steps = np.diff(stamps)
     typical = float(np.median(steps))
     grid = period or float(f"{typical:.4g}")
+    hint = 'give the stamps\' unit, as in time = { column = "t", recorded = "ms" }'
     if not FINEST <= grid <= COARSEST:
-        hint = 'give the stamps\' unit, as in time = { column = "t", recorded = "ms" }'
         raise InputError(f"rows are {grid:g} s apart", file=file, field="time", hint=hint)
+    if typical > FARTHEST * grid:
+        told = f"rows are {typical:g} s apart, the period is {grid:g} s"
+        raise InputError(told, file=file, field="time", hint=f"{hint}, or correct period")
     mean = float(stamps[-1] - stamps[0]) / len(steps)
     if np.max(np.abs(steps / grid - 1)) <= EVEN and abs(mean / grid - 1) <= EVEN:
         return Table(grid, columns, ())

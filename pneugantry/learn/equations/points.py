@@ -11,7 +11,6 @@ import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +59,9 @@ class Point:
     equation: EquationText
     sensor: bool = False  # whether it says what a sensor reads
     shared: Shared | None = None  # by the first component and others
-    declared: Declared | None = None  # its component, where that is one of the plant's own class
+    declared: Declared | None = None  # its component, where a class of the file declares it
+    fed: tuple[tuple[str, str], ...] = ()  # measured states that the class that declares its
+    # component has and the component has not: in the whole plant, and as that class calls them
 
     @property
     def name(self) -> str:
@@ -84,6 +85,10 @@ class Point:
             return (self,)
         named = zip(self.shared.components, self.shared.declared, strict=True)
         return tuple(replace(self, component=c, shared=None, declared=d) for c, d in named)
+
+    def given(self, variable: str) -> str:
+        """What it is fed of the whole plant, as the class that declares its component calls it."""
+        return dict(self.fed)[variable]
 
     @property
     def scope(self) -> str:
@@ -188,22 +193,6 @@ class Opened:
             return self.plant.blocks[max(paths, key=len)]
         readers = self.readers(point)
         return path or (readers[0].blocks[0] if readers else self.plant.name)
-
-    def fed(self, point: Point) -> list[str]:
-        """Measured states that the plant's own class can give to a point's component, which has
-        them not.
-        """
-        return self._fed.get(point, [])
-
-    @cached_property
-    def _fed(self) -> dict[Point, list[str]]:
-        """By point: a screen asks for each again and again."""
-        measured = [s.variable for s in self.plant.signals if "[" not in s.variable]
-        found = {}
-        for point in (p for p in self.points if p.declared is not None):
-            lacked = self.shape.states - {self.shape.roots[n] for n in self.variables(point)}
-            found[point] = [n for n in measured if self.shape.roots[n] in lacked]
-        return found
 
     def quiet(self, record: Record) -> Record:
         """A record whose addends are 0."""
@@ -315,17 +304,38 @@ def _points(plant: Plant, shape: Structure) -> list[Point]:
     equations = equations_of(plant.model)
     read = {s.variable for s in plant.signals}
     components = components_of(plant.model, plant.class_name)
-    declared = declared_in(plant.model, plant.class_name, components)
+    declared = declared_in(plant.model, components)
     found = []
     for component, classes in components.items():
         for e in equations:
             if e.of_class not in classes:
                 continue
             if _computes(e, component, shape):
-                found.append(Point(component, e, declared=declared.get(component)))
+                place = declared.get(component)
+                fed = _fed(plant, shape, component) if place else ()
+                found.append(Point(component, e, declared=place, fed=fed))
             elif not component and e.left in read and named_again(e):
                 found.append(Point(component, e, sensor=True))
     return found
+
+
+def _fed(plant: Plant, shape: Structure, component: str) -> tuple[tuple[str, str], ...]:
+    """Measured states that a component lacks and the class that declares it can give to it."""
+    path = component.rpartition(".")[0]
+    around, own = _roots_of(shape, path), _roots_of(shape, component)
+    if not path:
+        around |= {shape.roots[s.variable]: s.variable for s in plant.signals}
+    lacked = [s.variable for s in plant.signals if "[" not in s.variable]
+    lacked = [n for n in lacked if shape.roots[n] in shape.states - own.keys()]
+    return tuple((n, around[shape.roots[n]]) for n in lacked if shape.roots[n] in around)
+
+
+def _roots_of(shape: Structure, path: str) -> dict[str, str]:
+    """Variables of a component, as its class calls them, by their root."""
+    prefix = f"{path}." if path else ""
+    own = [n for n in shape.roots if n.startswith(prefix) and n in shape.numbers]
+    names = {n: n.removeprefix(prefix) for n in sorted(own)}
+    return {shape.roots[n]: name for n, name in names.items() if not set(".[") & set(name)}
 
 
 def _shared(plant: Plant, points: Sequence[Point]) -> list[Point]:
@@ -336,7 +346,7 @@ def _shared(plant: Plant, points: Sequence[Point]) -> list[Point]:
         return []
     same: dict[EquationText, list[Point]] = {}
     for point in points:
-        if point.declared is not None:
+        if point.declared is not None and "." not in point.component:
             same.setdefault(point.equation, []).append(point)
     found = []
     for members in (m for m in same.values() if len(m) > 1):

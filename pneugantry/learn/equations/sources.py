@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -137,24 +137,38 @@ def components_of(model: Path, class_name: str) -> dict[str, list[ClassPath]]:
     return found
 
 
-def declared_in(model: Path, class_name: str, components: Collection[str]) -> dict[str, Declared]:
-    """Where those of a class's own components that are declared one by one may be modified."""
+def declared_in(
+    model: Path, components: Mapping[str, Collection[ClassPath]]
+) -> dict[str, Declared]:
+    """Where those components may be modified that a class declares one by one, by path.
+    components: all of a class, as of `components_of`.
+    """
     text = model.read_text(encoding="utf-8")
-    known = dict(_classes(parse(text, model)[1], ()))
-    made = known.get(tuple(class_name.split(".")))
-    if made is None:
-        return {}
+    known, words = dict(_classes(parse(text, model)[1], ())), _words(text)
+    found: dict[str, Declared] = {}
+    for path, classes in components.items():
+        own = {c.rpartition(".")[2]: c for c in components if c and c.rpartition(".")[0] == path}
+        for of_class in classes if own else ():
+            made = _declarations(known[of_class], own, words)
+            found |= {own[name]: place for name, place in made.items()}
+    return found
+
+
+def _declarations(
+    made: ClassDef, names: Collection[str], words: Sequence[_Word]
+) -> dict[str, Declared]:
+    """Of a class's own components, by name."""
     own = {e.name for e in made.elements if isinstance(e, Component) and not e.dims}
-    words = [w for w in _words(text) if made.place.line <= w.line <= made.end_line]
+    inside = (w for w in words if made.place.line <= w.line <= made.end_line)
     found: dict[str, Declared] = {}
     depth = 0
-    for word, behind in pairwise(words):
+    for word, behind in pairwise(inside):
         if word.text == "equation":
             break
         depth += (word.text in "([{") - (word.text in ")]}")
         follows = behind.kind == "string" or behind.text in ("(", ";", ",")
         named = depth == 0 and word.text in own and follows
-        if named and word.text in components and word.text not in found:
+        if named and word.text in names and word.text not in found:
             alone = behind.text != "("
             at = word.at + len(word.text) if alone else behind.at + 1
             found[word.text] = Declared(at, alone)

@@ -34,7 +34,7 @@ class Regressor:
     width: float = 0.0  # of the speed, over which its smooth sign changes
     travelled: bool = False  # the integral of the variable's magnitude
     times: str = ""  # within the class, too
-    fed: bool = False  # a measured state that the plant's own class gives to the component
+    fed: bool = False  # a measured state that the class around the component gives to it
 
     @property
     def outside(self) -> bool:
@@ -89,7 +89,7 @@ def regressors_of(
     travelled, each against each speed of its component as well, of what the plant can give them,
     and of time. values: parameters by record.
     """
-    fed = {n for point in wanted for n in opened.fed(point)}
+    fed = {n for point in wanted for n, _ in point.fed}
     names = sorted({n for own in wanted.values() for n in own} | fed)
     made = opened.series(names, records, values) if names else {}
     found: dict[Regressor, dict[str, Array]] = {}

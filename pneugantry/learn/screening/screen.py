@@ -291,9 +291,7 @@ class Screening:
         """Whether a term of an equation may be a function of a variable: not where what the
         equation lacks decides it, or what it is times.
         """
-        if not regressor.within(point) or (
-            regressor.fed and regressor.name not in self.opened.fed(point)
-        ):
+        if not regressor.within(point) or (regressor.fed and regressor.name not in dict(point.fed)):
             return False
         own = ("" if regressor.outside else regressor.name, regressor.times, regressor.speed)
         return not any(self.opened.decides(point, point.scope_prefix + n) for n in own if n)

@@ -130,12 +130,13 @@ class Term:
         return Addition(f"{block}\n  {kind} {name};", self._added(), self._fed(), bound)
 
     def _bound(self, values: Sequence[float]) -> tuple[tuple[int, str], ...]:
-        """What the plant's own class binds: parameters that all members have, declared there; a
-        variable that it gives to the component.
+        """What is bound outside of the component: by the plant's own class parameters that all
+        members have, declared there; by the class around it a variable that it gives to it.
         """
         shared, own = self.point.shared, [f"{self._owner}p{k + 1}" for k in range(len(values))]
         if self.regressor.fed and self.point.declared is not None:
-            return (self.point.declared.with_modifier(f"{self.point.name}(z = {self.variable})"),)
+            given = f"{self.point.name}(z = {self.point.given(self.variable)})"
+            return (self.point.declared.with_modifier(given),)
         if shared is None:
             return ()
         declared = "".join(

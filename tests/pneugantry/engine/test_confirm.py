@@ -128,6 +128,17 @@ def test_a_gap_shrinks_by_the_squares_above_the_floor() -> None:
     assert gap_of(made(4 * noise), made(9 * noise), RULES, 1e-3).shrink < 0
 
 
+def test_a_short_record_has_stretches_as_a_long_one_has() -> None:
+    """Half a second is nothing particular: what is drawn together depends on the record, too."""
+    assert RULES.stretch(1e-3, 10_000) == 500
+    assert RULES.stretch(2e-5, 2000) == 250
+    assert RULES.stretch(1.0, 400) == 4
+    noise = np.random.default_rng(2).standard_normal(2000) ** 2
+    for period in (1e-3, 2e-5):
+        low, high = gap_of(made(9 * noise), made(4 * noise[::-1]), RULES, period).ci95
+        assert high - low > 0.005
+
+
 def test_a_replay_that_leaves_the_record_for_good_says_when() -> None:
     noise = np.random.default_rng(1).standard_normal(10000) ** 2
     for_good, for_a_while = noise.copy(), noise.copy()

@@ -250,6 +250,13 @@ def test_what_differs_from_log_to_log_is_a_nuisance_of_each(folder: Path, cache:
         ('u = "voltage"', 'w = "voltage"', r"inputs\.w: no such variable in the model"),
         ('u = "voltage"', 'u = "volts"', r"volts: no such column; did you mean 'voltage'"),
         ("K = 0.02", "k_t = 0.02", r"tolerance\.k_t: no such variable in the model"),
+        (
+            "m = 0.02",
+            "mm = 0.02",
+            r"tolerance\.mm: no such variable in the model; did you mean m\?",
+        ),
+        ("K = 0.02", "K = 2", r"tolerance\.K: is 2, expected 0\.\.1; give a share of the value"),
+        ('"V"', '"VV"', r"outputs\.speed: no log has a column 'VV'; did you mean 'V'\?"),
         ("K = 0.02", '"der(f)" = 0.02', r"tolerance\.der\(f\): cannot be set before the start"),
         ('unit = "N"', 'unit = "N"\nrecorded = "mm"', r"recorded: 'mm' is not known in 'N'"),
         ('variable = "f"', 'variable = "thrust"', r"outputs\.force: no such variable"),
@@ -263,6 +270,14 @@ def test_what_cannot_be_is_one_clear_line(
     assert old in BODY
     with pytest.raises(InputError, match=said):
         read(folder, FMU, cache, BODY.replace(old, new, 1), period=PERIOD)
+
+
+def test_stamps_in_another_unit_are_one_clear_line(
+    folder: Path, cache: Path, truth: dict[str, np.ndarray]
+) -> None:
+    pd.DataFrame({**truth, "t": 1e3 * truth["t"]}).to_csv(folder / "sweep.csv", index=False)
+    with pytest.raises(InputError, match=r"time: rows are 2 s apart, the period is 0\.002 s"):
+        read(folder, FMU, cache, time='"t"', period=PERIOD)
 
 
 @pytest.mark.parametrize(

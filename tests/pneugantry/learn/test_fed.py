@@ -139,8 +139,8 @@ def test_the_plant_gives_a_component_what_another_one_has(
 
 def test_what_a_component_has_itself_is_not_given_to_it(tmp_path: Path) -> None:
     _, apart = _opened(tmp_path)
-    assert apart.fed(_point(apart, "near")) == ["s"]
-    assert apart.fed(_point(apart, "slide")) == []
+    assert _point(apart, "near").fed == (("s", "s"),)
+    assert _point(apart, "slide").fed == ()
 
 
 def test_it_is_tried_alone_and_times_the_component_s_variables(tmp_path: Path) -> None:
@@ -152,6 +152,65 @@ def test_it_is_tried_alone_and_times_the_component_s_variables(tmp_path: Path) -
     assert found[s]["run"] == pytest.approx(np.sin(T), abs=1e-3)
     assert Regressor("near", "s", times="d", fed=True) in products_of(found)
     assert not any(r.times == "s" for r in products_of(found))
+
+
+NESTED = """
+package Nested
+  block Resistance
+    parameter Real level = 2;
+    input Real v;
+    output Real y;
+  equation
+    y = level*v;
+  end Resistance;
+  block Carriage
+    input Real p, v;
+    output Real F;
+    Resistance seal(level = 2);
+  equation
+    seal.v = v;
+    F = seal.y;
+  end Carriage;
+  model Plant
+    input Real u, w;
+    output Real s(start = 0, fixed = true);
+    output Real a, b;
+    Carriage near, far;
+  equation
+    der(s) = u;
+    near.p = s;
+    far.p = 0;
+    near.v = w;
+    far.v = w;
+    a = near.F;
+    b = far.F;
+  end Plant;
+end Nested;
+"""
+
+
+def test_a_part_of_a_component_is_given_what_that_has(tmp_path: Path) -> None:
+    """A seal's friction may grow with the pressure that acts on its carriage."""
+    model = tmp_path / "Nested.mo"
+    model.write_text(NESTED, encoding="utf-8")
+    signals = tuple(Signal(n, n, 1.0) for n in ("s", "a", "b"))
+    plant = Plant("nested", model, "Nested.Plant", ("u", "w"), signals, {}, (), {})
+    apart = opened(plant, build_views(plant, ["s", "a", "b"], tmp_path, PERIOD, Rules()), tmp_path)
+    point = _point(apart, "near.seal")
+    assert point.fed == (("s", "p"),)
+    assert _point(apart, "far.seal").fed == ()
+    assert not any("seal" in p.component for p in apart.shared)
+    linear = next(f for f in FORMS if f.name == "linear")
+    term = Term(point, Regressor("near.seal", "s", times="v", fed=True), linear, (0.7,), (1.0,), "")
+    made = with_term(plant, term, tmp_path)
+    assert "seal(missing_1(z = p), level = 2)" in made.model.read_text(encoding="utf-8")
+    (told,) = replays(made, _record(), [term.starts], tmp_path, skip=0.0)
+    assert told is not None
+    s, a, b = told.simulated.T
+    w = np.cos(3 * T)
+    assert np.ptp(s) > 0.1
+    assert a == pytest.approx((2 + 0.7 * s) * w, abs=5e-3)
+    assert b == pytest.approx(2 * w, abs=5e-3)
 
 
 def _log(folder: Path, name: str, seed: int) -> None:

@@ -283,6 +283,42 @@ def test_a_log_in_another_unit_is_told(
     assert note in capsys.readouterr().out
 
 
+def test_a_sign_that_is_turned_round_is_told(tmp_path: Path, cache: Path) -> None:
+    path = written(tmp_path / "cart")
+    for name in ("swings", "other"):
+        table = pd.read_csv(path.parent / f"{name}.csv")
+        table["speed"] *= -1
+        table.to_csv(path.parent / f"{name}.csv", index=False)
+    found = diagnose_described(path, cache=cache)
+    assert found.diagnosis.verdict == "unknown"
+    turned = [n for n in found.diagnosis.notes if "check the sign" in n]
+    assert len(turned) == 2
+    assert "v reads -1" in turned[0] or "v reads -0.9" in turned[0]
+
+
+def test_a_simulation_without_noise_is_sound(tmp_path: Path, cache: Path) -> None:
+    """What one tries first: the model's own motion, in closed form, as a log. One view is left to
+    the last digit, another one integrates between rows.
+    """
+    path = written(tmp_path / "cart")
+    text = path.read_text(encoding="utf-8")
+    more = '[outputs.s]\nsigma = 0.0005\nunit = "m"\n\n[tolerance]'
+    path.write_text(text.replace("[tolerance]", more), encoding="utf-8")
+    rate = 4 / 2
+    for name in ("swings", "other"):
+        force = pd.read_csv(path.parent / f"{name}.csv")["force"].to_numpy()
+        v, s = np.zeros(ROWS), np.zeros(ROWS)
+        for k in range(ROWS - 1):
+            end, fade = force[k] / 4, np.exp(-rate * PERIOD)
+            v[k + 1] = end + (v[k] - end) * fade
+            s[k + 1] = s[k] + end * PERIOD + (v[k] - end) * (1 - fade) / rate
+        table = pd.DataFrame({"force": force, "speed": v, "s": s})
+        table.to_csv(path.parent / f"{name}.csv", index=False)
+    found = diagnose_described(path, cache=cache)
+    assert found.diagnosis.verdict == "none"
+    assert found.diagnosis.probabilities["unknown"] < 0.05
+
+
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
