@@ -29,7 +29,14 @@ from pneugantry.learn.fitting.judge import Judge
 from pneugantry.learn.fitting.rivals import Rivals
 from pneugantry.learn.fitting.shaping import Shaping
 from pneugantry.learn.learned import Learned, Tried
-from pneugantry.learn.screening.candidates import WORTH, main, most, shaped, worth_fitting
+from pneugantry.learn.screening.candidates import (
+    WORTH,
+    elsewhere,
+    main,
+    most,
+    shaped,
+    worth_fitting,
+)
 from pneugantry.learn.screening.regressors import Regressor
 from pneugantry.learn.screening.screen import Candidate, Screen, Screening
 from pneugantry.learn.terms.calibrated import calibrated, read_by
@@ -196,7 +203,9 @@ class _Learning:
                 return tried
             likely = []
         least = WORTH * most(single)
-        singles = self._with_shapes(single, self._worth(single)[:FINALISTS])
+        worth = self._worth(single)
+        worth = [*worth[:FINALISTS], *elsewhere(single, worth, self.apart)]
+        singles = self._with_shapes(single, list(dict.fromkeys(worth)))
         own = self._with_shapes(products, [c for c in likely if c.gain > least])
         return [*tried, *self.shaping.fitted(fit, [*singles, *own])]
 

@@ -7,12 +7,14 @@ from collections.abc import Sequence
 from pneugantry.engine.rules import Rules
 from pneugantry.learn.curves.curve import FineKnots, Knots, Wave
 from pneugantry.learn.curves.memory import Remembered
-from pneugantry.learn.equations.points import Opened
+from pneugantry.learn.equations.points import Opened, Point
 from pneugantry.learn.screening.screen import Candidate, Screen
 
-__all__ = ["WORTH", "kind", "main", "most", "shaped", "worth_fitting"]
+__all__ = ["WORTH", "elsewhere", "kind", "main", "most", "shaped", "worth_fitting"]
 
 WORTH = 0.5  # share of the best candidate's gain from which on another one is fitted
+NEAR = 0.4  # the same of its variable in another equation
+FEW = 2  # other equations
 
 
 def worth_fitting(screen: Screen, apart: Opened, rules: Rules) -> list[Candidate]:
@@ -36,6 +38,30 @@ def worth_fitting(screen: Screen, apart: Opened, rules: Rules) -> list[Candidate
         close = [c for c in members if c.gain >= members[0].gain - rules.entry]
         found.append(min(close, key=_unlikely))
     return sorted(found, key=lambda c: -c.gain)
+
+
+def elsewhere(screen: Screen, worth: Sequence[Candidate], apart: Opened) -> list[Candidate]:
+    """The curve of the best candidate's variable in other equations of its block. What a term does
+    through an event (a break-away) no slope shows, so that a screen tells a variable better than
+    the equation that it stands in.
+    """
+    if not worth:
+        return []
+    best = worth[0]
+    own = _root(best, apart), apart.block(best.point)
+    known = frozenset((best.point, *best.alike))
+    found: dict[frozenset[Point], Candidate] = {}
+    for c in (c for c in screen.candidates if c.gain > NEAR * best.gain):
+        group, single = frozenset((c.point, *c.alike)), not (c.regressor.speed or c.regressor.times)
+        if single and kind(c) == "curve" and (_root(c, apart), apart.block(c.point)) == own:
+            found.setdefault(group, c)
+    return [c for group, c in found.items() if not group & known][:FEW]
+
+
+def _root(candidate: Candidate, apart: Opened) -> str:
+    """Its variable in the whole plant."""
+    plain = candidate.regressor.plain.label
+    return apart.shape.roots.get(plain, plain)
 
 
 def shaped(screen: Screen, worth: Sequence[Candidate], rules: Rules) -> list[Candidate]:
