@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -60,8 +60,9 @@ class Point:
     sensor: bool = False  # whether it says what a sensor reads
     shared: Shared | None = None  # by the first component and others
     declared: Declared | None = None  # its component, where a class of the file declares it
-    fed: tuple[tuple[str, str], ...] = ()  # measured states that the class that declares its
-    # component has and the component has not: in the whole plant, and as that class calls them
+    fed: tuple[tuple[str, str], ...] = field(default=(), compare=False)  # measured states that the
+    # class that declares its component has and the component has not: in the whole plant, and as
+    # that class calls them; of one of several components with a common cause none
 
     @property
     def name(self) -> str:
@@ -84,7 +85,7 @@ class Point:
         if self.shared is None:
             return (self,)
         named = zip(self.shared.components, self.shared.declared, strict=True)
-        return tuple(replace(self, component=c, shared=None, declared=d) for c, d in named)
+        return tuple(replace(self, component=c, shared=None, declared=d, fed=()) for c, d in named)
 
     def given(self, variable: str) -> str:
         """What it is fed of the whole plant, as the class that declares its component calls it."""
@@ -352,7 +353,7 @@ def _shared(plant: Plant, points: Sequence[Point]) -> list[Point]:
     for members in (m for m in same.values() if len(m) > 1):
         paths = tuple(p.component for p in members)
         shared = Shared(paths, tuple(p.declared for p in members if p.declared), section)
-        found.append(replace(members[0], shared=shared))
+        found.append(replace(members[0], shared=shared, fed=()))
     return found
 
 

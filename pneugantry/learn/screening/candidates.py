@@ -8,6 +8,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.learn.curves.curve import FineKnots, Knots, Wave
 from pneugantry.learn.curves.memory import Remembered
 from pneugantry.learn.equations.points import Opened, Point
+from pneugantry.learn.screening.regressors import TIME
 from pneugantry.learn.screening.screen import Candidate, Screen
 
 __all__ = ["WORTH", "elsewhere", "kind", "main", "most", "shaped", "worth_fitting"]
@@ -43,9 +44,9 @@ def worth_fitting(screen: Screen, apart: Opened, rules: Rules) -> list[Candidate
 def elsewhere(screen: Screen, worth: Sequence[Candidate], apart: Opened) -> list[Candidate]:
     """The curve of the best candidate's variable in other equations of its block. What a term does
     through an event (a break-away) no slope shows, so that a screen tells a variable better than
-    the equation that it stands in.
+    the equation that it stands in. Time is a variable of no equation.
     """
-    if not worth:
+    if not worth or worth[0].regressor.name == TIME:
         return []
     best = worth[0]
     own = _root(best, apart), apart.block(best.point)
