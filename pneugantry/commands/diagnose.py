@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelica_fmu.errors import InputError
+from pneugantry.engine.signals.units import with_unit
 from pneugantry.options import out_file, out_folder
 from pneugantry.progress import Stages, bar
 from pneugantry.report.headline import (
@@ -224,8 +225,8 @@ def print_diagnosis(found: dict[str, Any]) -> None:
         print(f"cause: {cause_name(cause):<22} probability {chance(cause['probability'])}")
         for parameter, entry in cause["parameters"].items():
             value, low, high = interval(entry["value"], *entry["ci95"])
-            unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
-            print(f"         {parameter} = {value}{unit}, 95 % from {low} to {high}")
+            size = with_unit(value, entry["unit"])
+            print(f"         {parameter} = {size}, 95 % from {low} to {high}")
     if found["answer_set"]:
         answers = (" + ".join(keys) or "no effect" for keys in found["answer_set"])
         print("answer set (95 %): " + "; or ".join(answers))

@@ -38,8 +38,9 @@ from pneugantry.engine.planning.plan import Case
 from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.converter import converted
-from pneugantry.engine.signals.records import Logs, free, quantity, signals_of, variables_of
+from pneugantry.engine.signals.records import Logs, free, signals_of, variables_of
 from pneugantry.engine.signals.sensors import PREFIX
+from pneugantry.engine.signals.units import with_unit
 from pneugantry.engine.views.cuts import sharp_views
 from pneugantry.engine.views.foreign import ForeignFmu, ForeignPlant, foreign_views
 from pneugantry.engine.views.model_parts import known_variables
@@ -107,8 +108,8 @@ def described(
     signals, read = converted(signals, (*records, *held))
     records, held = read[: len(records)], read[len(records) :]
     said += [
-        f"{s.name} is read on a grid of {quantity(s.step, s.unit)}: its noise counts as "
-        f"{quantity(s.sigma, s.unit)}"
+        f"{s.name} is read on a grid of {with_unit(f'{s.step:.3g}', s.unit)}: its noise counts as "
+        f"{with_unit(f'{s.sigma:.3g}', s.unit)}"
         for s in signals
         if s.step
     ]

@@ -7,6 +7,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from pneugantry.engine.signals.units import with_unit
+
 __all__ = [
     "cause_name",
     "chance",
@@ -101,12 +103,11 @@ def change_words(found: dict[str, Any]) -> list[str]:
 def _became(change: dict[str, Any]) -> str:
     sizes = []
     for name, p in change["parameters"].items():
-        unit = "" if p["unit"] in ("", "1") else f" {p['unit']}"
         size, low, high = interval(p["change"], *p["ci95"])
         moved = f", by {size} ({low} to {high})" if change["what"] != "stayed" else ""
         ends = f"from {number(p['before'], 4)} to {number(p['after'], 4)}"
         at = number(p["after"], 4) if change["what"] == "stayed" else ends
-        sizes.append(f"{name.split('.')[-1]} {at}{unit}{moved}")
+        sizes.append(f"{name.split('.')[-1]} {with_unit(at, p['unit'])}{moved}")
     sure = chance(change["probabilities"][change["what"]])
     return ", ".join([f"{change['what']}: {cause_name(change)}", f"probability {sure}", *sizes])
 
@@ -148,8 +149,7 @@ def size_words(cause: dict[str, Any]) -> str:
     for name, entry in cause["parameters"].items():
         value, low, high = interval(entry["value"], *entry["ci95"])
         ends = f" ({low} to {high})" if low != high else ""
-        unit = "" if entry["unit"] in ("", "1") else f" {entry['unit']}"
-        parts.append(f"{name.split('.')[-1]} {value}{unit}{ends}")
+        parts.append(f"{name.split('.')[-1]} {with_unit(value, entry['unit'])}{ends}")
     return ", ".join(parts)
 
 

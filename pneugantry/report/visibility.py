@@ -21,6 +21,7 @@ from pneugantry.engine.planning.information import (
     sizes,
 )
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.signals.units import with_unit
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.synthetic import noisy
 from pneugantry.report.headline import number
@@ -91,7 +92,6 @@ def _adds(
 
 
 def _row(sight: Sight, size: Size) -> Row:
-    unit = "" if size.unit == "1" else f" {size.unit}"
     seen = math.isfinite(sight.smallest)
     by: dict[str, float] = {}
     for _, record, share in sight.seen_by:
@@ -99,8 +99,8 @@ def _row(sight: Sight, size: Size) -> Row:
     record = max(by, key=lambda r: by[r], default="")
     return Row(
         sight.effect,
-        f"{number(size.usual)}{unit}",
-        f"{number(sight.smallest * size.usual, 2)}{unit}" if seen else "never",
+        with_unit(number(size.usual), size.unit),
+        with_unit(number(sight.smallest * size.usual, 2), size.unit) if seen else "never",
         sight.sigma,
         sight.told,
         sight.rival if sight.rival is not None and sight.own_share < OWN else "",

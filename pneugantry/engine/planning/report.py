@@ -9,6 +9,7 @@ from typing import Any
 
 from pneugantry.engine.planning.information import SEEN, Sight
 from pneugantry.engine.planning.plan import Addition, Plan
+from pneugantry.engine.signals.units import with_unit
 
 __all__ = ["as_html", "as_json", "as_text"]
 
@@ -56,11 +57,11 @@ def _ordered(found: Sequence[Sight]) -> list[Sight]:
 
 def _cells(plan: Plan, s: Sight) -> tuple[str, ...]:
     size = plan.sizes[s.effect]
-    unit = "" if size.unit == "1" else f" {size.unit}"
-    seen = f"{s.smallest * size.usual:.2g}{unit}" if s.sigma > 0 else "never"
+    smallest = f"{s.smallest * size.usual:.2g}"
+    seen = with_unit(smallest, size.unit) if s.sigma > 0 else "never"
     share = f"{100 * s.smallest:.2g} %" if s.sigma > 0 else "-"
     rival = s.rival if s.rival is not None and s.own_share < 0.9 else ""
-    usual = f"{size.usual:.3g}{unit}"
+    usual = with_unit(f"{size.usual:.3g}", size.unit)
     return (s.effect, usual, seen, share, f"{s.sigma:.3g}", f"{s.told:.3g}", rival or "-")
 
 

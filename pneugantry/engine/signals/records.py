@@ -19,19 +19,15 @@ from pneugantry.engine.signals.tables import (
     noise_of,
     read_columns,
 )
+from pneugantry.engine.signals.units import with_unit
 from pyfmi_runner.scenario import Fields
 
-__all__ = ["Logs", "free", "quantity", "signals_of", "variables_of"]
+__all__ = ["Logs", "free", "signals_of", "variables_of"]
 
 COLUMN_KEYS = ("column", "unit", "recorded", "scale", "offset")
 OUTPUT_KEYS = ("sigma", "error", "lasting", "variable")
 MISSPELT = 0.5  # likeness from which on an unused column may be the one that is missing
 Source = Column | float
-
-
-def quantity(value: float, unit: str) -> str:
-    """A value as it is read, without a unit of 1."""
-    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
 
 
 def variables_of(top: Fields) -> dict[str, str]:
@@ -152,7 +148,8 @@ def signals_of(logs: Logs, records: Sequence[Record]) -> tuple[list[Signal], lis
         sigma = entry.number("sigma", None)
         if sigma is None:
             sigma = noise_of(measured)
-            notes.append(f"noise of {name} estimated from the logs: {quantity(sigma, unit)}")
+            told = with_unit(f"{sigma:.3g}", unit)
+            notes.append(f"noise of {name} estimated from the logs: {told}")
         if sigma <= 0:
             hint = "give the RMS of the sensor's noise"
             entry.refuse("sigma", f"must be > 0, got {sigma:g}", hint)

@@ -308,12 +308,12 @@ def _points(plant: Plant, shape: Structure) -> list[Point]:
     declared = declared_in(plant.model, components)
     found = []
     for component, classes in components.items():
+        place = declared.get(component)
+        fed = _fed(plant, shape, component) if place else ()
         for e in equations:
             if e.of_class not in classes:
                 continue
             if _computes(e, component, shape):
-                place = declared.get(component)
-                fed = _fed(plant, shape, component) if place else ()
                 found.append(Point(component, e, declared=place, fed=fed))
             elif not component and e.left in read and named_again(e):
                 found.append(Point(component, e, sensor=True))

@@ -94,11 +94,11 @@ high = 50
 """
 
 
-def _opened(folder: Path) -> tuple[Plant, Opened]:
-    model = folder / "Fed.mo"
-    model.write_text(MODEL, encoding="utf-8")
+def _opened(folder: Path, name: str = "Fed", text: str = MODEL) -> tuple[Plant, Opened]:
+    model = folder / f"{name}.mo"
+    model.write_text(text, encoding="utf-8")
     signals = tuple(Signal(n, n, 1.0) for n in ("s", "a", "b"))
-    plant = Plant("fed", model, "Fed.Plant", ("u", "w"), signals, {}, (), {})
+    plant = Plant(name, model, f"{name}.Plant", ("u", "w"), signals, {}, (), {})
     views = build_views(plant, ["s", "a", "b"], folder, PERIOD, Rules())
     return plant, opened(plant, views, folder)
 
@@ -191,11 +191,7 @@ end Nested;
 
 def test_a_part_of_a_component_is_given_what_that_has(tmp_path: Path) -> None:
     """A seal's friction may grow with the pressure that acts on its carriage."""
-    model = tmp_path / "Nested.mo"
-    model.write_text(NESTED, encoding="utf-8")
-    signals = tuple(Signal(n, n, 1.0) for n in ("s", "a", "b"))
-    plant = Plant("nested", model, "Nested.Plant", ("u", "w"), signals, {}, (), {})
-    apart = opened(plant, build_views(plant, ["s", "a", "b"], tmp_path, PERIOD, Rules()), tmp_path)
+    plant, apart = _opened(tmp_path, "Nested", NESTED)
     point = _point(apart, "near.seal")
     assert point.fed == (("s", "p"),)
     assert _point(apart, "far.seal").fed == ()
