@@ -32,7 +32,7 @@ from pneugantry.engine.hypotheses.catalogue import Effect, Form
 from pneugantry.engine.plant import Array, Data, Epoch, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
-from pneugantry.engine.signals.sensors import PREFIX
+from pneugantry.engine.signals.commands import outside
 from pneugantry.engine.signals.sensors import neutral as neutral_of_sensor
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.view import Run, View
@@ -117,7 +117,7 @@ def _neutral(
         known |= view.defaults
     known |= plant.parameters
     names = {p.name for e in catalogue.values() for f in e.forms for p in f.parameters}
-    return {n: neutral_of_sensor(n) if n.startswith(PREFIX) else known.get(n, 0.0) for n in names}
+    return {n: neutral_of_sensor(n) if outside(n) else known.get(n, 0.0) for n in names}
 
 
 def _said(before: Sequence[str], after: Sequence[str]) -> tuple[str, ...]:

@@ -32,11 +32,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from modelica_fmu.errors import InputError
 from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter, read_catalogue
 from pneugantry.engine.planning.plan import Case
 from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.signals.commands import PREFIX as INPUTS
 from pneugantry.engine.signals.converter import converted
 from pneugantry.engine.signals.records import Logs, free, signals_of, variables_of
 from pneugantry.engine.signals.sensors import PREFIX
@@ -81,6 +84,7 @@ class Described:
     cache: Path  # of the parts
     notes: tuple[str, ...]
     outputs: tuple[str, ...]  # of the model, measured or not
+    effects_from: Path | None  # folder or file of the catalogue
 
     @property
     def records(self) -> tuple[Record, ...]:
@@ -114,22 +118,24 @@ def described(
         if s.step
     ]
     given = own.of_type("catalogue", str, "")
-    effects = _catalogue(catalogue or (path.parent / given if given else None))
+    effects_from = catalogue or (path.parent / given if given else None)
+    effects = _catalogue(effects_from)
     plant = _plant(top, own, source, signals)
     if len(held) > 1:
         notes.append(f"held out and not used: {', '.join(r.name for r in held[1:])}")
-    period = records[0].period
+    every, period = (*records, *held), records[0].period
     decimate = own.of_type("decimate", int, 1)
     if decimate < 1:
         own.refuse("decimate", f"is {decimate}, expected >= 1", "write 1 to judge every row")
     return Described(
         plant,
         Data(tuple(records), held[0] if held else None),
-        sensor_effects(plant.signals, period) | effects,
+        sensor_effects(plant.signals, period) | input_effects(every) | effects,
         replace(rules or Rules(), band=1 / (period * decimate), thinning=1),
         cache,
         (*notes, *said),
         source.outputs,
+        effects_from,
     )
 
 
@@ -336,7 +342,7 @@ def _catalogue(source: Path | None) -> dict[str, Effect]:
     return {} if source is None else read_catalogue(source)
 
 
-def sensor_effects(signals: tuple[Signal, ...], period: float) -> dict[str, Effect]:
+def sensor_effects(signals: Sequence[Signal], period: float) -> dict[str, Effect]:
     """Errors that every sensor may have: bias of ten times its noise, scale of 5 %, delay of five
     rows.
     """
@@ -356,6 +362,26 @@ def sensor_effects(signals: tuple[Signal, ...], period: float) -> dict[str, Effe
                 (Form(what, (own,)),),
             )
             found[effect.key] = effect
+    return found
+
+
+def input_effects(records: Sequence[Record]) -> dict[str, Effect]:
+    """How every input that moves may be late: by a delay, or a lag, of five rows. Its scale and its
+    offset are numbers of the model, which a catalogue names. So may a delay be: where both explain
+    the records, that is told.
+    """
+    found = {}
+    period = records[0].period
+    for name in records[0].inputs:
+        if all(np.ptp(r.inputs[name]) == 0 for r in records):
+            continue
+        sizes = (0.0, 5 * period, 0.0, 500 * period, "s")
+        forms = tuple(
+            Form(what, (Parameter(f"{INPUTS}{name}.{what}", *sizes),)) for what in ("delay", "lag")
+        )
+        key, said = f"input_delay({name})", f"{name} acts late"
+        effect = Effect(key, "", "inputs", said, forms, general=True)
+        found[effect.key] = effect
     return found
 
 

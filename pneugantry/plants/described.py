@@ -13,9 +13,10 @@ from pathlib import Path
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.describe import Described, described, views_of
+from pneugantry.engine.hypotheses.catalogue import Effect, Form
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
-from pneugantry.engine.signals.sensors import PREFIX
+from pneugantry.engine.signals.commands import outside
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.accuracy import accurate
 from pneugantry.engine.views.foreign import ForeignPlant
@@ -101,29 +102,51 @@ def described_task(
 
 def _check(found: Described, views: list[View], path: Path) -> None:
     """Refuses a catalogue that speaks of another plant."""
-    own = {k: e for k, e in found.catalogue.items() if not e.of_a_sensor}
+    own = {k: e for k, e in found.catalogue.items() if not e.outside}
     if not own:
         hint = 'write catalogue = "effects" under [plant], or give --catalogue'
         raise InputError("names no catalogue", file=path, field="plant.catalogue", hint=hint)
-    known = {n for v in _files(found) for n in v}
-    names = {e.name for e in own.values()}
+    known = {n: v for file in _files(found) for n, v in file.items()}
+    names, file = {e.name for e in own.values()}, found.effects_from or path
     for effect in own.values():
         for form in effect.forms:
             for name in (*form.settings, *(p.name for p in form.parameters)):
-                if name not in known and not name.startswith(PREFIX):
+                if name not in known and not outside(name):
                     raise InputError(
                         "the plant has no such parameter",
-                        file=path,
+                        file=file,
                         field=f"{effect.name}: {name}",
                         hint="correct the name, or give the plant's own catalogue with --catalogue",
                     )
+            _check_neutral(form, {**_starts(known), **found.plant.parameters}, effect, file)
         if unknown := set(effect.refines) - names:
             raise InputError(
                 f"refines {unknown.pop()!r}, which the catalogue lacks",
-                file=path,
+                file=file,
                 field=effect.name,
                 hint="correct the name",
             )
+
+
+def _starts(variables: Mapping[str, FmuVariable]) -> dict[str, float]:
+    return {n: v.start for n, v in variables.items() if v.start is not None}
+
+
+def _check_neutral(form: Form, nominal: Mapping[str, float], effect: Effect, file: Path) -> None:
+    """Refuses an effect of one parameter without which the plant would be another one than the
+    description's.
+    """
+    if len(form.parameters) != 1 or form.settings:
+        return
+    (own,) = form.parameters
+    value = nominal.get(own.name, own.neutral)
+    if not own.relative and value != own.neutral:
+        raise InputError(
+            f"neutral is {own.neutral:g}, but {value:g} is what the plant has without the effect",
+            file=file,
+            field=f"{effect.name}: {own.name}",
+            hint=f"write neutral = {value:g}, or relative = true for a share of that",
+        )
 
 
 def _judged(found: Described, views: list[View], path: Path) -> list[str]:
@@ -167,7 +190,7 @@ def _unseen(found: Described, views: list[View]) -> tuple[str, ...]:
     said = [f"{s.name} is not judged" for s in found.plant.signals if s.name not in judged]
     for key, effect in found.catalogue.items():
         names = [p.name for form in effect.forms for p in form.parameters]
-        if not any(v.depends_on(n) for v in shown for n in names) and not effect.of_a_sensor:
+        if not any(v.depends_on(n) for v in shown for n in names) and not effect.outside:
             said.append(f"{key} cannot be seen: no fitted log measures what it acts on")
     return tuple(said)
 
@@ -211,7 +234,7 @@ def _extension(
     plant = found.task.plant
     plain = {n: _literal(variables[n], v) for n, v in values.items() if _plain(n, variables)}
     said = [f"{c.key}: probability {c.probability:.2f}" for c in found.diagnosis.causes]
-    said += [f"{n} = {v:.6g}" for n, v in sorted(found.values.items()) if n.startswith(PREFIX)]
+    said += [f"{n} = {v:.6g}" for n, v in sorted(found.values.items()) if outside(n)]
     said += [f"{n} = {v:g} in the FMU" for n, v in values.items() if n not in plain]
     title = f"{plant.class_name} as fitted to the logs of {plant.name}"
     name = f"Augmented{plant.class_name.rsplit('.', 1)[-1]}"

@@ -199,6 +199,7 @@ def headline(found: dict[str, Any], summaries: dict[str, str] | None = None) -> 
             f"A real effect{where} that no entry of the catalogue explains (probability "
             f"{chance(unknown)})"
             f"{f'; beside it {beside}' if beside else ''}; with {made}, {far}."
+            f"{_rest(found, 'the term') if learnt else ''}"
         )
     if verdict == "ambiguous":
         answers = [_words(keys) for keys in found["answer_set"]] or ["–"]
@@ -243,10 +244,16 @@ def _doubt(found: dict[str, Any]) -> str:
             f" The held-out log {gap['log']} does not bear that out: do not act on it before "
             f"another log does."
         )
-    if not leaves(found):
+    return _rest(found, "this answer")
+
+
+def _rest(found: dict[str, Any], what: str) -> str:
+    """That an unseen log's gap stays large, where it does."""
+    gap = judged(found)
+    if gap is None or not leaves(found):
         return ""
     left = number(gap["augmented"] / gap["floor"])
-    return f" What is left of it is {left} times the floor: this answer is not all."
+    return f" What is left of it is {left} times the floor: {what} is not all."
 
 
 def leaves(found: dict[str, Any]) -> bool:

@@ -112,7 +112,7 @@ def test_a_case_is_written_with_description_and_truth_and_repeats(tmp_path: Path
 
 def test_a_label_names_what_a_sensor_does_as_a_diagnosis_does() -> None:
     found, _ = described_task(DESCRIPTION)
-    own = {k for k, e in found.catalogue.items() if e.of_a_sensor}
+    own = {k for k, e in found.catalogue.items() if e.outside}
     drawn = DriveSet(mixture={"one": 1.0})
     labels = [draw_drive_case(seed, drawn)[1]["causes"][0] for seed in range(78600, 78620)]
     of_sensors = {c["effect"] for c in labels if c["block"] == "sensors"}

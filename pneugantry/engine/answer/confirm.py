@@ -9,18 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from modelica_fmu.batch import Drive, Subsystem
+from modelica_fmu.batch import Subsystem
 from modelica_fmu.errors import RunError
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.noise import NOISIEST
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.signals.commands import drives_of
 from pneugantry.engine.signals.sensors import PREFIX, sensed
 from pneugantry.engine.threads import THREADS, on_threads
 from pneugantry.engine.views.foreign import ForeignPlant, foreign_signals
@@ -152,10 +153,15 @@ def _simulated(
     own = [{k: v for k, v in {**base, **given}.items() if k in known} for given in values]
     names = sorted({n for given in own for n in given})
     table = np.array([[given.get(n, known[n]) for n in names] for given in own])
-    inputs = {n: record.driving(n) for n in part.of("input")}
-    subsystem, drive = Subsystem(part), Drive(inputs)
-    run = partial(subsystem.run, names, drive=drive, outputs=outputs, period=record.period)
-    true = np.concatenate(on_threads(run, np.array_split(table, min(THREADS, len(table)))))
+    drives, which = drives_of(record, {n: n for n in part.of("input")}, values)
+    subsystem = Subsystem(part)
+
+    def run(rows: NDArray[np.int_]) -> list[Array]:
+        own = [which[i] for i in rows]
+        return subsystem.runs(names, table[rows], drives, outputs, record.period, own)
+
+    parts = on_threads(run, np.array_split(np.arange(len(table)), min(THREADS, len(table))))
+    true = np.stack([found for part in parts for found in part])
     columns = [outputs.index(s.variable) for s in signals]
     return tuple(s.name for s in signals), true[:, :, columns]
 

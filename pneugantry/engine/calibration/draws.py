@@ -18,8 +18,9 @@ from pneugantry.engine.answer.confirm import Replay, replays
 from pneugantry.engine.hypotheses.catalogue import Effect, Form
 from pneugantry.engine.hypotheses.hypothesis import effect_coordinate, nuisance_coordinate
 from pneugantry.engine.plant import Array, Data, Nuisance, Plant, Record
+from pneugantry.engine.signals.commands import outside
 from pneugantry.engine.signals.converter import Grid
-from pneugantry.engine.signals.sensors import PREFIX, neutral
+from pneugantry.engine.signals.sensors import neutral
 
 __all__ = ["KINDS", "Drawn", "Source", "drawn"]
 
@@ -136,7 +137,7 @@ def _off(source: Source, n: Nuisance, record: Record, theta: float) -> float:
 
 
 def _nominal(source: Source, name: str) -> float:
-    if name.startswith(PREFIX):
+    if outside(name):
         return neutral(name)
     return source.plant.parameters.get(name, source.defaults.get(name, 0.0))
 
@@ -144,9 +145,10 @@ def _nominal(source: Source, name: str) -> float:
 def _effect(
     source: Source, rig: Rig, others: Sequence[Effect], rng: np.random.Generator
 ) -> tuple[Effect, _Cause]:
-    """An effect in one of its forms, of a size that shows: the plant's or a sensor's, at evens."""
+    """An effect in one of its forms, of a size that shows: the plant's, or one of a sensor or
+    an input, at evens."""
     rest = [e for e in source.catalogue.values() if e not in others]
-    sensors = [e for e in rest if e.of_a_sensor]
+    sensors = [e for e in rest if e.outside]
     own = [e for e in rest if e not in sensors]
     for _ in range(TRIES):
         among = own if own and (rng.random() < 0.5 or not sensors) else sensors

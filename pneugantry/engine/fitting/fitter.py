@@ -44,7 +44,8 @@ from pneugantry.engine.hypotheses.hypothesis import (
 )
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.signals.sensors import PREFIX, neutral
+from pneugantry.engine.signals.commands import outside
+from pneugantry.engine.signals.sensors import neutral
 from pneugantry.engine.views.simulation import Cell, Point, Simulation
 from pneugantry.engine.views.view import View
 
@@ -86,7 +87,7 @@ class Fitter:
 
     def neutral(self, name: str) -> float:
         """Value of a parameter without any effect."""
-        return neutral(name) if name.startswith(PREFIX) else self.nominal.get(name, 0.0)
+        return neutral(name) if outside(name) else self.nominal.get(name, 0.0)
 
     def of_effect(self, p: Parameter) -> Coordinate:
         """The coordinate of an effect's parameter."""

@@ -9,8 +9,8 @@ file.
     [form.settings]
     "drive_{axis}.law" = 3          switched on with the form
     [form.parameters."motor_{axis}.delay_time"]   what is fitted: a parameter of the model, or
-                                    "sensors.SIGNAL.WHAT" (see `sensors`); "table[1:11]" stands for
-                                    eleven
+                                    "sensors.SIGNAL.WHAT" (see `sensors`), or "inputs.INPUT.WHAT"
+                                    (see `commands`); "table[1:11]" stands for eleven
 
 A parameter has: neutral = 0.0 (value without the effect; relative = true: the nominal value), scale
 (a usual size), low, high, unit, starts = [..] (further starting values), positive = true (fitted as
@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.signals.sensors import PREFIX
+from pneugantry.engine.signals.commands import outside
 from pyfmi_runner.scenario import Fields, parse_toml
 
 __all__ = ["Effect", "Form", "Parameter", "read_catalogue"]
@@ -85,6 +85,7 @@ class Effect:
     forms: tuple[Form, ...]
     refines: tuple[str, ...] = ()  # names of the effects without which it is nothing
     epoch: str = ""  # the campaign that alone has it, where there are two
+    general: bool = False  # it says what one of the catalogue may say closer, and gives way to it
 
     @property
     def key(self) -> str:
@@ -93,9 +94,9 @@ class Effect:
         return f"{name}@{self.epoch}" if self.epoch else name
 
     @property
-    def of_a_sensor(self) -> bool:
-        """Whether all of its parameters are a sensor's, in every form."""
-        return all(p.name.startswith(PREFIX) for f in self.forms for p in f.parameters)
+    def outside(self) -> bool:
+        """Whether all of its parameters are of sensors and inputs, in every form."""
+        return all(outside(p.name) for f in self.forms for p in f.parameters)
 
 
 def read_catalogue(source: Path) -> dict[str, Effect]:

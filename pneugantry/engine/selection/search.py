@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.catalogue import Effect
+from pneugantry.engine.selection.bases import from_others
 from pneugantry.engine.selection.contenders import contending, finalists
 from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.rivals import exchanged, reformed
@@ -94,6 +95,9 @@ def _ended(trail: Trail, best: Fit) -> Search:
     best = exchanged(trail, best)
     if unexplained(fitter, best):
         best = reformed(trail, best, best.hypothesis.effects)
+    other = from_others(trail, best)
+    if other is not best:
+        best = _gathered(trail, other, polished=True)
     null = min((f for f in trail.tried if not f.keys), key=lambda f: f.evidence)
     tried = tuple(f for f in trail.tried if not f.negligible(fitter.rules))
     cut = spent(fitter) >= 1 and bool(unexplained(fitter, best))

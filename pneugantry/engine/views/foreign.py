@@ -14,6 +14,7 @@ import numpy as np
 from modelica_fmu.batch import Drive, Part, PartVariable, Subsystem
 from modelica_fmu.errors import InputError, RunError
 from pneugantry.engine.plant import Array, Plant, Record
+from pneugantry.engine.signals.commands import drives_of
 from pneugantry.engine.views.subsystem import SubsystemView
 from pyfmi_runner.driven import DrivenFmu
 from pyfmi_runner.fmu import FmuFile
@@ -273,13 +274,15 @@ def foreign_signals(
         for s in stages.values()
     ]
     names, table = _set_table(plant, series, record, values)
-    inputs: Inputs = {
-        f"{i}.{n}": np.asarray(record.inputs[source], dtype=float)
+    sources = {
+        f"{i}.{n}": source
         for i, stage in enumerate(series)
         for n, source in stage.fmu.inputs.items()
         if n not in stage.fed
     }
-    found = ForeignSubsystem(series).run(names, table, Drive(inputs), signals, record.period)
+    drives, which = drives_of(record, sources, values)
+    made = ForeignSubsystem(series).runs(names, table, drives, signals, record.period, which)
+    found = np.stack(made)
     for own in driven.values():
         own.close()
     return signals, found

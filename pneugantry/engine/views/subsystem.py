@@ -16,6 +16,8 @@ import numpy as np
 from modelica_fmu.batch import Correction, Course, Drive, Part, Subsystem
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
+from pneugantry.engine.signals.commands import PREFIX as OF_INPUTS
+from pneugantry.engine.signals.commands import Lateness, acting, input_of, lateness, outside
 from pneugantry.engine.signals.readings import Readings
 from pneugantry.engine.signals.sensors import PREFIX, sensed, signal_of
 from pneugantry.engine.views.model_parts import part_of
@@ -24,7 +26,7 @@ from pneugantry.engine.views.view import Run, Values
 
 __all__ = ["RATE", "SubsystemView"]
 
-Errors = tuple[tuple[str, float], ...]  # of sensors
+Errors = tuple[tuple[str, float], ...]  # of sensors and inputs
 _Felt = tuple[str, Errors, tuple[float, ...]]  # record, errors, parameters: what makes a run
 LONGEST_STEP = 0.002  # s, of the solver; its tolerance bounds the error, rows read no finer
 KEPT = 64  # drives that a view keeps, and inputs of its own
@@ -68,6 +70,7 @@ class SubsystemView:
             if s.removeprefix(RATE) not in self.plant.inputs
         }
         self._all = {*self._read, *self.signals}
+        self._commanded = {s for s in self.sources.values() if s in self.plant.inputs}
         self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
 
     @property
@@ -101,6 +104,8 @@ class SubsystemView:
     def depends_on(self, parameter: str) -> bool:
         if parameter.startswith(PREFIX):
             return signal_of(parameter) in self._all
+        if parameter.startswith(OF_INPUTS):
+            return input_of(parameter) in self._commanded
         return parameter in self._parameters
 
     def _again(self, fixed: Values) -> Part:
@@ -144,8 +149,7 @@ class SubsystemView:
         records = {r.name: r for r, _ in runs}
         bases = {name: self._base(r) for name, r in records.items()}
         models = [
-            bases[r.name] | {k: v for k, v in given.items() if not k.startswith(PREFIX)}
-            for r, given in runs
+            bases[r.name] | {k: v for k, v in given.items() if not outside(k)} for r, given in runs
         ]
         names = sorted({n for m in models for n in m})
         drives: dict[tuple[Piece, str, Errors], Drive] = {}
@@ -187,17 +191,17 @@ class SubsystemView:
         return {k: v for k, v in base.items() if k in self._parameters}
 
     def _felt(self, piece: Piece, given: Values) -> Errors:
-        """Errors of the sensors that a piece reads."""
+        """Errors of the sensors that a piece reads, and of its inputs."""
         read = {
             source.removeprefix(RATE)
             for name, source in (*self.sources.items(), *self.corrected.items())
             if name in piece.inputs or name in piece.states
         }
-        sensors = ((k, v) for k, v in given.items() if k.startswith(PREFIX))
-        return tuple(sorted((k, v) for k, v in sensors if signal_of(k) in read))
+        errors = ((k, v) for k, v in given.items() if outside(k))
+        return tuple(sorted((k, v) for k, v in errors if _source_of(k) in read))
 
     def _drive(self, record: Record, piece: Piece, felt: Errors) -> Drive:
-        """Inputs and corrected states of a piece, from a record whose sensors have these errors."""
+        """Inputs and corrected states of a piece, from a record with these errors."""
         key = (record, piece, felt)
         return self._drives.of(key, lambda: self._driven(record, piece, felt))
 
@@ -208,7 +212,7 @@ class SubsystemView:
             if name not in piece.inputs:
                 continue
             if source in self.plant.inputs:
-                inputs[name] = self._command(record, source)
+                inputs[name] = self._command(record, source, lateness(source, errors))
             else:
                 made = readings.rate if source.startswith(RATE) else readings.value
                 inputs[name] = made(source.removeprefix(RATE), record, errors)
@@ -220,10 +224,18 @@ class SubsystemView:
             correction = Correction(tuple(drawn), np.column_stack(measured), (share,) * len(drawn))
         return Drive(inputs, correction)
 
-    def _command(self, record: Record, name: str) -> Course:
-        """An input of the plant."""
+    def _command(self, record: Record, name: str, late: Lateness) -> Course:
+        """An input of the plant, where it acts so late."""
 
         def made() -> Course:
-            return Course.of(record.driving(name) if self.remembers else record.inputs[name])
+            held = acting(record, name, late)
+            if isinstance(held, tuple) and not self.remembers:
+                held = held[1].mean(axis=1)
+            return Course.of(held)
 
-        return self._commands.of((record, name), made)
+        return self._commands.of((record, name, late), made)
+
+
+def _source_of(error: str) -> str:
+    """The signal or input whose error it is."""
+    return input_of(error) if error.startswith(OF_INPUTS) else signal_of(error)

@@ -11,7 +11,6 @@ from pathlib import Path
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.hypotheses.catalogue import Effect
-from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.learn.learned import Learned
 from pneugantry.learn.terms.term import Term, with_term
 
@@ -30,7 +29,7 @@ def write_catalogue(folder: Path, learned: Learned) -> tuple[Path, Path]:
     forms = tuple(replace(f, settings={}) for f in term.effect.forms)  # the model has its tables
     summary = f"learnt: {term.formula()}"
     named = replace(term.effect, name=effect_name(term), summary=summary, forms=forms)
-    own = [e for e in task.catalogue.values() if not _of_a_sensor(e)]
+    own = [e for e in task.catalogue.values() if not e.outside]
     model = with_term(task.plant, term, task.cache).model
     paths = folder / "effects.toml", folder / model.name
     text = _said(term) + effects_toml([*own, named])
@@ -86,7 +85,3 @@ def effects_toml(effects: list[Effect]) -> str:
 
 def _text(value: str) -> str:
     return json.dumps(value, ensure_ascii=False)
-
-
-def _of_a_sensor(effect: Effect) -> bool:
-    return all(p.name.startswith(PREFIX) for f in effect.forms for p in f.parameters)

@@ -43,14 +43,15 @@ def calibrated(record: Record, signal: str, term: Term) -> Record | None:
     read = np.asarray(record.signals[signal], dtype=float)
     true = read
     for _ in range(ROUNDS):
-        error = _error(true, record.period, term)
-        moved = float(np.abs(read - error - true).max())
+        with np.errstate(over="ignore", invalid="ignore"):  # an error that grows faster than that
+            error = _error(true, record.period, term)
+            moved = float(np.abs(read - error - true).max())
         if not math.isfinite(moved):
             break
         true = read - error
         if moved <= EXACT * float(np.abs(error).max()):
             return replace(record, signals={**record.signals, signal: true})
-    return None  # the error grows faster than what is read
+    return None
 
 
 @dataclass(eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -125,6 +126,12 @@ def test_where_nothing_moves_an_error_is_taken_out_as_well(tmp_path: Path) -> No
 def test_a_reading_without_a_single_origin_is_left(tmp_path: Path) -> None:
     plant, term = _term(tmp_path, "sine", (1.0, 0.5, 0.0))
     assert calibrated(Record("run", PERIOD, {}, {"x": np.sin(3 * T)}, {}), "x", term) is None
+    with warnings.catch_warnings():  # an error that grows without end is no news to a user
+        warnings.simplefilter("error")
+        _, steep = _term(tmp_path, "cube", (50.0,))
+        assert (
+            calibrated(Record("run", PERIOD, {}, {"x": 9 * np.sin(3 * T)}, {}), "x", steep) is None
+        )
     other = Term(term.point, Regressor("", "u"), term.law, (1.0,), (), "sensors")
     assert read_by(plant, other) is None
 

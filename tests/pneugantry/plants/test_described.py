@@ -319,11 +319,30 @@ def test_a_simulation_without_noise_is_sound(tmp_path: Path, cache: Path) -> Non
     assert found.diagnosis.probabilities["unknown"] < 0.05
 
 
+def test_one_output_does_not_tell_who_is_late(
+    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The plant moves as it was told 5 rows ago; or its speed is read 5 rows late."""
+    monkeypatch.setattr(f"{__name__}.OFFSET", 0.0)
+    path = written(tmp_path / "cart")
+    for name in ("swings", "other"):
+        log = pd.read_csv(path.parent / f"{name}.csv")
+        told = np.append(log["force"][5:], [log["force"].iloc[-1]] * 5)
+        log.assign(force=told).iloc[:-5].to_csv(path.parent / f"{name}.csv", index=False)
+    found = diagnose_described(path, cache=cache).diagnosis
+    assert {k for keys in found.answer_set for k in keys} == {"input_delay(u)", "sensor_delay(v)"}
+
+
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
         ("parameters.F_0", "parameters.F_9", "the plant has no such parameter"),
         ("block =", 'refines = ["magic"]\nblock =', "refines 'magic', which the catalogue lacks"),
+        (
+            "scale =",
+            "neutral = 3.0\nscale =",
+            "effect.toml: offset: F_0: neutral is 3, but 0 is what the plant has without",
+        ),
     ],
 )
 def test_a_catalogue_of_another_plant_is_refused(

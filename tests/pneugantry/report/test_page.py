@@ -279,6 +279,9 @@ def test_the_sentence_fits_the_verdict(found: Found, sound: Found) -> None:
     said = headline(to_json(other(found, gap=rest).diagnosis))
     assert said.endswith("What is left of it is 49.3 times the floor: this answer is not all.")
     assert "not all" not in headline(to_json(found.diagnosis))
+    facts = to_json(other(found, gap=rest, verdict="unknown").diagnosis)
+    assert headline({**facts, "learned": {"accepted": True}}).endswith("the term is not all.")
+    assert "not all" not in headline(facts)
     look = "Look in the strip and the signals below where and when the residual is large."
     assert look in next_steps(to_json(other(found, gap=rest).diagnosis), None, "")
     assert look not in next_steps(to_json(found.diagnosis), None, "")
