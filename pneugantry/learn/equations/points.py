@@ -104,8 +104,24 @@ class Point:
         """Of the scope's variables in the whole plant."""
         return f"{self.scope}." if self.scope else ""
 
+    @property
+    def rate(self) -> str:
+        """Its left-hand side, where that is how fast a state changes times what is inert: a mass or
+        a capacity that varies is a share of it. "": it is none, or says no more than what is whose
+        rate.
+        """
+        left = " ".join(self.equation.left.split())
+        return left if "der(" in left and not NAME.match(self.equation.right.strip()) else ""
+
+    @property
+    def rate_variable(self) -> str:
+        """What its left-hand side is without the addend, in the whole plant."""
+        return f"{self.variable}_rate"
+
     def spelt(self, variable: str) -> str:
-        """A variable of the scope, as the equation's class calls it."""
+        """A variable of the scope, as the equation's class calls it; or its left-hand side."""
+        if variable and variable == self.rate:
+            return f"({variable})"
         path = self.scope.removeprefix(self.prefix) if self.sensor else ""
         return f"{path}.{variable}" if path else variable
 
@@ -119,7 +135,9 @@ class Point:
         return not NAME.match(self.equation.left)
 
     def reads(self, variable: str) -> bool:
-        """Whether a variable of the scope stands on its right-hand side."""
+        """Whether a variable of the scope stands on its right-hand side, or is its left one."""
+        if variable and variable == self.rate:
+            return True
         word = rf"(?<![\w.]){re.escape(self.spelt(variable))}(?![\w.])"
         return re.search(word, self.equation.right) is not None
 
@@ -275,7 +293,11 @@ def opened(plant: Plant, views: Sequence[View], cache: Path) -> Opened:
 
 
 def _open(point: Point) -> Addition:
-    return Addition(f"  Real {point.name};", point.name, f"    {point.name} = 0;")
+    declared, equations = f"  Real {point.name};", f"    {point.name} = 0;"
+    if point.rate:
+        declared += f"\n  Real {point.name}_rate;"
+        equations += f"\n    {point.name}_rate = {point.equation.right};"
+    return Addition(declared, point.name, equations)
 
 
 def recut(

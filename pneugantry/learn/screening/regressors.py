@@ -5,7 +5,7 @@ components (a stiffness that grows along an axis), and time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from pneugantry.engine.plant import Array, Record
 from pneugantry.learn.curves.curve import JUMP
 from pneugantry.learn.equations.points import Opened, Point
 
-__all__ = ["TIME", "Regressor", "products_of", "regressors_of"]
+__all__ = ["TIME", "Regressor", "products_of", "rates_of", "regressors_of"]
 
 TIME = "time"
 HARDLY = 0.1  # of a mean, the standard deviation up to which a variable is no factor of a product
@@ -25,7 +25,7 @@ SAME = 1 - 1e-9  # correlation from which on two variables are one
 class Regressor:
     """A variable of a component, or what it has travelled; where there is a speed, a term is turned
     round by its sign: it resists the motion. Where it is times another variable, that one's
-    coefficient varies.
+    coefficient varies; times an equation's left-hand side, what is inert there (a mass).
     """
 
     component: str  # path; "" for the plant's own class, or for all of them (what is outside)
@@ -35,6 +35,13 @@ class Regressor:
     travelled: bool = False  # the integral of the variable's magnitude
     times: str = ""  # within the class, too
     fed: bool = False  # a measured state that the class around the component gives to it
+
+    @property
+    def rate(self) -> bool:
+        """Whether it is an equation's left-hand side, which a term may be times but no function of:
+        the equation decides it.
+        """
+        return "der(" in self.name
 
     @property
     def outside(self) -> bool:
@@ -80,8 +87,8 @@ class Regressor:
 
 
 def regressors_of(
-    opened: Opened,
     wanted: Mapping[Point, Sequence[str]],
+    opened: Opened,
     records: Sequence[Record],
     values: Mapping[str, Mapping[str, float]],
 ) -> dict[Regressor, dict[str, Array]]:
@@ -111,15 +118,33 @@ def regressors_of(
 
 def products_of(series: Mapping[Regressor, dict[str, Array]]) -> dict[Regressor, dict[str, Array]]:
     """Each plain variable of a component, what it has travelled, and what is outside of it, times
-    each other variable that varies: what hardly does so is a coefficient as it is.
+    each other variable that varies, and each left-hand side: what hardly varies is a coefficient as
+    it is.
     """
-    plain = [r for r in series if not r.speed]
-    others = [r for r in plain if not (r.outside or r.travelled) and _varies(series[r])]
+    plain = [r for r in series if not (r.speed or r.rate)]
+    sides = [r for r in series if r.rate]
+    others = [r for r in (*plain, *sides) if not (r.outside or r.travelled) and _varies(series[r])]
     return {
         replace(r, component=other.component, times=other.name): series[r]
         for other in others
         for r in plain
         if r != other and (r.outside or r.component == other.component)
+    }
+
+
+def rates_of(
+    points: Iterable[Point],
+    opened: Opened,
+    records: Sequence[Record],
+    values: Mapping[str, Mapping[str, float]],
+) -> dict[Regressor, dict[str, Array]]:
+    """Left-hand sides of equations, as the rest of the plant has them."""
+    own = {Regressor(p.scope, p.rate): p.rate_variable for p in points if p.rate}
+    names = sorted(set(own.values()))
+    made = opened.series(names, records, values) if names else {}
+    return {
+        side: {r: table[:, names.index(name)] for r, table in made.items()}
+        for side, name in own.items()
     }
 
 

@@ -32,7 +32,13 @@ from pneugantry.learn.screening.linear import (
     trial_of,
     trial_over,
 )
-from pneugantry.learn.screening.regressors import TIME, Regressor, products_of, regressors_of
+from pneugantry.learn.screening.regressors import (
+    TIME,
+    Regressor,
+    products_of,
+    rates_of,
+    regressors_of,
+)
 from pneugantry.learn.screening.reply import Pulses, Reply, blocks_of, reply_of
 from pneugantry.learn.screening.waves import periods_of
 
@@ -171,7 +177,7 @@ class Screening:
 
     def singles(self) -> Screen:
         """Variables by themselves."""
-        return self._screen(self._series)
+        return self._screen({r: v for r, v in self._series.items() if not r.rate})
 
     def products(self) -> Screen:
         """Variables times those that stand in the equation."""
@@ -186,7 +192,9 @@ class Screening:
     @cached_property
     def _series(self) -> dict[Regressor, dict[str, Array]]:
         heads = {p: self.opened.variables(p) for g in self._groups for p in g.heads}
-        return regressors_of(self.opened, heads, self.records, self.values)
+        told = self.opened, self.records, self.values
+        points = [p for g in self._groups for p in g.points]
+        return regressors_of(heads, *told) | rates_of(points, *told)
 
     @cached_property
     def _responses(self) -> list[tuple[_Group, Response]]:

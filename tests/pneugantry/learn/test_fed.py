@@ -147,7 +147,7 @@ def test_it_is_tried_alone_and_times_the_component_s_variables(tmp_path: Path) -
     _, apart = _opened(tmp_path)
     point, record = _point(apart, "near"), _record()
     wanted = {point: apart.variables(point)}
-    found = regressors_of(apart, wanted, [record], {"run": {}})
+    found = regressors_of(wanted, apart, [record], {"run": {}})
     s = Regressor("", "s", fed=True)
     assert found[s]["run"] == pytest.approx(np.sin(T), abs=1e-3)
     assert Regressor("near", "s", times="d", fed=True) in products_of(found)
