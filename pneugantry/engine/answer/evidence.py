@@ -39,25 +39,7 @@ def evidence_of(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
         tried = _judged(fitter, task, {**fits, fewer: other}, found.null)
         if tried[fewer] < costs[fewer]:
             fits, costs = {**fits, fewer: other}, tried
-    kept = {k: fit for k, fit in fits.items() if _bring(k, costs)}
-    idle = {k for k, fit in kept.items() if _gives_way(k, fit, kept, costs, 2 * temper)}
-    return [Evidence(fit, costs[k]) for k, fit in kept.items() if k not in idle]
-
-
-def _gives_way(
-    keys: Keys, fit: Fit, fits: Mapping[Keys, Fit], costs: Mapping[Keys, float], near: float
-) -> bool:
-    """Whether a general effect of a hypothesis says the same as one of the catalogue would in its
-    place: both explain the records as well, and what names its plant's part says more.
-    """
-    general = {effect.key for effect, _ in fit.hypothesis.effects if effect.general}
-    for other in fits:
-        gone = set(keys) - set(other)
-        come = [e for e, _ in fits[other].hypothesis.effects if e.key not in keys]
-        swapped = len(gone) == len(come) == 1 and gone <= general
-        if swapped and not come[0].outside and costs[other] < costs[keys] + near:
-            return True
-    return False
+    return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
 
 
 def _compared(fitter: Fitter, tried: Iterable[Fit], temper: float) -> dict[Keys, Fit]:

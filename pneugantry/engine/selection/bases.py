@@ -32,7 +32,7 @@ def from_others(trail: Trail, best: Fit) -> Fit:
         forms = main_forms(fitter, trail.beside(base.keys))
         fitter.prepare_any(base.hypothesis, trail.offered.values())
         screened = screen(fitter, base, forms, {})
-        fits = contending(fitter, base, screened, trail.bar, forms, Memory())
+        fits = trail.named(contending(fitter, base, screened, trail.bar, forms, Memory()), base)
         finals = finalists(fitter, base, fits, trail.bar)
         trail.tried += [*fits, *finals]
         found += finals

@@ -118,7 +118,7 @@ def _gathered(trail: Trail, base: Fit, polished: bool = False) -> Fit:
         if best.keys:  # there are too many pairs to prepare each
             fitter.prepare_any(best.hypothesis, trail.offered.values())
         trail.screened = screen(fitter, best, forms, near.about(fitter, best))
-        fits = contending(fitter, best, trail.screened, trail.bar, forms, far)
+        fits = trail.named(contending(fitter, best, trail.screened, trail.bar, forms, far), best)
         finals = finalists(fitter, best, fits, trail.bar)
         trail.tried += [*fits, *finals]
         top = trail.foremost(finals, best)

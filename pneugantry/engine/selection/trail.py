@@ -6,14 +6,19 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.hypotheses.hypothesis import Forms, Hypothesis
 from pneugantry.engine.selection.screening import Candidate
-from pneugantry.engine.selection.trials import without
+from pneugantry.engine.selection.trials import best_of_each, without
 
 __all__ = ["Step", "Trail"]
+
+SAME = 0.1  # of what an effect takes from each stretch, by which another one that does the same may
+# differ
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,17 @@ class Trail:
         fits = (f for f in self.tried if f.hypothesis.forms == hypothesis.forms)
         return min(fits, key=lambda f: f.evidence)
 
+    def named(self, fits: Sequence[Fit], base: Fit) -> list[Fit]:
+        """Fits of one effect more than a base, without general effects that do the same as one of
+        the catalogue, which says more: they are no longer offered.
+        """
+        last = [(f, f.hypothesis.effects[-1][0]) for f in best_of_each(fits)]
+        own = [f for f, effect in last if not (effect.general or effect.outside)]
+        general = [f for f, effect in last if effect.general]
+        idle = {g.keys[-1] for g in general if any(_alike(g, f, base) for f in own)}
+        self.offered = {k: e for k, e in self.offered.items() if k not in idle}
+        return [f for f in fits if f.keys[-1] not in idle]
+
     def foremost(self, fits: Sequence[Fit], base: Fit) -> Fit | None:
         """The one that gains most over a base; None where that is too little for an effect."""
         gains = [f.gain(base, self.fitter.rules) for f in fits]
@@ -70,6 +86,15 @@ class Trail:
         best = self.fitter.rescaled(best, scale)
         self.tried.append(best)
         return best
+
+
+def _alike(one: Fit, other: Fit, base: Fit) -> bool:
+    """Whether two effects beside a base take the same from every stretch."""
+    falls, apart = (
+        np.concatenate([np.zeros(0), *(f.stretches[c] - one.stretches[c] for c in one.stretches)])
+        for f in (base, other)
+    )
+    return bool(np.linalg.norm(apart) < SAME * np.linalg.norm(falls))
 
 
 def _pruned(trail: Trail, fit: Fit) -> Fit:

@@ -67,15 +67,17 @@ class Term:
 
     def units(self, known: Mapping[str, str]) -> tuple[str, str]:
         """Of its variable, and of its curve, which is what it adds but where another variable is a
-        factor of it; "" where that is not declared. known: by variable of the whole plant.
+        factor of it, and a share of what is inert; "" where that is not declared. known: by
+        variable of the whole plant.
         """
         own, point = self.regressor, self.point
         named = own.name if own.fed else point.scope_prefix + own.name
         unit = "s" if own.name == TIME else known.get(named, "")
         if own.travelled:
             unit = unit.removesuffix("/s") if unit.endswith("/s") else ""
-        added = "" if own.times else known.get(point.prefix + point.equation.left.strip(), "")
-        return unit, added
+        if own.times:
+            return unit, "1" if own.times == point.rate else ""
+        return unit, known.get(point.prefix + point.equation.left.strip(), "")
 
     @property
     def _shown(self) -> str:

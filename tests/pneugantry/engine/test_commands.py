@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from test_search import CATALOGUE, PERIOD, SIGMA, parts, plant, record
+from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, record
 
 from pneugantry.engine.answer.confirm import replays
 from pneugantry.engine.describe import input_effects
 from pneugantry.engine.plant import Array, Data, Plant, Record, thinned
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import run
+from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.signals.commands import acting, drives_of, input_of, outside
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.build import build_views
@@ -97,6 +98,23 @@ def test_a_late_input_is_told(plant: Plant, parts: Path) -> None:
     assert size.value == pytest.approx(rows * PERIOD, rel=0.03)
     assert found.gap is not None
     assert found.gap.augmented < 1.2 < 2 < found.gap.nominal
+
+
+def test_what_every_plant_may_have_gives_way_to_what_the_catalogue_names(
+    plant: Plant, parts: Path
+) -> None:
+    """A leak by a general name does the same as the leak, and not what drag does."""
+    fitter = fitter_of(plant, parts, leak=0.1)
+    null, leak, drag = fitter.null(), CATALOGUE["leak"], CATALOGUE["drag"]
+    anything = replace(leak, name="anything", general=True)
+    leaking, slowed, general = (
+        fitter.explore(null.hypothesis.plus(e, e.forms[0]), null) for e in (leak, drag, anything)
+    )
+    trail = Trail(fitter, {e.key: e for e in (leak, drag, anything)}, [null])
+    assert trail.named([slowed, general], null) == [slowed, general]
+    assert trail.named([slowed, general, leaking], null) == [slowed, leaking]
+    assert list(trail.offered) == ["leak", "drag"]
+    fitter.close()
 
 
 def test_an_input_that_stands_still_is_not_late() -> None:

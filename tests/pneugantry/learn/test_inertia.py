@@ -36,6 +36,7 @@ def test_a_mass_that_falls_with_the_speed_is_learnt(tmp_path: Path) -> None:
     term = learned["term"]
     assert (term["regressor"], term["form"]) == ("v times m*der(v)", "square")
     assert term["formula"].endswith("*v^2)*(m*der(v))")
+    assert term["units"] == {"regressor": "m/s", "term": "1"}
     (size,) = term["parameters"].values()
     assert size["ci95"][0] < LIGHTER < size["ci95"][1]
     assert size["value"] == pytest.approx(LIGHTER, rel=0.05)
