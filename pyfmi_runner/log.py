@@ -622,7 +622,7 @@ def _force_order(log: Log) -> Iterator[str]:
             f"f_x carries the contact force ({rms_x:.1f} N RMS; f_z {rms_z:.1f} N): are "
             f"columns f_x and f_z swapped?"
         )
-    elif rms_z > 2.0 and np.mean(f_z) < -0.5 * rms_z:
+    elif rms_z > 2.0 and np.mean(f_z) < -0.5 * rms_z and touches(f_z):
         yield (
             "f_z is negative in contact; it is the robot's force on the workpiece, > 0: is "
             "its sign reversed?"

@@ -241,6 +241,14 @@ def test_suspicious_logs_are_warned_of(case: str) -> None:
     assert any(words in text for text in log_warnings(Log(change(sound_log().table))))
 
 
+def test_an_offset_without_contact_is_no_reversed_sign() -> None:
+    table = sound_log().table
+    noise = table["f_z"] - table["f_z"].round(0)  # what is left of it without the contact
+    said = log_warnings(Log(table.assign(f_z=noise - 2.7)))
+    assert any("f_z starts at -2.7 N" in text for text in said)
+    assert not any("reversed" in text for text in said)
+
+
 def test_a_sound_log_gives_no_warning() -> None:
     assert log_warnings(sound_log()) == []
 
