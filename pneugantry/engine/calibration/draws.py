@@ -145,8 +145,9 @@ def _nominal(source: Source, name: str) -> float:
 def _effect(
     source: Source, rig: Rig, others: Sequence[Effect], rng: np.random.Generator
 ) -> tuple[Effect, _Cause]:
-    """An effect in one of its forms, of a size that shows: the plant's, or one of a sensor or
-    an input, at evens."""
+    """An effect in one of its forms, of a size that shows: the plant's, or one of a sensor or an
+    input, at evens.
+    """
     rest = [e for e in source.catalogue.values() if e not in others]
     sensors = [e for e in rest if e.outside]
     own = [e for e in rest if e not in sensors]

@@ -17,8 +17,8 @@ from pneugantry.engine.selection.trials import best_of_each, without
 
 __all__ = ["Step", "Trail"]
 
-SAME = 0.1  # of what an effect takes from each stretch, by which another one that does the same may
-# differ
+SAME = 0.1  # share of what an effect takes from all stretches, by which one that does the same may
+# differ (0163)
 
 
 @dataclass(frozen=True)
