@@ -367,8 +367,8 @@ def sensor_effects(signals: Sequence[Signal], period: float) -> dict[str, Effect
 
 def input_effects(records: Sequence[Record]) -> dict[str, Effect]:
     """How every input that moves may be late: by a delay, or a lag, of five rows. Its scale and its
-    offset are numbers of the model, which a catalogue names. So may a delay be: where both explain
-    the records, that is told.
+    offset are numbers of the model, which a catalogue names. So may a delay be: that is told where
+    it does the same.
     """
     found = {}
     period = records[0].period

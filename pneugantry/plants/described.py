@@ -108,6 +108,7 @@ def _check(found: Described, views: list[View], path: Path) -> None:
         raise InputError("names no catalogue", file=path, field="plant.catalogue", hint=hint)
     known = {n: v for file in _files(found) for n, v in file.items()}
     names, file = {e.name for e in own.values()}, found.effects_from or path
+    starts = {n: v.start for n, v in known.items() if n not in found.plant.parameters}
     for effect in own.values():
         for form in effect.forms:
             for name in (*form.settings, *(p.name for p in form.parameters)):
@@ -118,7 +119,7 @@ def _check(found: Described, views: list[View], path: Path) -> None:
                         field=f"{effect.name}: {name}",
                         hint="correct the name, or give the plant's own catalogue with --catalogue",
                     )
-            _check_neutral(form, {**_starts(known), **found.plant.parameters}, effect, file)
+            _check_neutral(form, starts, effect, file)
         if unknown := set(effect.refines) - names:
             raise InputError(
                 f"refines {unknown.pop()!r}, which the catalogue lacks",
@@ -128,19 +129,18 @@ def _check(found: Described, views: list[View], path: Path) -> None:
             )
 
 
-def _starts(variables: Mapping[str, FmuVariable]) -> dict[str, float]:
-    return {n: v.start for n, v in variables.items() if v.start is not None}
-
-
-def _check_neutral(form: Form, nominal: Mapping[str, float], effect: Effect, file: Path) -> None:
+def _check_neutral(
+    form: Form, starts: Mapping[str, float | None], effect: Effect, file: Path
+) -> None:
     """Refuses an effect of one parameter without which the plant would be another one than the
-    description's.
+    model. starts: the model's values, but of what the description sets: that holds without an
+    effect, neutral or not.
     """
     if len(form.parameters) != 1 or form.settings:
         return
     (own,) = form.parameters
-    value = nominal.get(own.name, own.neutral)
-    if not own.relative and value != own.neutral:
+    value = starts.get(own.name)
+    if value is not None and not own.relative and value != own.neutral:
         raise InputError(
             f"neutral is {own.neutral:g}, but {value:g} is what the plant has without the effect",
             file=file,

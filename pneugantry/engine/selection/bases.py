@@ -9,7 +9,7 @@ from __future__ import annotations
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.selection.contenders import contending, finalists
 from pneugantry.engine.selection.screening import Memory, screen
-from pneugantry.engine.selection.trail import Step, Trail
+from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import best_fit, best_of_each, main_forms, spent
 
 __all__ = ["from_others"]
@@ -37,17 +37,14 @@ def from_others(trail: Trail, best: Fit) -> Fit:
         trail.tried += [*fits, *finals]
         found += finals
     top = best_fit([best, *found]) or best
-    if best.evidence - top.evidence <= fitter.rules.entry:
-        return best
-    trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-    trail.steps += [Step(k, 0.0, top, dropped=True) for k in best.keys if k not in top.keys]
-    return trail.polished(top)
+    better = best.evidence - top.evidence > fitter.rules.entry
+    return trail.replaced(best, top) if better else best
 
 
 def _bases(trail: Trail, best: Fit) -> list[Fit]:
     """What gains nearly as much as the best of as many effects, with some that the answer lacks."""
     size = max(len(best.keys) - 1, 1)
-    null = min(f.evidence for f in trail.tried if not f.keys)
+    null = trail.null.evidence
     of_size = [f for f in trail.tried if len(f.keys) == size]
     least = null - MUCH * max((null - f.evidence for f in of_size), default=0.0)
     each = [f for f in best_of_each(of_size) if not set(f.keys) <= set(best.keys)]

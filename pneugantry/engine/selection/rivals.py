@@ -9,7 +9,7 @@ from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.hypothesis import Forms
 from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.screening import Offer, screen, usual
-from pneugantry.engine.selection.trail import Step, Trail
+from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import (
     Told,
     added,
@@ -49,12 +49,7 @@ def exchanged(trail: Trail, best: Fit) -> Fit:
     rivals = [*_rivals(trail, best), *_joined(trail, best), *_in_place(trail, best)]
     trail.tried += rivals
     top = min((best, *rivals), key=lambda f: f.evidence)
-    if top is best:
-        return best
-    if set(top.keys) != set(best.keys):
-        trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
-        trail.steps += [Step(k, 0.0, top, dropped=True) for k in best.keys if k not in top.keys]
-    return trail.polished(top)
+    return best if top is best else trail.replaced(best, top)
 
 
 def _rivals(trail: Trail, best: Fit) -> list[Fit]:

@@ -98,10 +98,9 @@ def _ended(trail: Trail, best: Fit) -> Search:
     other = from_others(trail, best)
     if other is not best:
         best = _gathered(trail, other, polished=True)
-    null = min((f for f in trail.tried if not f.keys), key=lambda f: f.evidence)
     tried = tuple(f for f in trail.tried if not f.negligible(fitter.rules))
     cut = spent(fitter) >= 1 and bool(unexplained(fitter, best))
-    return Search(null, best, tuple(trail.steps), tried, tuple(trail.screened), cut)
+    return Search(trail.null, best, tuple(trail.steps), tried, tuple(trail.screened), cut)
 
 
 def _gathered(trail: Trail, base: Fit, polished: bool = False) -> Fit:

@@ -70,6 +70,18 @@ class Trail:
         self.offered = {k: e for k, e in self.offered.items() if k not in idle}
         return [f for f in fits if f.keys[-1] not in idle]
 
+    @property
+    def null(self) -> Fit:
+        """The best one without effects."""
+        return min((f for f in self.tried if not f.keys), key=lambda f: f.evidence)
+
+    def replaced(self, best: Fit, top: Fit) -> Fit:
+        """A better one in the place of the best, at its best optimum; its effects are noted."""
+        if set(top.keys) != set(best.keys):
+            self.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
+            self.steps += [Step(k, 0.0, top, dropped=True) for k in best.keys if k not in top.keys]
+        return self.polished(top)
+
     def foremost(self, fits: Sequence[Fit], base: Fit) -> Fit | None:
         """The one that gains most over a base; None where that is too little for an effect."""
         gains = [f.gain(base, self.fitter.rules) for f in fits]

@@ -40,7 +40,7 @@ def lateness(name: str, values: Mapping[str, float]) -> Lateness:
     return values.get(delay, 0.0), values.get(lag, 0.0)
 
 
-def acting(record: Record, name: str, late: Lateness = (0.0, 0.0)) -> Held:
+def acting(record: Record, name: str, late: Lateness) -> Held:
     """What an input does by the time it acts, over a record: held over rows, or at the rows and
     over their parts. Before the record it was what it is at its start.
     """
@@ -49,7 +49,7 @@ def acting(record: Record, name: str, late: Lateness = (0.0, 0.0)) -> Held:
         return given
     held = given[1] if isinstance(given, tuple) else given
     period = record.period * len(held) / held.size
-    made = _behind(_shifted(held.ravel(), late[0] / period), late[1] / period).reshape(held.shape)
+    made = _behind(shifted(held.ravel(), late[0] / period), late[1] / period).reshape(held.shape)
     return (made[:, 0], made) if isinstance(given, tuple) else made
 
 
@@ -66,11 +66,6 @@ def drives_of(
     acts = [{n: acting(record, n, own) for n, own in found} for found in each]
     drives = [Drive({name: found[source] for name, source in sources.items()}) for found in acts]
     return drives, [each.index(own) for own in late]
-
-
-def _shifted(held: Array, rows: float) -> Array:
-    """Means over the rows of what is held some rows later."""
-    return shifted(held, rows) if rows else held
 
 
 def _behind(held: Array, rows: float) -> Array:

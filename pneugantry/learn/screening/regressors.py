@@ -122,8 +122,8 @@ def products_of(series: Mapping[Regressor, dict[str, Array]]) -> dict[Regressor,
     it is.
     """
     plain = [r for r in series if not (r.speed or r.rate)]
-    sides = [r for r in series if r.rate]
-    others = [r for r in (*plain, *sides) if not (r.outside or r.travelled) and _varies(series[r])]
+    inside = [r for r in series if not (r.speed or r.outside or r.travelled)]
+    others = [r for r in inside if _varies(series[r])]
     return {
         replace(r, component=other.component, times=other.name): series[r]
         for other in others

@@ -354,6 +354,13 @@ def test_a_catalogue_of_another_plant_is_refused(
         described_task(plant, wrong, cache)
 
 
+def test_what_a_description_sets_holds_without_an_effect(tmp_path: Path, cache: Path) -> None:
+    """The force that was found is written into the description; the catalogue stays as it is."""
+    path = written(tmp_path / "cart")
+    path.write_text(path.read_text("utf-8") + f"[parameters]\nF_0 = {OFFSET}\n", encoding="utf-8")
+    assert diagnose_described(path, cache=cache).diagnosis.verdict == "none"
+
+
 def test_what_is_a_plant_of_ones_own(plant: Path, tmp_path: Path) -> None:
     scenario = tmp_path / "scenario.toml"
     scenario.write_text('workpiece = "straight"\n', encoding="utf-8")
