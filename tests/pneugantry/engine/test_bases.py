@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete
+from test_search import modelled
 
 from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
-from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
+from pneugantry.engine.plant import Data, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.task import Task
@@ -68,18 +69,7 @@ def record(name: str, seed: int, more: float, less: float) -> Record:
 
 @pytest.fixture(scope="module")
 def plant(tmp_path_factory: pytest.TempPathFactory) -> Plant:
-    path = tmp_path_factory.mktemp("circuit") / "Circuit.mo"
-    path.write_text(MODEL, encoding="utf-8")
-    return Plant(
-        name="circuit",
-        model=path,
-        class_name="Circuit",
-        inputs=("u",),
-        signals=tuple(Signal(n, n, s) for n, s in SIGMA.items()),
-        parameters={},
-        nuisances=tuple(Nuisance(n, 0.02, relative=True, scales=True) for n in OFF),
-        blocks={},
-    )
+    return modelled(tmp_path_factory.mktemp("circuit"), MODEL, "Circuit", SIGMA, OFF)
 
 
 def diagnosed(plant: Plant, cache: Path, more: float, less: float) -> Found:

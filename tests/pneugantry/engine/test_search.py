@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,23 +102,30 @@ def record(name: str, seed: int, **truth: float) -> Record:
     return Record(name, PERIOD, {"u": u}, signals, {})
 
 
+def modelled(
+    folder: Path, text: str, class_name: str, sigma: Mapping[str, float], off: Iterable[str]
+) -> Plant:
+    """A plant of the text of its class, with one input; off: parameters with 2 % of tolerance."""
+    path = folder / f"{class_name}.mo"
+    path.write_text(text, encoding="utf-8")
+    return Plant(
+        name=class_name.lower(),
+        model=path,
+        class_name=class_name,
+        inputs=("u",),
+        signals=tuple(Signal(n, n, s) for n, s in sigma.items()),
+        parameters={},
+        nuisances=tuple(Nuisance(p, 0.02, relative=True, scales=True) for p in off),
+        blocks={},
+    )
+
+
 @pytest.fixture(scope="module")
 def plant(tmp_path_factory: pytest.TempPathFactory) -> Plant:
-    path = tmp_path_factory.mktemp("drive") / "Drive.mo"
-    path.write_text(MODEL, encoding="utf-8")
-    return Plant(
-        name="drive",
-        model=path,
-        class_name="Drive",
-        inputs=("u",),
-        signals=tuple(Signal(n, n, s) for n, s in SIGMA.items()),
-        parameters={},
-        nuisances=tuple(
-            Nuisance(p, 0.02, relative=True, scales=True) for p in ("K", "tau", "m", "C", "F_c")
-        ),
-        blocks={"i": "current", "v": "mechanics", "s": "sensors"},
-        settings={"solver.tolerance": 1e-3},
-    )
+    off = ("K", "tau", "m", "C", "F_c")
+    made = modelled(tmp_path_factory.mktemp("drive"), MODEL, "Drive", SIGMA, off)
+    blocks = {"i": "current", "v": "mechanics", "s": "sensors"}
+    return replace(made, blocks=blocks, settings={"solver.tolerance": 1e-3})
 
 
 def fitter_of(plant: Plant, tmp: Path, **truth: float) -> Fitter:
