@@ -54,6 +54,7 @@ class Fit:
     whole: bool = False  # all views were fitted together, none left as its parabola
     settled: bool = False  # as of `Solution`
     tangents: Mapping[Cell, Tangent] = field(default_factory=dict)  # as of `Solution`
+    left: Mapping[str, Point] = field(default_factory=dict)  # views that are parabolas about these
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -99,17 +100,22 @@ class Fit:
         """Parameters of a record; None: those of no record in particular."""
         return self.point.values(record)
 
-    def dropped(self, kept: Collection[str]) -> Array:
-        """Values of theta (coordinates,) where effects that are not kept are neutral: the others
-        move as the covariance tells.
+    def held(self, at: Mapping[str, float]) -> Array:
+        """Values of theta (coordinates,) where some are given: the others move as the covariance
+        tells.
         """
         theta = self.point.theta
-        gone = [i for i, c in enumerate(self.point.coordinates) if c.name not in kept and c.effect]
-        if not gone:
+        index = [i for i, c in enumerate(self.point.coordinates) if c.name in at]
+        if not index:
             return theta
-        among = self.covariance[np.ix_(gone, gone)]
-        off = theta[gone] - [self.point.coordinates[i].none for i in gone]
-        return np.asarray(theta - self.covariance[:, gone] @ np.linalg.solve(among, off))
+        among = self.covariance[np.ix_(index, index)]
+        off = [at[self.point.coordinates[i].name] - theta[i] for i in index]
+        return np.asarray(theta + self.covariance[:, index] @ np.linalg.solve(among, off))
+
+    def dropped(self, kept: Collection[str]) -> Array:
+        """The same where effects that are not kept are neutral."""
+        gone = (c for c in self.point.coordinates if c.name not in kept and c.effect)
+        return self.held({c.name: c.none for c in gone})
 
     def sigma(self, name: str) -> float:
         """Standard deviation of a coordinate's theta."""

@@ -29,6 +29,7 @@ from pneugantry.engine.fitting.problem import (
     Problem,
     Solution,
     foretold,
+    inside,
     newton,
     prior,
     standing,
@@ -381,10 +382,7 @@ class Fitter:
         """
         cells = tuple(self.simulation.cells)
         whole = prior(fit.point.coordinates)
-        residuals = fit.residuals
-        if not fit.settled:
-            residuals = self.simulation.residuals(fit.point, cells)
-        solution = Solution(fit.point, residuals, fit.columns, fit.settled, fit.tangents)
+        solution = self._reached(fit, whole, cells)
         made = self._ended(
             fit, (self._polished if thorough else self._jointly)(solution, whole, cells)
         )
@@ -394,6 +392,33 @@ class Fitter:
         return min(
             made, self._ended(fit, self._polished(at, whole, cells)), key=lambda f: f.evidence
         )
+
+    def _reached(self, fit: Fit, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        """Where a fit ended, in all views. One that it left as a parabola may meet an event
+        otherwise there: then what that view reads is held where it was, if all is better so.
+        """
+        if fit.settled:
+            return Solution(fit.point, fit.residuals, fit.columns, True, fit.tangents)
+        residuals = self.simulation.residuals(fit.point, cells)
+        end = Solution(fit.point, residuals, fit.columns, tangents=fit.tangents)
+        weighing = Weighing(fit.noise, self.rules)
+        own = [c for c in cells if c[0] in fit.left]
+        before, after = (weighing.costs({c: r[c] for c in own}) for r in (fit.residuals, residuals))
+        worse = {v for v in before if after[v] - before[v] > self.rules.entry}
+        if not worse:
+            return end
+        point = self._held(fit, worse)
+        held = replace(end, point=point, residuals=self.simulation.residuals(point, cells))
+        return min(end, held, key=lambda s: self._cost(s, known, fit.noise))
+
+    def _held(self, fit: Fit, views: Collection[str]) -> Point:
+        """A fit with what some views read where it was when they became parabolas."""
+        coordinates, at = fit.point.coordinates, dict[str, float]()
+        for cell in (c for c in self.simulation.cells if c[0] in views):
+            theta = theta_in(fit.left[cell[0]], coordinates)
+            read = zip(coordinates, theta, strict=True)
+            at |= {c.name: t for c, t in read if self.simulation.in_cell(c, cell)}
+        return inside(fit.point.moved(fit.held(at)))
 
     def _ended(self, fit: Fit, solution: Solution) -> Fit:
         """The hypothesis of a fit where all views together have led."""
@@ -613,6 +638,7 @@ class Fitter:
         base: Fit | None = None,
     ) -> Fit:
         """`base`: where the cells come from that were left as they are."""
+        places: dict[str, Point] = {}
         point, colour = solution.point, self.noise.coloured(solution.residuals)
         parabolas = {
             view: self._parabola(in_view(solution, view), colour)
@@ -625,6 +651,7 @@ class Fitter:
         cost += (self.rules.tolerated - 1) * borne(point)
         if base is not None:
             left = {v: p for v, p in base.parabolas.items() if v not in parabolas}
+            places = {v: base.left.get(v, base.point) for v in left}
             at = dict(zip((c.name for c in base.point.coordinates), base.point.theta, strict=True))
             cost -= sum(p.cost(np.array([at[n] for n in p.names])) for p in left.values())
             solution = Solution(
@@ -652,6 +679,7 @@ class Fitter:
             base is None,
             solution.settled,
             solution.tangents,
+            places,
         )
 
 

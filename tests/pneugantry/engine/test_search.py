@@ -503,6 +503,36 @@ def test_a_fit_that_is_worse_with_all_views_together_is_looked_at_closely(
     assert found.evidence < null.evidence + 1.0
 
 
+def test_a_view_that_a_step_threw_off_its_record_is_held_where_it_was(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The current's effect moves its sensor's scale, too, with which another view, left as a
+    parabola, misses an event: no slope tells of the way back.
+    """
+    scale = Nuisance("sensors.i.scale", 0.02, relative=True)
+    fitter = fitter_of(replace(plant, nuisances=(*plant.nuisances, scale)), parts, leak=0.1)
+    null = fitter.null()
+    leak = CATALOGUE["leak"]
+    fit = fitter.explore(null.hypothesis.plus(leak, leak.forms[0]), null)
+    at, run = null.values(None)[scale.parameter], fitter.simulation.run
+
+    def missing(jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> dict[Cell, list[Array]]:
+        found = run(jobs)
+        for cell in (c for c in jobs if c[0] == "v"):
+            for i, values in enumerate(jobs[cell]):
+                if abs(values[scale.parameter] - at) > 1e-6:
+                    found[cell][i] = found[cell][i] + 10 * SIGMA["v"]
+        return found
+
+    monkeypatch.setattr(fitter.simulation, "run", missing)
+    assert abs(fit.values(None)[scale.parameter] - at) > 1e-4
+    assert set(fit.left) == {"v", "s"}
+    found = fitter.again(fit)
+    fitter.close()
+    assert found.values(None)[scale.parameter] == pytest.approx(at, abs=1e-6)
+    assert null.evidence - found.evidence > 0.5 * (null.evidence - fit.evidence)
+
+
 def test_what_a_fit_leaves_of_a_sound_rig_is_the_sensors_noise(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts)
     null = fitter.null()
