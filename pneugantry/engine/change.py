@@ -179,7 +179,7 @@ class Told:
 def gap_on(found: Found, record: Record, rules: Rules) -> Told | None:
     """The gap of a record under the answer; None where the model stops."""
     plant, best = found.task.plant, found.decision.best
-    own = [{}, values_on(best, record), *draws(best, record)]
+    own = [{}, values_on(best, record), *draws(best, record, unseen=found.unseen)]
     nominal, augmented, *others = replays(plant, record, own, found.task.cache)
     if nominal is None or augmented is None:
         return None

@@ -173,6 +173,7 @@ def case_of(path: Path, cache: Path, catalogue: Path | None = None) -> Case:
         cache,
         sensors=_missing(found),
         notes=found.notes,
+        sharp=True,
     )
 
 

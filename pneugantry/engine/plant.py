@@ -128,6 +128,11 @@ class Record:
     def rows(self) -> int:
         return len(next(iter(self.signals.values())))
 
+    @property
+    def first(self) -> int:
+        """Row from which on it counts."""
+        return round(self.skip / self.period)
+
     def read(self, given: Mapping[str, float]) -> dict[str, float]:
         """Values of the plant's parameters in this record, from a fit's."""
         return dict(given) if self.epoch is None else self.epoch.read(given, self.parameters)

@@ -28,6 +28,7 @@ from pneugantry.engine.answer.location import where
 from pneugantry.engine.answer.result import Diagnosis, answer_set, causes_of
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.selection.excess import Excess, excess_of, floors_of
 from pneugantry.engine.selection.search import Search, resumed, search
@@ -56,6 +57,7 @@ class Found:
     nominal: Replay | None  # of the record that no fit saw (else of the last one)
     augmented: Replay | None
     gap: Gap | None
+    unseen: tuple[Coordinate, ...]  # what every rig has off and no fitted record shows
     learnt: Found | None = None  # of the plant with what it lacked, where the answer is that one's
 
     @property
@@ -180,6 +182,7 @@ def _answer(
         c.nominal,
         c.augmented,
         c.gap,
+        tuple(fitter.unseen(best)),
     )
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneugantry.engine.answer.confirm import shrink_of
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Array, Nuisance
 from pneugantry.engine.run import Found
@@ -87,6 +88,5 @@ class Learned:
         """
         if self.after is None or self.after.gap is None or self.before.gap is None:
             return None
-        new, nominal = self.after.gap, self.before.gap.nominal
-        left = max(new.augmented**2 - new.floor**2, 0.0)
-        return 1 - left / (nominal**2 - new.floor**2)
+        new = self.after.gap
+        return shrink_of(self.before.gap.nominal, new.augmented, new.floor)

@@ -7,6 +7,7 @@ depends on that, stands beside the gap.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -36,6 +37,7 @@ __all__ = [
     "noise_levels",
     "replay",
     "replays",
+    "shrink_of",
     "values_on",
 ]
 
@@ -109,32 +111,24 @@ class Gap:
         return self.spread is not None and self.spread[1] > 2 * max(self.spread[0], self.floor)
 
 
-def replay(
-    plant: Plant, record: Record, values: Values, cache: Path, *, skip: float | None = None
-) -> Replay:
+def replay(plant: Plant, record: Record, values: Values, cache: Path) -> Replay:
     """One record under one set of values: see `replays`. Raises RunError where the model stops."""
-    found = replays(plant, record, [values], cache, skip=skip)[0]
+    found = replays(plant, record, [values], cache)[0]
     if found is None:
         raise RunError(f"{record.name}: the model stops under these values")
     return found
 
 
 def replays(
-    plant: Plant,
-    record: Record,
-    values: Sequence[Values],
-    cache: Path,
-    *,
-    skip: float | None = None,
+    plant: Plant, record: Record, values: Sequence[Values], cache: Path
 ) -> list[Replay | None]:
     """The whole plant driven by the record's inputs alone, its sensors' errors applied, under each
     set of values; None where the model stops. Values that are none of the model's (a controller's)
-    change nothing. skip: s at the start that do not count; None: as the record says.
+    change nothing.
     """
     names, true = _simulated(plant, record, values, cache)
-    first = round((record.skip if skip is None else skip) / record.period)
     return [
-        _beside(plant, record, names, given, true[i], first) if np.isfinite(true[i]).all() else None
+        _beside(plant, record, names, given, true[i]) if np.isfinite(true[i]).all() else None
         for i, given in enumerate(values)
     ]
 
@@ -167,14 +161,14 @@ def _simulated(
 
 
 def _beside(
-    plant: Plant, record: Record, names: tuple[str, ...], values: Values, true: Array, first: int
+    plant: Plant, record: Record, names: tuple[str, ...], values: Values, true: Array
 ) -> Replay:
     quoted = {s.name: s.sigma for s in plant.signals}
     sigma = np.array([quoted[n] for n in names])
     simulated = _readings(names, true, record, values)
     measured = np.column_stack([record.signals[n] for n in names])
     residuals = (measured - simulated) / sigma
-    residuals[:first] = np.nan
+    residuals[: record.first] = np.nan
     return Replay(record.name, names, simulated, residuals, measured, sigma, record.period)
 
 
@@ -240,7 +234,7 @@ def _gap_of(
         nominal.gap,
         augmented.gap,
         floor,
-        _shrink(before.mean(), after.mean(), floor),
+        shrink_of(nominal.gap, augmented.gap, floor),
         _interval(before, after, length, floor),
         augmented.record,
         {n: (by[0][n], by[1][n]) for n in augmented.signals},
@@ -266,11 +260,10 @@ def _apart(augmented: Replay, others: Sequence[Replay]) -> float:
     return float(np.sqrt(np.mean(squares))) if squares else 0.0
 
 
-def _shrink(nominal: float, augmented: float, floor: float) -> float:
-    """Of mean squares; 0 where there is nothing to shrink."""
-    if nominal - floor**2 < NOTHING:
-        return 0.0
-    return 1.0 - max(float(augmented) - floor**2, 0.0) / (float(nominal) - floor**2)
+def shrink_of(nominal: float, augmented: float, floor: float) -> float:
+    """Share of a gap (RMS) that is gone, of squares beyond the floor's; 0 where there is none."""
+    gap, left = nominal**2 - floor**2, augmented**2 - floor**2
+    return 0.0 if gap < NOTHING else 1.0 - max(left, 0.0) / gap
 
 
 def _interval(before: Array, after: Array, length: int, floor: float) -> tuple[float, float]:
@@ -278,7 +271,8 @@ def _interval(before: Array, after: Array, length: int, floor: float) -> tuple[f
     n = max(len(before) // length, 1)
     a, b = (v[: n * (len(v) // n)].reshape(n, -1).mean(axis=1) for v in (before, after))
     picks = np.random.default_rng(0).integers(0, n, (BOOTSTRAPS, n))
-    found = [_shrink(a[p].mean(), b[p].mean(), floor) for p in picks]
+    squares = ((a[p].mean(), b[p].mean()) for p in picks)
+    found = [shrink_of(math.sqrt(m), math.sqrt(n), floor) for m, n in squares]
     low, high = np.quantile(found, (0.025, 0.975))
     return float(low), float(high)
 
@@ -342,7 +336,7 @@ def values_on(fit: Fit, record: Record) -> dict[str, float]:
 
 
 def draws(
-    fit: Fit, record: Record, count: int = DRAWS, unseen: Sequence[Coordinate] = ()
+    fit: Fit, record: Record, unseen: Sequence[Coordinate], count: int = DRAWS
 ) -> list[dict[str, float]]:
     """Values on a record as the fit leaves them open: draws from its normal distribution. unseen:
     coordinates that no fitted record shows, drawn from their priors.

@@ -156,10 +156,9 @@ class Surveys:
         parts = np.array_split(np.arange(count), share * self.rules.followed)
         return [[points[i] for i in part] for part in parts]
 
-    @staticmethod
-    def _worst(problem: Problem, at: Solution) -> Cell:
+    def _worst(self, problem: Problem, at: Solution) -> Cell:
         """The cell whose record is met worst."""
-        return max(problem.cells, key=lambda c: float(np.nansum(at.residuals[c] ** 2)))
+        return max(problem.cells, key=lambda c: self.simulation.misfit(c, at.residuals[c]))
 
     def _foremost(self, problem: Problem, points: Sequence[Point], worst: Cell) -> Solution:
         """The best of some points, without columns. One cell tells which of them are simulated in

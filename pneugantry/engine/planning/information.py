@@ -205,7 +205,7 @@ def gather(
     found = _differences(fitter, _base(nuisances), moves)
     whiteners = _whiteners(fitter, noisy)
     bad = {i for index, d in found.values() for i, x in zip(index, d, strict=True) if _lost(x)}
-    cells = {cell: (index, _gram(fitter, cell, d, whiteners)) for cell, (index, d) in found.items()}
+    cells = {c: (index, _gram(d, whiteners[c[0]])) for c, (index, d) in found.items()}
     failed = frozenset(k for k, own in places.items() if bad & set(own))
     precisions = np.array([1 / c.spread**2 for c in nuisances])
     return Information(precisions, places, cells, fitter.rules.effect_prior, failed)
@@ -291,25 +291,18 @@ def _lost(column: Array) -> bool:
     return not bool(np.isfinite(column).all())
 
 
-def _gram(
-    fitter: Fitter,
-    cell: Cell,
-    columns: Sequence[Array],
-    whiteners: Mapping[str, tuple[Whitener, ...]],
-) -> Array:
+def _gram(columns: Sequence[Array], whiteners: Sequence[Whitener]) -> Array:
     """Gram matrix of a cell's whitened columns; a column that could not be simulated counts as
     none.
     """
     if not columns:
         return np.zeros((0, 0))
-    view, record = fitter.simulation.views[cell[0]], fitter.simulation.records[cell[1]]
-    skipped = max(round(record.skip / (record.period * view.decimation)) - LONGEST, 0)
-    parts = []
-    for c, whiten in enumerate(whiteners[cell[0]]):
-        part = np.column_stack([whiten(np.nan_to_num(column[:, c])) for column in columns])
-        part[:skipped] = 0.0
-        parts.append(part)
-    whole = np.vstack(parts)
+    whole = np.vstack(
+        [
+            np.column_stack([whiten(np.nan_to_num(column[:, c])) for column in columns])
+            for c, whiten in enumerate(whiteners)
+        ]
+    )
     return np.asarray(whole.T @ whole)
 
 

@@ -26,6 +26,7 @@ from pneugantry.engine.planning.information import (
 from pneugantry.engine.plant import Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.build import build_views, view_beside
+from pneugantry.engine.views.cuts import sharp_views
 from pneugantry.engine.views.subsystem import SubsystemView
 from pneugantry.engine.views.synthetic import Nominal, noisy
 from pneugantry.engine.views.view import View
@@ -57,6 +58,7 @@ class Case:
     experiments: tuple[Experiment, ...] = ()
     sensors: tuple[Signal, ...] = ()  # that could be added; sigma 0: of a usual sensor
     notes: tuple[str, ...] = ()
+    sharp: bool = False  # cut where measured well enough (`sharp_views`), as the plant's diagnosis
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,7 @@ def make_plan(case: Case, say: Say = lambda _: None) -> Plan:
         raise RunError("the nominal model can be simulated over none of the records")
     say("views")
     everything = (*records, *(e.record for e in experiments))
-    views: list[View] = [*_views(case, records[0].period), *case.others]
+    views: list[View] = [*_views(case, records), *case.others]
     fitter = Fitter(case.plant, views, everything, case.rules)
     try:
         say("effects")
@@ -142,9 +144,11 @@ def make_plan(case: Case, say: Say = lambda _: None) -> Plan:
     )
 
 
-def _views(case: Case, period: float) -> list[SubsystemView]:
+def _views(case: Case, records: Sequence[Record]) -> list[SubsystemView]:
     rules, measured = case.rules, [s.name for s in case.plant.signals]
-    return build_views(case.plant, measured, case.cache, period, rules)
+    if case.sharp:
+        return sharp_views(case.plant, measured, case.cache, records, rules)
+    return build_views(case.plant, measured, case.cache, records[0].period, rules)
 
 
 def _completed(case: Case, notes: list[str]) -> tuple[list[Record], list[Experiment]]:
@@ -249,7 +253,7 @@ def _sensors(case: Case, records: Sequence[Record], notes: list[str]) -> list[Ad
         extra.append({s.name: found[s.variable] for s in case.sensors})
     if not plain:
         return []
-    views = _views(case, plain[0].period)
+    views = _views(case, plain)
     before = sights(_informed(case, case.plant, views, plain))
     made = []
     for sensor in case.sensors:

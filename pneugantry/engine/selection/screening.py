@@ -182,7 +182,7 @@ def _worst_records(fitter: Fitter, base: Fit) -> list[Cell]:
     told: list[Cell] = []
     for view in fitter.simulation.views:
         own = [c for c in fitter.simulation.cells if c[0] == view]
-        own.sort(key=lambda c: -float(np.nansum(base.residuals[c] ** 2)))
+        own.sort(key=lambda c: -fitter.simulation.misfit(c, base.residuals[c]))
         told += own[: -(-len(own) // WINNOWED)]
     return told
 

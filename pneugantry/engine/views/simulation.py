@@ -11,6 +11,8 @@ from functools import cached_property
 from threading import Lock
 from typing import TypeVar
 
+import numpy as np
+
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
@@ -162,6 +164,10 @@ class Simulation:
         else:
             size = self.rules.stride if c.effect else self.rules.difference
         return size if c.value(theta + size) != c.value(theta) else -size
+
+    def misfit(self, cell: Cell, residual: Array) -> float:
+        """Sum of squares of a cell's residual (rows, signals), in the noise quoted of each."""
+        return float(np.nansum((residual / np.asarray(self.views[cell[0]].sigmas)) ** 2))
 
     def in_cell(self, c: Coordinate, cell: Cell) -> bool:
         """Whether a cell reads a coordinate."""

@@ -139,6 +139,7 @@ class SubsystemView:
         result = np.empty((record.rows // each, len(self.signals)))
         for c, signal in enumerate(self.signals):
             error = record.signals[signal] - sensed(signal, simulated[:, c], record, values)
+            error[: record.first] = 0.0
             if record.judged is not None and self.corrected:
                 error[~record.judged] = 0.0
             result[:, c] = error[:end].reshape(-1, each) @ np.full(each, 1 / each)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pneugantry.engine.answer.confirm import Gap, gap_of
+from pneugantry.engine.answer.confirm import Gap, gap_of, shrink_of
 from pneugantry.engine.answer.decide import UNKNOWN
 from pneugantry.engine.answer.location import Place
 from pneugantry.engine.answer.result import Diagnosis
@@ -92,7 +92,5 @@ def _in_loop(told: Diagnosis, new: Diagnosis) -> dict[str, float] | None:
     if told.closed_loop is None or new.closed_loop is None:
         return None
     found = {**new.closed_loop, "nominal": told.closed_loop["nominal"]}
-    floor = found["floor"] ** 2
-    gap = found["nominal"] ** 2 - floor
-    left = max(found["augmented"] ** 2 - floor, 0.0)
-    return {**found, "shrink": 1.0 - left / gap if gap > 0 else 0.0}
+    shrink = shrink_of(found["nominal"], found["augmented"], found["floor"])
+    return {**found, "shrink": shrink}

@@ -139,7 +139,7 @@ class TermFits:
     def loss(self, replay: Replay) -> Array:
         """-2 log density (stretches,) of a replay."""
         rows = np.nan_to_num(replay.residuals) / max(1.0, self.level)
-        count = max(1, round(len(rows) * replay.period / self.rules.block))
+        count = max(1, len(rows) // self.rules.stretch(replay.period, len(rows)))
         terms = noise.loss(rows, self.rules.tails).sum(axis=1)
         return np.array([float(part.sum()) for part in np.array_split(terms, count)])
 

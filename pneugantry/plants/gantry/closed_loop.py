@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modelica_fmu.errors import InputError
+from pneugantry.engine.answer.confirm import shrink_of
 from pneugantry.engine.signals.sensors import PREFIX, neutral
 from pneugantry.plants.gantry.timing import DELAYS
 from pyfmi_runner.campaign import LoggedRun, LogSetup
@@ -27,7 +28,6 @@ Array = NDArray[np.float64]
 FORCES = ("f_x", "f_z")
 NEEDED = (*FORCES, "v_x", "v_z")  # channels that the task is judged by
 SHORTEST = 500  # rows of the task, from which on it is judged
-NOTHING = 0.05  # mean square beyond the floor below which there is no gap
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,7 @@ def rerun(fmu: FmuFile, run: LoggedRun, values: Mapping[str, float]) -> dict[str
     )
     before, after = _distance(measured, nominal), _distance(measured, first)
     floor = _distance(first, second)
-    gap, left = before**2 - floor**2, max(after**2 - floor**2, 0.0)
-    shrink = 1.0 - left / gap if gap > NOTHING else 0.0
+    shrink = shrink_of(before, after, floor)
     return {"nominal": before, "augmented": after, "floor": floor, "shrink": shrink}
 
 

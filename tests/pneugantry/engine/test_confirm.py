@@ -178,7 +178,7 @@ def test_what_belongs_to_one_record_is_carried_over_as_far_as_the_others_agree()
     assert abs(apart["start"] - 3.0) < 0.001
     seen = values_on(fit_of((*own, shared), [2.0, -2.0, 0.3, 1.0]), replace(unseen, name="b"))
     assert seen["start"] == pytest.approx(0.98)
-    drawn = [v["m"] for v in draws(fit_of((*own, shared), [2.0, 2.0, 2.0, 1.0]), unseen, 200)]
+    drawn = [v["m"] for v in draws(fit_of((*own, shared), [2.0, 2.0, 2.0, 1.0]), unseen, (), 200)]
     assert np.std(drawn) == pytest.approx(0.01, rel=0.15)
 
 

@@ -92,3 +92,13 @@ def test_missing_signals_are_simulated_and_measured_ones_kept(
     assert louder.name != found.name
     noise = louder.signals["force"] - found.signals["force"]
     assert np.std(noise) == pytest.approx(0.01, rel=0.1)
+
+
+def test_a_noisy_sensor_hides_nothing_that_the_diagnosis_would_see(case: Case, cart: Plant) -> None:
+    """Where views are cut as a diagnosis cuts them, the speed tells what it drowns as known."""
+    force, *others = cart.signals
+    noisy_force = replace(force, sigma=1000 * force.sigma)
+    coarse = replace(case, plant=replace(cart, signals=(noisy_force, *others)))
+    told = [make_plan(replace(coarse, sharp=s)) for s in (False, True)]
+    as_known, sharp = ({s.effect: s.sigma for s in p.sights}.get("gain", 0.0) for p in told)
+    assert sharp > 2 * as_known

@@ -22,6 +22,7 @@ class Scale:
     """A view whose residual is a parameter."""
 
     name = "scale"
+    sigmas = (2.0, 1e-3)
 
     def shows(self, record: Record) -> bool:
         return True
@@ -46,6 +47,15 @@ def test_each_run_comes_back_in_its_place(counts: tuple[int, int]) -> None:
     assert set(found) == {cell for cell, own in jobs.items() if own}
     for cell, made in found.items():
         assert [own[0, 0] for own in made] == [job["p"] for job in jobs[cell]]
+
+
+def test_a_record_is_met_as_badly_as_its_sensors_are_noisy() -> None:
+    """Signals of different units share a view: two of them three noises off."""
+    record = cast(Record, SimpleNamespace(name="a", rows=10, period=0.1))
+    simulation = Simulation([cast(View, Scale())], [record], Rules())
+    residual = np.array([[6.0, 0.0], [np.nan, 3e-3]])
+    assert simulation.misfit(("scale", "a"), residual) == pytest.approx(18.0)
+    simulation.close()
 
 
 @pytest.mark.parametrize(

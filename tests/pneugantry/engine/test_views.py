@@ -72,6 +72,23 @@ def test_a_record_of_the_nominal_plant_leaves_nothing(
         assert np.abs(residual).max() < 0.05 * min(s.sigma for s in cart.signals), view.name
 
 
+def test_rows_at_a_start_that_does_not_count_are_judged_by_no_view(
+    cart: Plant, push: Record, cache: Path
+) -> None:
+    """However wrong a reading is there; behind it each row is as it would be."""
+    whole = replace(Nominal(cart, ["f", "v"], cache).record(push), skip=0.1)
+    for view in views(cart, cache):
+        wrong = {n: whole.signals[n].copy() for n in view.signals}
+        for values in wrong.values():
+            values[: whole.first] += 1e3
+        spoilt = replace(whole, signals={**whole.signals, **wrong})
+        moved = {} if view.name == "f" else {"M": 2.0}
+        told, expected = view.residuals([(spoilt, moved), (replace(whole, skip=0.0), moved)])
+        first = whole.first // view.decimation
+        assert not told[:first].any(), view.name
+        np.testing.assert_allclose(told[first:], expected[first:], atol=1e-9)
+
+
 def test_only_the_view_that_reads_a_parameter_changes_with_it(
     cart: Plant, push: Record, cache: Path
 ) -> None:
@@ -144,7 +161,7 @@ def test_thinning_keeps_a_ramp_and_leaves_rows_about_an_impact_out() -> None:
 
 def test_the_engine_knows_no_plant() -> None:
     folder = Path(pneugantry.engine.__file__).parent
-    for path in folder.glob("*.py"):
+    for path in folder.rglob("*.py"):
         text = path.read_text(encoding="utf-8")
         assert not re.search(rf"\b({NAMES})\b", text, re.IGNORECASE), path.name
         assert "plants" not in re.findall(r"from pneugantry\.(\w+)", text), path.name

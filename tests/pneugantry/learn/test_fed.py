@@ -124,7 +124,7 @@ def test_the_plant_gives_a_component_what_another_one_has(
     term = Term(point, regressor, linear, (0.7,), (1.0,), component)
     made = with_term(plant, term, tmp_path, blank=blank)
     values = {**term.starts, **(term.settings if blank else {})}
-    (told,) = replays(made, _record(), [values], tmp_path, skip=0.0)
+    (told,) = replays(made, _record(), [values], tmp_path)
     assert told is not None
     s, a, b = told.simulated.T
     own, other = (a, b) if component == "near" else (b, a)
@@ -200,7 +200,7 @@ def test_a_part_of_a_component_is_given_what_that_has(tmp_path: Path) -> None:
     term = Term(point, Regressor("near.seal", "s", times="v", fed=True), linear, (0.7,), (1.0,), "")
     made = with_term(plant, term, tmp_path)
     assert "seal(missing_1(z = p), level = 2)" in made.model.read_text(encoding="utf-8")
-    (told,) = replays(made, _record(), [term.starts], tmp_path, skip=0.0)
+    (told,) = replays(made, _record(), [term.starts], tmp_path)
     assert told is not None
     s, a, b = told.simulated.T
     w = np.cos(3 * T)

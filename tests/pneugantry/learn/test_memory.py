@@ -103,7 +103,7 @@ def test_its_modelica_does_what_its_rows_do(
     term = Term(point, Regressor("second", "u"), law, (1.5, *values), (1.0, 0.5, 0.5), "second")
     u = np.sin(3 * T)
     made = with_term(plant, term, tmp_path)
-    (told,) = replays(made, _record(u), [term.starts], tmp_path, skip=0.0)
+    (told,) = replays(made, _record(u), [term.starts], tmp_path)
     assert told is not None
     expected = 1.5 * OF_NAME[name].walk(u, PERIOD, values)
     assert told.simulated[:, 0] == pytest.approx(2 * u, abs=1e-6)
@@ -124,7 +124,7 @@ def test_a_common_cause_has_one_set_of_parameters(tmp_path: Path) -> None:
     assert term.parameters == ("common_missing_1_p1", "common_missing_1_p2")
     u = np.sin(3 * T)
     made = with_term(plant, term, tmp_path)
-    (told,) = replays(made, _record(u), [term.starts], tmp_path, skip=0.0)
+    (told,) = replays(made, _record(u), [term.starts], tmp_path)
     assert told is not None
     left = 1.5 * OF_NAME["lag"].walk(u, PERIOD, (0.2,))
     assert told.simulated == pytest.approx(
