@@ -29,7 +29,6 @@ from pyfmi_runner.log import (
     STROKE_Z,
     Log,
     read_log,
-    touches,
     write_atomically,
     write_log,
 )
@@ -43,6 +42,7 @@ from pyfmi_runner.scenario import (
     to_toml,
     toml_key,
 )
+from pyfmi_runner.suspicions import touches
 from pyfmi_runner.workpiece import default_standoff
 
 __all__ = [
@@ -295,10 +295,7 @@ def _misfits(name: str, run: LoggedRun) -> Iterator[str]:
             "the model then has nothing to press against"
         )
     if run.setup.controller and not is_known_controller(run.setup.controller):
-        yield (
-            f"{name} was recorded with the controller {run.setup.controller!r}, which is none of "
-            f"ours: its loop is not run again (--controller FILE.py gives it)"
-        )
+        yield _foreign_loop(name, run.setup.controller)
     end = max((end for _, end in run.setup.phases.values()), default=-math.inf)
     if end > run.log.time[-1] + SLACK:
         yield f"{name} ends at {run.log.time[-1]:.3f} s, its phases at {end:g} s"
@@ -424,8 +421,16 @@ def with_controller(campaign: Campaign, file: Path) -> Campaign:
         else run
         for name, run in campaign.logs.items()
     }
-    notes = [note for note in campaign.notes if "none of ours" not in note]
+    gone = {_foreign_loop(n, r.setup.controller) for n, r in campaign.logs.items()}
+    notes = [note for note in campaign.notes if note not in gone]
     return dataclasses.replace(campaign, logs=logs, notes=notes)
+
+
+def _foreign_loop(name: str, controller: str | None) -> str:
+    return (
+        f"{name} was recorded with the controller {controller!r}, which is none of ours: its loop "
+        "is not run again (--controller FILE.py gives it)"
+    )
 
 
 def _named_only(controller: str) -> str | None:

@@ -20,10 +20,10 @@ from pyfmi_runner.log import (
     STROKE_X,
     STROKE_Z,
     parsed_numbers,
-    touches,
 )
 from pyfmi_runner.log_import import ABSENT, UNITS
 from pyfmi_runner.scenario import toml_key
+from pyfmi_runner.suspicions import touches
 from pyfmi_runner.workpiece import WORKPIECES
 
 __all__ = ["Guess", "guessed_columns", "template"]

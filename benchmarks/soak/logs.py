@@ -20,7 +20,8 @@ from benchmarks.soak.fuzz import Kinds, Read, with_bytes_changed
 from pneugantry.engine.describe import described
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.campaign import read_campaign
-from pyfmi_runner.log import COLUMNS, log_warnings, read_log
+from pyfmi_runner.log import COLUMNS, read_log
+from pyfmi_runner.suspicions import log_warnings
 from pyfmi_runner.workpiece import default_standoff, read_profile
 
 __all__ = ["LOGS", "sound_csv"]

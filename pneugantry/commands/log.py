@@ -63,7 +63,8 @@ def _init(path: Path, out: Path | None, force: bool) -> dict[str, Any]:
 
 def _read(path: Path, out: Path | None) -> dict[str, Any]:
     from pyfmi_runner.campaign import read_campaign, setup_table
-    from pyfmi_runner.log import log_warnings, write_log
+    from pyfmi_runner.log import write_log
+    from pyfmi_runner.suspicions import log_warnings
 
     campaign = read_campaign(path)
     run = next(iter(campaign))

@@ -21,10 +21,10 @@ from pyfmi_runner.log import (
     SIGMA,
     Log,
     check_table,
-    log_warnings,
     read_log,
     write_log,
 )
+from pyfmi_runner.suspicions import log_warnings
 
 CAMPAIGNS = Path(__file__).resolve().parents[3] / "shared" / "campaigns"
 

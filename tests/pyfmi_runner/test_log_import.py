@@ -18,12 +18,13 @@ from pneugantry.cli import main
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import read_campaign
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import MEASURED, REQUIRED, Log, log_warnings, read_log
+from pyfmi_runner.log import MEASURED, REQUIRED, Log, read_log
 from pyfmi_runner.log_import import UNITS, import_from
 from pyfmi_runner.log_template import guessed_columns, template
 from pyfmi_runner.resample import even_stamps, is_regular, resampled
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario
+from pyfmi_runner.suspicions import log_warnings
 
 PHASES = {"approach": (0.0, 1.0), "contact": (1.0, 2.0), "contour": (2.0, 3.0)}
 NAMES = {

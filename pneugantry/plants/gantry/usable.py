@@ -7,12 +7,12 @@ from dataclasses import replace
 from modelica_fmu.errors import InputError
 from pneugantry.engine.signals.converter import converter_step
 from pyfmi_runner.campaign import Campaign, LoggedRun
-from pyfmi_runner.log import SIGMA, log_warnings
+from pyfmi_runner.log import SIGMA
+from pyfmi_runner.suspicions import Suspicion, suspicions
 
 __all__ = ["sound_logs"]
 
-# words of `log_warnings` that tell of a fault of the record
-FAULTS = ("swapped", "reversed", "clipped", "throughout")
+FAULTS = ("swapped", "reversed", "clipped", "constant")  # of the record, no effect's doing
 
 
 def sound_logs(campaign: Campaign) -> tuple[Campaign, list[str]]:
@@ -25,9 +25,9 @@ def sound_logs(campaign: Campaign) -> tuple[Campaign, list[str]]:
     kept: dict[str, LoggedRun] = {}
     seen, gone = [], []
     for name, run in campaign.logs.items():
-        warnings = log_warnings(run.log)
-        seen += [f"{name}: {text}" for text in warnings]
-        faults = [text for text in warnings if _is_fault(run, text)]
+        found = suspicions(run.log)
+        seen += [f"{name}: {s.text}" for s in found]
+        faults = [s.text for s in found if _is_fault(run, s)]
         if faults:
             gone.append(f"{name} left out of the diagnosis: {faults[0]}")
         else:
@@ -41,13 +41,10 @@ def sound_logs(campaign: Campaign) -> tuple[Campaign, list[str]]:
     return replace(campaign, logs=kept), [*seen, *gone]
 
 
-def _is_fault(run: LoggedRun, text: str) -> bool:
-    """Whether a warning tells of a fault of the record, not of what an effect may do to
-    a sensor.
-    """
-    channel = text.split()[0]
-    if "coarse converter" in text:
-        return converter_step(run.log[channel], SIGMA[channel]) == 0.0
-    if "f_x and f_z swapped" in text:
+def _is_fault(run: LoggedRun, found: Suspicion) -> bool:
+    """Whether it is a fault of the record, not what an effect may do to a sensor."""
+    if found.kind == "held":
+        return converter_step(run.log[found.channel], SIGMA[found.channel]) == 0.0
+    if found.kind == "swapped" and found.channel == "f_x":
         return run.setup.workpiece != "none"  # without a workpiece it is an offset
-    return any(word in text for word in FAULTS)
+    return found.kind in FAULTS

@@ -26,9 +26,9 @@ from pyfmi_runner.blocks import COMMAND_QUANTUM, recomputed_commands
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, read_campaign, scenario_setup
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import log_warnings
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import Scenario
+from pyfmi_runner.suspicions import log_warnings
 from pyfmi_runner.timing import LoopTiming
 
 SHORT = {"approach": (0.0, 1.0), "contact": (1.0, 2.0), "contour": (2.0, 3.0)}
