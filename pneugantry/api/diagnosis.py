@@ -314,11 +314,9 @@ def _diagnose_described(
 ) -> Diagnosis:
     """A plant of one's own with a catalogue of one's own."""
     from pneugantry.engine.answer.result import to_json
-    from pneugantry.plants.described import answered, described_task
+    from pneugantry.plants.described import diagnose_described
 
     _no_fmu(fmu)
     own = None if catalogue is None else Path(catalogue)
-    say("model and logs")
-    read, task = described_task(description, own)
-    found = answered(read, task, say)
-    return Diagnosis(to_json(found.diagnosis), found, rules=read.rules)
+    found, rules = diagnose_described(description, own, say=say)
+    return Diagnosis(to_json(found.diagnosis), found, rules=rules)

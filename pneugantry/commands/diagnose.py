@@ -116,7 +116,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    from pneugantry.blind.campaigns import campaign_folders
+    from pneugantry.plants.campaigns import campaign_folders
 
     source = Path(options.campaign)
     if folders := campaign_folders(source):
@@ -169,7 +169,7 @@ def _kind(source: Path) -> str:
 def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     """A folder of campaigns, in worker processes."""
     from pneugantry.api.inputs import fmu_from
-    from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
+    from pneugantry.plants.campaigns import Diagnoser, diagnose_campaigns
     from pneugantry.plants.gantry.catalogue import catalogue_of
 
     for option, target in (("--html", options.html), ("--augmented", options.augmented)):

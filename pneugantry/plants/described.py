@@ -48,13 +48,14 @@ def diagnose_described(
     cache: Path | None = None,
     rules: Rules | None = None,
     say: Callable[[str], None] = lambda stage: None,
-) -> Found:
-    """The diagnosis of a described plant. catalogue: folder or file, read instead of the one that
-    the description names; cache: folder of the model's parts. Raises InputError naming file, field
-    and hint.
+) -> tuple[Found, Rules]:
+    """The diagnosis of a described plant, and the rules that it was made with. catalogue: folder or
+    file, read instead of the one that the description names; cache: folder of the model's parts.
+    say: told the name of each stage. Raises InputError naming file, field and hint.
     """
     say("model and logs")
-    return answered(*described_task(path, catalogue, cache, rules), say)
+    read, task = described_task(path, catalogue, cache, rules)
+    return answered(read, task, say), read.rules
 
 
 def answered(
