@@ -31,7 +31,7 @@ from pyfmi_runner.fmu import FmuFile
 from pyfmi_runner.log import write_atomically
 from pyfmi_runner.scenario import parse_toml
 
-__all__ = ["RESULT", "Diagnoser", "campaign_folders", "diagnose_campaigns"]
+__all__ = ["RESULT", "Diagnoser", "campaign_folders", "diagnose_campaigns", "is_described"]
 
 RESULT = "diagnosis.json"
 CAMPAIGN, DESCRIPTION = "campaign.toml", "plant.toml"  # of the gantry, of a plant of one's own
@@ -65,7 +65,7 @@ class Diagnoser:
         return partial(self._diagnose, fmu, catalogue_of(self.catalogue))
 
     def _diagnose(self, fmu: FmuFile | None, catalogue: Any, folder: Path) -> str:
-        if not (folder / CAMPAIGN).is_file():
+        if is_described(folder):
             found, rules = diagnose_described(folder / DESCRIPTION, self.catalogue)
             return self._told(found, rules, folder)
         campaign = read_campaign(folder, strict=self.strict, needs=DRIVEN)
@@ -94,7 +94,7 @@ class Diagnoser:
         no TOML.
         """
         learn = {} if self.learn else {"learn": "no"}
-        if not (folder / CAMPAIGN).is_file():
+        if is_described(folder):
             return {**learn, "description": stamp_of(folder / DESCRIPTION, self.catalogue)}
         fmu = self.fmu or build_fmu(model=model_of(self.catalogue)).path
         own = {} if self.controller is None else {"controller": _hash_of([self.controller])}
@@ -105,6 +105,11 @@ class Diagnoser:
             "catalogue": _catalogue_hash(self.catalogue),
             "campaign": _campaign_hash(folder),
         }
+
+
+def is_described(folder: Path) -> bool:
+    """Whether a campaign is one of a plant of one's own."""
+    return not (folder / CAMPAIGN).is_file()
 
 
 def campaign_folders(folder: Path) -> list[Path]:
