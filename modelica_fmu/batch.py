@@ -136,16 +136,17 @@ class Drive:
         self,
         inputs: Mapping[str, Array | tuple[Array, Array] | Course],
         correction: Correction | None = None,
+        rows: int = 0,
     ) -> None:
         """inputs: (N,) each, held over the period behind each row, or a pair (at the rows, over the
-        period behind them); what holds over the period may be (N, parts). Raises ValueError where
-        inputs differ in length, or in parts of more than one.
+        period behind them); what holds over the period may be (N, parts). rows: N where there are
+        no inputs. Raises ValueError where inputs differ in length, or in parts of more than one.
         """
         self.inputs = {name: Course.of(v) for name, v in inputs.items()}
         self.correction = correction
         own = self.inputs.values()
         self.parts = max((c.parts for c in own), default=1)
-        self.rows = len(next(iter(own)).at) if own else 0
+        self.rows = len(next(iter(own)).at) if own else rows
         if any(len(c.at) != self.rows or len(c.over) != self.rows for c in own):
             raise ValueError("inputs of one drive have the same rows")
         if any(c.parts not in (1, self.parts) for c in own):

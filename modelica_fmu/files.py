@@ -14,12 +14,18 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
 
-__all__ = ["check_folder", "check_source", "check_target", "write_atomically"]
+__all__ = [
+    "check_folder",
+    "check_source",
+    "check_target",
+    "refuse_replacing",
+    "write_atomically",
+]
 
 DESCRIPTOR = re.compile(r"/dev/(stdin|stdout|stderr)|(?:/dev/fd|/proc/self/fd)/(\d+)")
 STANDARD = {"stdin": 0, "stdout": 1, "stderr": 2}
@@ -95,6 +101,20 @@ def check_folder(path: str | os.PathLike[str]) -> None:
             file=path,
             hint="choose another folder",
         ) from None
+
+
+def refuse_replacing(
+    target: str | os.PathLike[str], read: Iterable[str | os.PathLike[str]], field: str
+) -> None:
+    """Raises InputError where a result, of an option `field`, would take the place of a file that
+    is read.
+    """
+    if not os.path.isfile(target):
+        return
+    if any(os.path.isfile(path) and os.path.samefile(path, target) for path in read):
+        hint = "choose another place"
+        text = "would replace the file that is read"
+        raise InputError(text, file=target, field=field, hint=hint)
 
 
 def _kind(path: Path) -> int | None:

@@ -101,7 +101,7 @@ def _add_options(command: argparse.ArgumentParser, name: str) -> None:
         help="write the result as JSON, - for standard output",
     )
     module.add_arguments(command)
-    command.set_defaults(execute=module.execute)
+    command.set_defaults(execute=module.execute, then=None)
 
 
 def _named_command(arguments: Sequence[str]) -> str:
@@ -169,8 +169,10 @@ def _executed(options: argparse.Namespace, stdout: Lasting) -> int:
         refuse_overwriting_inputs(options)
         with build_told(options.command) if options.command != "build" else nullcontext():
             result, code = options.execute(options)
-        if options.json:
-            _write_json(result, options.json, stdout)
+            if options.json:
+                _write_json(result, options.json, stdout)
+            if options.then is not None:  # what may fail, without a loss of the result
+                options.then()
         return int(code)
     except InputError as error:
         print(f"pneugantry: {error}", file=sys.stderr)

@@ -4,15 +4,16 @@ unwritable place when the command line is read, before anything is computed.
 
 from __future__ import annotations
 
-import os
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
-from modelica_fmu.files import check_folder, check_target
+from modelica_fmu.files import check_folder, check_target, refuse_replacing
 
 __all__ = [
+    "INPUTS",
+    "OUTPUTS",
     "add_parameters",
     "json_target",
     "log_target",
@@ -23,19 +24,13 @@ __all__ = [
 ]
 
 LOGS = (".parquet", ".csv")
+# options of all commands that name what is read, and where a result goes
 INPUTS = (
-    "campaign",
-    "scenario",
-    "spec",
-    "fmu",
-    "catalogue",
-    "at",
-    "model",
-    "log",
-    "workpiece",
-    "source",
+    *("campaign", "after", "plant", "source", "log", "parts", "runs"),
+    *("scenario", "spec", "at", "workpiece", "controller"),
+    *("fmu", "model", "library", "catalogue"),
 )
-OUTPUTS = ("json", "html", "out", "plot", "save")
+OUTPUTS = ("json", "html", "out", "plot", "save", "augmented", "catalogue_out", "write", "file")
 PICTURES = (".png", ".svg", ".pdf")
 PAGES = (".html", ".json")
 
@@ -105,17 +100,11 @@ def _of_kind(text: str, what: str, suffixes: tuple[str, ...]) -> Path:
 
 def refuse_overwriting_inputs(options: Namespace) -> None:
     """Raises InputError where a result would take the place of a file that is read."""
-    values = {name: str(value) for name, value in vars(options).items() if value is not None}
-    read = {name: values[name] for name in INPUTS if os.path.isfile(values.get(name, ""))}
+    given = {name: value for name, value in vars(options).items() if value is not None}
+    read: list[str] = []
+    for name in INPUTS:
+        value = given.get(name, [])
+        read += [str(v) for v in (value if isinstance(value, list) else [value])]
     for output in OUTPUTS:
-        target = values.get(output, "")
-        if not os.path.isfile(target):
-            continue
-        for path in read.values():
-            if os.path.samefile(path, target):
-                raise InputError(
-                    "would replace the file that is read",
-                    file=target,
-                    field=f"--{output}",
-                    hint="choose another place",
-                )
+        if output in given:
+            refuse_replacing(str(given[output]), read, f"--{output.replace('_', '-')}")

@@ -8,10 +8,9 @@ nominal plant's own log with the sensors' noise added.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,11 +68,9 @@ class _Signals:
 class BlockReplayer:
     """Residuals of each block, (measured - simulated)/sigma; used in a `with`."""
 
-    def __init__(self, gantry: FmuFile, model: Path | None = None, out: Path | None = None) -> None:
+    def __init__(self, gantry: FmuFile) -> None:
         self.gantry = gantry
-        self._files = {
-            name: FmuFile.read(build_fmu(cls, model, out=out).path) for name, cls in CLASSES.items()
-        }
+        self._files = {name: FmuFile.read(build_fmu(c).path) for name, c in CLASSES.items()}
         self._stack = ExitStack()
         self._sessions: dict[str, FmuSession] = {}
 
@@ -85,61 +82,50 @@ class BlockReplayer:
     def __exit__(self, *error: Any) -> None:
         self._stack.close()
 
-    def residuals(
-        self, run: LoggedRun, parameters: Mapping[str, float] | None = None
-    ) -> dict[str, Array]:
+    def residuals(self, run: LoggedRun) -> dict[str, Array]:
         """Residuals by block, (rows, channels) with NaN where a block cannot be judged; blocks that
         the log does not show are left out.
-
-        `parameters`: of the gantry, where they differ from the FMU's own.
         """
         signals = _Signals.of(run)
         found: dict[str, Array | None] = {}
         for axis in "xz":
-            found[f"valve_{axis}"] = self._valve(signals, axis, parameters or {})
-            found[f"friction_{axis}"] = self._friction(signals, axis, parameters or {})
-        found["contact"] = self._contact(signals, parameters or {})
+            found[f"valve_{axis}"] = self._valve(signals, axis)
+            found[f"friction_{axis}"] = self._friction(signals, axis)
+        found["contact"] = self._contact(signals)
         found["sensors"] = signals.innovations
         found["timing"] = _timing(run)
         return {name: found[name] for name in BLOCKS if found[name] is not None}  # type: ignore[misc]
 
-    def gaps(
-        self, run: LoggedRun, floor_run: LoggedRun, parameters: Mapping[str, float] | None = None
-    ) -> dict[str, dict[str, float]]:
+    def gaps(self, run: LoggedRun, floor_run: LoggedRun) -> dict[str, dict[str, float]]:
         """{"block": {"gap": RMS, "floor": RMS of the nominal plant's own noisy log}}; `floor_run`
         from `noisy_copy`.
         """
-        floors = self.residuals(floor_run, parameters)
+        floors = self.residuals(floor_run)
         floors["timing"] = _rounding_floor(run)
         return {
             name: {"gap": _rms(values), "floor": _rms(floors[name])}
-            for name, values in self.residuals(run, parameters).items()
+            for name, values in self.residuals(run).items()
         }
 
-    def _parameters(self, prefix: str, given: Mapping[str, float]) -> dict[str, float]:
+    def _parameters(self, prefix: str) -> dict[str, float]:
         """Values of the gantry's component under the names of its block."""
-        merged = {
-            name: v.start
-            for name, v in self.gantry.variables.items()
-            if v.causality == "parameter" and v.start is not None
-        } | dict(given)
         return {
-            name.removeprefix(prefix): float(value)
-            for name, value in merged.items()
-            if name.startswith(prefix)
+            name.removeprefix(prefix): float(v.start)
+            for name, v in self.gantry.variables.items()
+            if v.causality == "parameter" and v.start is not None and name.startswith(prefix)
         }
 
-    def _valve(self, signals: _Signals, axis: str, given: Mapping[str, float]) -> Array:
+    def _valve(self, signals: _Signals, axis: str) -> Array:
         log = signals.run.log
-        parameters = self._parameters(f"valve_{axis}.", given) | {
-            "s_low": self._parameters(f"axis_{axis}.", given)["s_low"],
-            "s_high": self._parameters(f"axis_{axis}.", given)["s_high"],
+        parameters = self._parameters(f"valve_{axis}.") | {
+            "s_low": self._parameters(f"axis_{axis}.")["s_low"],
+            "s_high": self._parameters(f"axis_{axis}.")["s_high"],
         }
         inputs = np.column_stack([log[f"u_{axis}"], _midway(signals.position(axis))])
         simulated = self._force("valve", parameters, ("u", "s"), inputs, ("f_a",))
         return (log[f"f_a{axis}"][:, None] - simulated) / SIGMA[f"f_a{axis}"]
 
-    def _contact(self, signals: _Signals, given: Mapping[str, float]) -> Array | None:
+    def _contact(self, signals: _Signals) -> Array | None:
         run = signals.run
         if run.setup.workpiece == "none":
             return None
@@ -148,7 +134,7 @@ class BlockReplayer:
             for k, v in plant_parameters(run.setup).items()
             if k.startswith(("workpiece.", "contact."))
         }
-        parameters = self._parameters("", given)
+        parameters = self._parameters("")
         parameters = {
             k: v for k, v in parameters.items() if k.startswith(("workpiece.", "contact."))
         } | setup
@@ -171,7 +157,7 @@ class BlockReplayer:
             / SIGMA["f_x"]
         )
 
-    def _friction(self, signals: _Signals, axis: str, given: Mapping[str, float]) -> Array | None:
+    def _friction(self, signals: _Signals, axis: str) -> Array | None:
         log = signals.run.log
         free = ~signals.run.setup.clamp_signal(axis, log.time)
         if free.sum() < WINDOW:
@@ -180,7 +166,7 @@ class BlockReplayer:
         inputs = np.column_stack(
             [_midway(log[f"f_a{axis}"]), _midway(log[f"f_{axis}"]), _midway(load)]
         )
-        parameters = self._parameters(f"axis_{axis}.", given)
+        parameters = self._parameters(f"axis_{axis}.")
         parameters.pop("s_start", None)
         position, speed = signals.position(axis), log[f"v_{axis}"]
         measured = np.column_stack([speed / SIGMA[f"v_{axis}"], position / SIGMA[axis]])
@@ -247,12 +233,12 @@ def _midway(values: Array) -> Array:
     return 0.5 * (values + np.append(values[1:], values[-1]))
 
 
-def noisy_copy(run: LoggedRun, simulated: Array, seed: int = 0) -> LoggedRun:
+def noisy_copy(run: LoggedRun, simulated: Array) -> LoggedRun:
     """The log that the simulated plant would have given: its outputs (N, 8) with the sensors'
     noise.
     """
     table = pd.DataFrame({name: run.log[name] for name in ("time", "u_x", "u_z")})
-    noise = noise_rows(len(run.log), seed)
+    noise = noise_rows(len(run.log), 0)
     for column, name in enumerate(MEASURED):
         table[name] = simulated[:, column] + SIGMA[name] * noise[:, column]
     return replace(run, log=Log(table, run.log.name, {}))
@@ -352,10 +338,3 @@ def _quantum(values: Array) -> float:
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else float("nan")
-
-
-def judged_blocks(residuals: Mapping[str, Array]) -> Iterator[str]:
-    """Blocks with at least one judged row."""
-    for name, values in residuals.items():
-        if np.isfinite(values).any():
-            yield name

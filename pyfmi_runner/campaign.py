@@ -47,6 +47,7 @@ from pyfmi_runner.workpiece import default_standoff
 
 __all__ = [
     "DRIVEN",
+    "SUFFIXES",
     "Campaign",
     "LogSetup",
     "LoggedRun",

@@ -52,20 +52,19 @@ class DrivenFmu:
         inputs: Mapping[str, Array | tuple[Array, Array]],
         outputs: Sequence[str],
         period: float,
+        rows: int = 0,
     ) -> Array:
         """Outputs (runs, N, outputs) at the rows of a record; NaN from where a run failed on, and
         throughout where the FMU refuses its parameters.
 
         values (runs, names): set before the initialisation. inputs: (N,) each, held over the period
-        behind each row, or a pair (at the rows, over the period behind them). period: s. Raises
-        InputError for a name that the FMU lacks or does not let be set.
+        behind each row, or a pair (at the rows, over the period behind them). period: s. rows: N
+        where there are no inputs. Raises InputError for a name that the FMU lacks or does not let
+        be set.
         """
         self._check([*names, *inputs], outputs)
         pairs = {n: v if isinstance(v, tuple) else (v, v) for n, v in inputs.items()}
-        at, over = (
-            np.ascontiguousarray(np.column_stack([p[i] for p in pairs.values()]), dtype=float)
-            for i in (0, 1)
-        )
+        at, over = (_columns([p[i] for p in pairs.values()], rows) for i in (0, 1))
         first = dict(zip(pairs, at[0].tolist(), strict=True))
         result = np.full((len(values), len(at), len(outputs)), np.nan)
         with self._instance(dict(zip(names, values[0].tolist(), strict=True)) | first) as session:
@@ -156,6 +155,12 @@ class DrivenFmu:
         wrong = ~np.isfinite(result).all(axis=1)
         if wrong.any():
             result[int(np.argmax(wrong)) :] = np.nan
+
+
+def _columns(values: Sequence[Array], rows: int) -> Array:
+    """Inputs (N, inputs); rows: N where there are none."""
+    columns = np.column_stack(values) if values else np.empty((rows, 0))
+    return np.ascontiguousarray(columns, dtype=float)
 
 
 def _close(sessions: list[FmuSession]) -> None:

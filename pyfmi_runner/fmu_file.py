@@ -11,7 +11,6 @@ import os
 import platform as host
 import shutil
 import stat
-import sys
 import tempfile
 import zipfile
 from collections.abc import Iterator
@@ -20,6 +19,7 @@ from pathlib import Path, PurePosixPath
 from typing import Literal
 
 from modelica_fmu.errors import InputError
+from pyfmi_runner.cache import cache_folder
 from pyfmi_runner.fmu_description import Description, FmuVariable, parse_description
 
 __all__ = ["FmuFile", "FmuVariable", "Kind"]
@@ -102,7 +102,7 @@ class FmuFile:
 
     def unpack(self) -> Path:
         """The FMU's content in the cache, in a folder named by its hash; unpacked once."""
-        folder = cache_folder() / self.sha256
+        folder = cache_folder() / "fmu" / self.sha256
         if folder.is_dir():
             return folder
         data = self.path.read_bytes()
@@ -122,18 +122,6 @@ class FmuFile:
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
         return folder
-
-
-def cache_folder() -> Path:
-    """$PNEUGANTRY_CACHE, else the user's cache folder."""
-    if explicit := os.environ.get("PNEUGANTRY_CACHE"):
-        return Path(explicit) / "fmu"
-    base = (
-        os.environ.get("LOCALAPPDATA")
-        if sys.platform == "win32"
-        else os.environ.get("XDG_CACHE_HOME")
-    )
-    return (Path(base) if base else Path.home() / ".cache") / "pneugantry" / "fmu"
 
 
 def _publish(temporary: Path, folder: Path) -> None:

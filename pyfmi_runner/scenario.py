@@ -17,7 +17,7 @@ from typing import Any, NoReturn, TypeVar
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import check_source
-from pyfmi_runner.log import MEASURED, PHASES, STROKE_X, STROKE_Z, write_atomically
+from pyfmi_runner.log import MEASURED, PHASES, STROKE_X, STROKE_Z
 from pyfmi_runner.sensors import SensorParams, check_sensors, converter_steps
 from pyfmi_runner.timing import LoopTiming
 from pyfmi_runner.workpiece import check_workpiece, default_standoff
@@ -35,7 +35,6 @@ __all__ = [
     "thesis_phases",
     "to_toml",
     "toml_key",
-    "write_scenario",
 ]
 
 T = TypeVar("T")
@@ -452,14 +451,8 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
     return scenario_from({"name": Path(path).stem} | parse_toml(path), path)
 
 
-def write_scenario(scenario: Scenario, path: str | os.PathLike[str]) -> None:
-    """Write a scenario so that `read_scenario` gives it back equal. Atomic. Raises InputError."""
-    text = scenario_text(scenario)
-    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-
-
 def scenario_text(scenario: Scenario) -> str:
-    """A scenario as TOML."""
+    """A scenario as TOML, from which `read_scenario` gives it back equal."""
     return to_toml(_table(scenario), sections=("plant", "sensors", "timing"))
 
 

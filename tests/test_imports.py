@@ -29,6 +29,7 @@ ALLOWED = {
         "pneugantry.engine",
         "pneugantry.learn",
         "pneugantry.report",
+        "pneugantry.jobs",
     },
     "pneugantry.jobs": {"modelica_fmu"},
     "pneugantry.progress": {"modelica_fmu", "pyfmi_runner"},

@@ -30,9 +30,8 @@ from examples.bam.convert import (
     write_planted,
 )
 from examples.bam.servo import FIELDS, FITTED_GAINS, PERIOD, duties, log_names, positions
-from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
 from pneugantry.blind.score import NAMED, Judged, judged, key
-from pyfmi_runner.build import build_fmu
+from pneugantry.plants.campaigns import Diagnoser, diagnose_campaigns
 
 __all__ = ["COLUMNS", "OF_MODEL", "accuracy", "counted", "figures", "printed", "tally"]
 
@@ -118,7 +117,7 @@ def figures(
     folders = write_planted(raw, out, right, left, chosen)
     for k in range(SOUND):
         folders += write_planted(raw, out / f"within_{k}", within(right, k), left, [Planted({})])
-    found = diagnose_campaigns(folders, Diagnoser(build_fmu().path), workers=1, done=say)
+    found = diagnose_campaigns(folders, Diagnoser(), workers=1, done=say)
     rows = [counted(str(f.relative_to(out)), _truth(f), answer) for f, answer in found.items()]
     told = None if left is None else {name: asdict(own) for name, own in left.items()}
     sound = [r for r in rows if not r["planted"]]

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from controllers.interface import clip_command
 from pneugantry.analysis.force_loop import ForceLoop
 from pneugantry.analysis.operating_point import open_at
-from pneugantry.analysis.root_locus import closed_poles
 from pyfmi_runner.timing import MICROSECOND, LoopTiming
 
 __all__ = [
@@ -22,7 +21,6 @@ __all__ = [
     "Growth",
     "cosimulated_growth",
     "cosimulated_limit",
-    "predicted_growth",
     "proportional_run",
 ]
 
@@ -93,13 +91,6 @@ def fitted_growth(force: Array, period: float, loop: ForceLoop) -> Growth:
     (a, b, _), *_ = np.linalg.lstsq(columns / np.abs(y).max(), y[2 * m :] / np.abs(y).max())
     root = np.log(complex(max(np.roots([1.0, -a, -b]), key=abs))) / (m * period)
     return Growth(float(root.real), abs(float(root.imag)))
-
-
-def predicted_growth(loop: ForceLoop, gain: float, *, period: float = 1e-3) -> Growth:
-    """The same from the linearised, sampled loop."""
-    poles = closed_poles(loop.sampled(period), gain)
-    slowest = np.log(max(poles, key=abs)) / period
-    return Growth(float(slowest.real), abs(float(slowest.imag)))
 
 
 def cosimulated_limit(

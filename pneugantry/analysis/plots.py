@@ -4,7 +4,6 @@ in, a Figure out; no computing.
 
 from __future__ import annotations
 
-import base64
 import io
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.analysis.metrics import task_frame
 from pyfmi_runner.log import LABELS, PHASES, Log, write_atomically
 
-__all__ = ["axes_grid", "figure_data_uri", "overlay_figure", "save", "tracking_figure"]
+__all__ = ["axes_grid", "overlay_figure", "save", "tracking_figure"]
 
 STYLE: dict[Any, Any] = {
     "figure.dpi": 110,
@@ -144,11 +143,3 @@ def save(figure: Figure, path: str | Path) -> None:
             hint=f"end it in .png, .svg or .pdf ({', '.join(sorted(known))})",
         )
     write_atomically(path, lambda temporary: figure.savefig(temporary, format=kind))
-
-
-def figure_data_uri(figure: Figure) -> str:
-    """A figure as an SVG that stands in the page itself."""
-    buffer = io.BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "pneugantry"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

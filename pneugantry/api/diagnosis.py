@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from modelica_fmu.errors import InputError
+from modelica_fmu.files import refuse_replacing
 from pneugantry.api.html import html_page, html_table
 from pneugantry.api.inputs import CampaignSource, FmuSource, PathLike, campaign_from, fmu_from
 from pneugantry.engine.rules import Rules
@@ -81,6 +82,13 @@ class Diagnosis:
         found = self.json["gap"]
         return found and Gap(**{key: found[key] for key in Gap.__dataclass_fields__})
 
+    @property
+    def term(self) -> Learned | None:
+        """What was learnt and is accepted; None: nothing."""
+        learned = self.learned
+        accepted = learned is not None and learned.accepted and learned.after is not None
+        return learned if accepted else None
+
     def write_html(self, path: PathLike) -> Path:
         """The report as one self-contained page."""
         from pneugantry.plants.gantry.page import extras_of
@@ -93,25 +101,27 @@ class Diagnosis:
     def write_augmented(self, folder: PathLike) -> tuple[Path, Path]:
         """The plant with the causes added, and with the term that was learnt where it is accepted,
         as Modelica and as FMU; returns both paths. Raises InputError for a plant of FMUs without
-        source.
+        source, and where the plant's own file would be replaced.
         """
+        found, term = self.found, self.term
+        if term is not None and term.after is not None:
+            own, found = term.before.task.plant.model, term.after
+            refuse_replacing(Path(folder) / found.task.plant.model.name, [own], "--augmented")
         if self.fmu is None:
             from pneugantry.plants.described import write_augmented as write_described
 
-            term = self.learned
-            if term is None or term.after is None or not term.accepted:
-                return write_described(Path(folder), self.found)
-            return write_described(Path(folder), term.after, with_base=True)
-        return self._write_augmented_gantry(Path(folder), self.fmu)
+            return write_described(Path(folder), found, with_base=term is not None)
+        return self._write_augmented_gantry(Path(folder), found, self.fmu)
 
-    def _write_augmented_gantry(self, folder: Path, fmu: FmuFile) -> tuple[Path, Path]:
+    def _write_augmented_gantry(
+        self, folder: Path, found: Found, fmu: FmuFile
+    ) -> tuple[Path, Path]:
         from pneugantry.plants.gantry.augmented import write_augmented
         from pyfmi_runner.build import build_fmu, default_model
         from pyfmi_runner.fmu import FmuFile
 
-        found, plant, term = self.found, self.found.task.plant, self.learned
-        if term is not None and term.after is not None and term.accepted:
-            found, plant = term.after, term.after.task.plant
+        plant = found.task.plant
+        if self.term is not None:
             fmu = FmuFile.read(build_fmu(plant.class_name, plant.model).path)
         remarks = [f"{c.key}: probability {c.probability:.2f}" for c in found.diagnosis.causes]
         values = {**plant.parameters, **found.values}
@@ -133,7 +143,8 @@ class Diagnosis:
 
     def write_catalogue(self, folder: PathLike) -> tuple[Path, Path]:
         """A catalogue with the learnt term as an effect, and the Modelica file that has it as a
-        parameter; returns both paths. Raises InputError where no term was accepted.
+        parameter; returns both paths. Raises InputError where no term was accepted, and where the
+        plant's own file would be replaced.
         """
         from pneugantry.learn.answer.export import write_catalogue
 
@@ -187,7 +198,8 @@ def diagnose(
 
     say = say or (lambda stage: None)
     if isinstance(source, str | Path) and is_plant_description(Path(source)):
-        return _diagnose_described(Path(source), catalogue, fmu, say)
+        _no_gantry(fmu, controller)
+        return _diagnose_described(Path(source), catalogue, say)
     own = None if catalogue is None else Path(catalogue)
     effects, model = catalogue_of(own), model_of(own)
     campaign = _campaign(source, setup, controller, say)
@@ -230,7 +242,8 @@ def diagnose_change(
         raise InputError("is of another kind than the campaign before", field="--after", hint=hint)
     own = None if catalogue is None else Path(catalogue)
     if all(described):
-        return _described_change((Path(str(before)), Path(str(after))), own, fmu, say)
+        _no_gantry(fmu, controller)
+        return _described_change((Path(str(before)), Path(str(after))), own, say)
     campaigns = [_campaign(source, None, controller, say) for source in (before, after)]
     given = None if fmu is None else fmu_from(fmu)
     effects, nominal = catalogue_of(own), Nominal(given, model_of(own))
@@ -291,34 +304,30 @@ def _campaign(
     return campaign
 
 
-def _described_change(
-    paths: tuple[Path, Path], catalogue: Path | None, fmu: FmuSource, say: Say
-) -> Diagnosis:
+def _described_change(paths: tuple[Path, Path], catalogue: Path | None, say: Say) -> Diagnosis:
     """Two campaigns of a plant of one's own."""
     from pneugantry.engine.answer.result import to_json
     from pneugantry.plants.changed import diagnose_change as diagnose_described
 
-    _no_fmu(fmu)
     found, rules = diagnose_described(*paths, catalogue, say=say)
     return Diagnosis(to_json(found.diagnosis), found, rules=rules)
 
 
-def _no_fmu(fmu: FmuSource) -> None:
+def _no_gantry(fmu: FmuSource, controller: PathLike | None) -> None:
+    """Refuses what a plant of one's own has no use for."""
     if fmu is not None:
         hint = "name the model or the FMUs in the description"
         raise InputError("is for the gantry", field="--fmu", hint=hint)
+    if controller is not None:
+        hint = "leave it out: only the gantry's loop is run again"
+        raise InputError("is for the gantry", field="--controller", hint=hint)
 
 
-def _diagnose_described(
-    description: Path, catalogue: PathLike | None, fmu: FmuSource, say: Say
-) -> Diagnosis:
+def _diagnose_described(description: Path, catalogue: PathLike | None, say: Say) -> Diagnosis:
     """A plant of one's own with a catalogue of one's own."""
     from pneugantry.engine.answer.result import to_json
-    from pneugantry.plants.described import answered, described_task
+    from pneugantry.plants.described import diagnose_described
 
-    _no_fmu(fmu)
     own = None if catalogue is None else Path(catalogue)
-    say("model and logs")
-    read, task = described_task(description, own)
-    found = answered(read, task, say)
-    return Diagnosis(to_json(found.diagnosis), found, rules=read.rules)
+    found, rules = diagnose_described(description, own, say=say)
+    return Diagnosis(to_json(found.diagnosis), found, rules=rules)

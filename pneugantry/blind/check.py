@@ -13,16 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
-from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
 from pneugantry.blind.sets import LabelledSet
+from pneugantry.plants.campaigns import Diagnoser, diagnose_campaigns
 from pneugantry.truth.campaign import write as write_truth
 from pneugantry.truth.case import DEVELOPMENT
-from pyfmi_runner.build import build_fmu
 from pyfmi_runner.log import write_atomically
 
-__all__ = ["DEVELOPMENT_SEEDS", "diagnose_cases", "draw_cases", "unseal"]
-
-DEVELOPMENT_SEEDS = range(1000, 2000)  # thresholds and weights may look at these, and at no others
+__all__ = ["diagnose_cases", "draw_cases", "unseal"]
 
 
 def draw_cases(folder: Path, seeds: Iterable[int], case_set: LabelledSet = DEVELOPMENT) -> str:
@@ -51,7 +48,7 @@ def diagnose_cases(
     as of `Diagnoser`.
     """
     cases = sorted(p for p in folder.glob("case_*") if (p / "campaign.toml").is_file())
-    diagnoser = Diagnoser(build_fmu().path, learn=learn)
+    diagnoser = Diagnoser(learn=learn)
     results = diagnose_campaigns(cases, diagnoser, workers=workers, scheduler=scheduler, done=done)
     return {path.name.removeprefix("case_"): result for path, result in results.items()}
 

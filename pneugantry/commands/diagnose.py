@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,13 +118,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
-    from pneugantry.blind.campaigns import campaign_folders
+    from pneugantry.plants.campaigns import campaign_folders
 
     source = Path(options.campaign)
     if folders := campaign_folders(source):
-        if options.after is not None:
-            hint = "give two campaigns"
-            raise InputError("is for one campaign each", field="--after", hint=hint)
+        _check_many(folders, options)
         return _execute_many(folders, options)
     if options.scheduler is not None:
         raise InputError(
@@ -130,19 +130,52 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
             field="--scheduler",
             hint="leave it out: one campaign is diagnosed here",
         )
+    _check_targets(options)
     kind = "change" if options.after else _kind(source)
     with Stages("diagnose", kind) as say:
         found = _diagnosed(options, say)
     print_diagnosis(found.json)
+    options.then = partial(_write_beside, found, options)
+    return found.json, 0
+
+
+def _check_targets(options: argparse.Namespace) -> None:
+    """Refuses folders into which no model can go, or in which one would replace what is read."""
+    from pneugantry.plants.described import is_plant_description
+    from pneugantry.plants.targets import Targets
+
+    if options.catalogue_out is not None:
+        for option, given in (("--after", options.after), ("--no-learn", options.no_learn)):
+            if given:
+                text = f"writes a learnt term, and with {option} none is looked for"
+                raise InputError(text, field="--catalogue-out", hint="leave one of them out")
+    learns = not (options.no_learn or options.after)
+    targets = Targets(options.augmented, options.catalogue_out, learns)
+    sources = [Path(s) for s in (options.campaign, options.after) if s is not None]
+    described = [s for s in sources if is_plant_description(s)]
+    for source in described:
+        targets.check_described(source, options.catalogue)
+    if not described:
+        read = [p for p in (options.fmu, options.controller) if p is not None]
+        targets.check_gantry(options.catalogue, read)
+
+
+def _write_beside(found: Diagnosis, options: argparse.Namespace) -> None:
+    """Page, model and catalogue of an answer whose JSON is written."""
+    if options.html is not None:
+        print(f"report: {found.write_html(options.html)}")
     if options.augmented is not None:
         model, fmu = found.write_augmented(options.augmented)
         print(f"augmented plant: {model}, {fmu}")
-    if options.catalogue_out is not None:
-        effects, base = found.write_catalogue(options.catalogue_out)
-        print(f"catalogue with the learnt term: {effects}, for the model {base}")
-    if options.html is not None:
-        print(f"report: {found.write_html(options.html)}")
-    return found.json, 0
+    if options.catalogue_out is None:
+        return
+    if found.term is None:
+        why = "was looked for" if found.learned is None else "was accepted"
+        note = f"note: --catalogue-out: no missing term {why}, so none is written"
+        print(f"{note} to {options.catalogue_out}", file=sys.stderr)
+        return
+    effects, base = found.write_catalogue(options.catalogue_out)
+    print(f"catalogue with the learnt term: {effects}, for the model {base}")
 
 
 def _diagnosed(options: argparse.Namespace, say: Callable[[str], None]) -> Diagnosis:
@@ -166,30 +199,46 @@ def _kind(source: Path) -> str:
     return "campaign" if source.is_dir() else "plant" if source.suffix == ".toml" else "log"
 
 
+def _check_many(folders: list[Path], options: argparse.Namespace) -> None:
+    """Refuses what is not for each campaign of a folder."""
+    from pneugantry.plants.campaigns import is_described
+
+    for option, value, hint in (
+        ("--after", options.after, "give two campaigns"),
+        ("--html", options.html, "leave it out; each campaign gets a diagnosis.html beside it"),
+        ("--augmented", options.augmented, "diagnose that campaign by itself"),
+        ("--catalogue-out", options.catalogue_out, "diagnose that campaign by itself"),
+    ):
+        if value is not None:
+            raise InputError("is for one campaign", field=option, hint=hint)
+    own = next((f for f in folders if is_described(f)), None)
+    for option, value in (("--fmu", options.fmu), ("--controller", options.controller)):
+        if own is not None and value is not None:
+            hint = f"{own.name} has a plant of its own: diagnose that one by itself"
+            raise InputError("is for the gantry", field=option, hint=hint)
+
+
 def _execute_many(folders: list[Path], options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     """A folder of campaigns, in worker processes."""
     from pneugantry.api.inputs import fmu_from
-    from pneugantry.blind.campaigns import Diagnoser, diagnose_campaigns
+    from pneugantry.plants.campaigns import Diagnoser, diagnose_campaigns
     from pneugantry.plants.gantry.catalogue import catalogue_of
+    from pyfmi_runner.controller_file import read_controller
 
-    for option, target in (("--html", options.html), ("--augmented", options.augmented)):
-        if target is not None:
-            raise InputError(
-                "is for one campaign",
-                field=option,
-                hint="leave it out; each campaign gets a diagnosis.html beside it",
-            )
     catalogue_of(options.catalogue)  # refused here, not by every worker
-    gantry = fmu_from(options.fmu)
+    gantry = None if options.fmu is None else fmu_from(options.fmu)
+    if options.controller is not None:
+        read_controller(options.controller)
     counter = bar(range(len(folders)), len(folders), "diagnose")
     results = diagnose_campaigns(
         folders,
         Diagnoser(
-            gantry.path,
+            None if gantry is None else gantry.path,
             options.catalogue,
             strict=False,
             pages=True,
             learn=not options.no_learn,
+            controller=options.controller,
         ),
         workers=options.workers,
         scheduler=options.scheduler,

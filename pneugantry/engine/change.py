@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from modelica_fmu.errors import RunError
 from pneugantry.engine.answer.confirm import (
     Gap,
     Replay,
@@ -177,10 +178,13 @@ class Told:
 
 
 def gap_on(found: Found, record: Record, rules: Rules) -> Told | None:
-    """The gap of a record under the answer; None where the model stops."""
+    """The gap of a record under the answer; None where the model stops or is not replayed."""
     plant, best = found.task.plant, found.decision.best
     own = [{}, values_on(best, record), *draws(best, record, unseen=found.unseen)]
-    nominal, augmented, *others = replays(plant, record, own, found.task.cache)
+    try:
+        nominal, augmented, *others = replays(plant, record, own, found.task.cache)
+    except RunError:
+        return None
     if nominal is None or augmented is None:
         return None
     floor = floor_of(noise_levels(plant, record, rules))

@@ -17,7 +17,15 @@ from pneugantry.engine.calibration.weights import FITTED, Calibration
 from pneugantry.engine.chances import Chances
 from pyfmi_runner.scenario import parse_toml
 
-__all__ = ["as_json", "chances_of", "path_of", "stamp_of", "write_calibration"]
+__all__ = [
+    "as_json",
+    "chances_of",
+    "files_named",
+    "files_of",
+    "path_of",
+    "stamp_of",
+    "write_calibration",
+]
 
 
 def path_of(plant: Path) -> Path:
@@ -78,24 +86,34 @@ def stamp_of(plant: Path, catalogue: Path | None = None) -> str:
     """Hash of all that rigs are drawn from: the description, the files that it names, the effects.
     catalogue: folder or file that is read instead of the description's.
     """
-    table = parse_toml(plant)
-    own = table["plant"].pop("catalogue", None)
-    effects = catalogue if catalogue is not None or own is None else plant.parent / own
-    files = [plant, *_named(table, plant.parent)]
-    if effects is not None:
-        files += sorted(effects.glob("*.toml")) if effects.is_dir() else [effects]
     digest = hashlib.sha256()
-    for file in files:
-        if file.is_file():
-            digest.update(hashlib.sha256(file.read_bytes()).digest())
+    for file in files_of(plant, catalogue):
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()
 
 
-def _named(value: Any, folder: Path) -> Iterator[Path]:
-    """Files that a description's values name: its model or FMUs, its logs."""
+def files_of(plant: Path, catalogue: Path | None = None) -> list[Path]:
+    """Files that a diagnosis reads: a description, what it names, the effects. catalogue: as of
+    `stamp_of`. Raises InputError for a description that is no TOML.
+    """
+    table = parse_toml(plant)
+    about = table.get("plant")
+    own = about.pop("catalogue", None) if isinstance(about, dict) else None
+    named = plant.parent / own if isinstance(own, str) else None
+    effects = named if catalogue is None else catalogue
+    files = [plant, *files_named(table, plant.parent)]
+    if effects is not None:
+        files += sorted(effects.glob("*.toml")) if effects.is_dir() else [effects]
+    return [file for file in files if file.is_file()]
+
+
+def files_named(value: Any, folder: Path) -> Iterator[Path]:
+    """Files in a folder, or from there, that the values of a TOML table name: a description's model
+    or FMUs, logs.
+    """
     if isinstance(value, str):
         if value and (folder / value).is_file():
             yield folder / value
     elif isinstance(value, Mapping | list):
         for part in value.values() if isinstance(value, Mapping) else value:
-            yield from _named(part, folder)
+            yield from files_named(part, folder)

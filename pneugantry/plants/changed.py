@@ -10,10 +10,10 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.change import gap_on, joined, with_changes
 from pneugantry.engine.describe import Described
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, run
+from pneugantry.engine.run import Found
 from pneugantry.engine.task import Task
 from pneugantry.plants.calibration_file import chances_of
-from pneugantry.plants.described import described_task
+from pneugantry.plants.described import answered, described_task
 from pyfmi_runner.scenario import parse_toml
 
 __all__ = ["changed_task", "diagnose_change"]
@@ -34,7 +34,7 @@ def diagnose_change(
     """
     say("model and logs")
     read, task = changed_task(before, after, catalogue, cache, rules)
-    found = run(task, read.rules, say)
+    found = answered(read, task, say)
     gaps = [gap_on(found, r, read.rules) for r in reversed(task.data.unseen)]
     return with_changes(found, [g.gap for g in gaps if g is not None]), read.rules
 

@@ -24,6 +24,7 @@ from pneugantry.engine.views.view import View
 from pneugantry.plants.calibration_file import chances_of
 from pneugantry.plants.modelica import Extension, write_extension
 from pneugantry.plants.scales import with_doubtful_units
+from pneugantry.plants.targets import AUGMENTED, NO_SOURCE, SET_BY_HAND, augmented_name
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.fmu import FmuFile, FmuVariable
 from pyfmi_runner.scenario import parse_toml
@@ -48,13 +49,14 @@ def diagnose_described(
     cache: Path | None = None,
     rules: Rules | None = None,
     say: Callable[[str], None] = lambda stage: None,
-) -> Found:
-    """The diagnosis of a described plant. catalogue: folder or file, read instead of the one that
-    the description names; cache: folder of the model's parts. Raises InputError naming file, field
-    and hint.
+) -> tuple[Found, Rules]:
+    """The diagnosis of a described plant, and the rules that it was made with. catalogue: folder or
+    file, read instead of the one that the description names; cache: folder of the model's parts.
+    say: told the name of each stage. Raises InputError naming file, field and hint.
     """
     say("model and logs")
-    return answered(*described_task(path, catalogue, cache, rules), say)
+    read, task = described_task(path, catalogue, cache, rules)
+    return answered(read, task, say), read.rules
 
 
 def answered(
@@ -206,11 +208,7 @@ def write_augmented(folder: Path, found: Found, with_base: bool = False) -> tupl
     """
     plant = found.task.plant
     if isinstance(plant, ForeignPlant):
-        raise InputError(
-            "an FMU without source cannot be extended",
-            field="--augmented",
-            hint="set the fitted parameters of --json in the tool that made the FMU",
-        )
+        raise InputError(NO_SOURCE, field=AUGMENTED, hint=SET_BY_HAND)
     variables = FmuFile.read(build_fmu(plant.class_name, plant.model).path).variables
     values = {**plant.parameters, **found.values}
     changed = {
@@ -237,7 +235,7 @@ def _extension(
     said += [f"{n} = {v:.6g}" for n, v in sorted(found.values.items()) if outside(n)]
     said += [f"{n} = {v:g} in the FMU" for n, v in values.items() if n not in plain]
     title = f"{plant.class_name} as fitted to the logs of {plant.name}"
-    name = f"Augmented{plant.class_name.rsplit('.', 1)[-1]}"
+    name = augmented_name(plant.class_name)
     return Extension(name, title, plant.class_name, plain, tuple(said))
 
 

@@ -5,6 +5,7 @@ page.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from pneugantry.engine.signals.units import with_unit
@@ -77,7 +78,7 @@ def _padded(texts: tuple[str, str, str]) -> tuple[str, str, str]:
     return value, low, high
 
 
-def cause_name(cause: dict[str, Any]) -> str:
+def cause_name(cause: Mapping[str, Any]) -> str:
     """An effect with its axis, as `valve_delay/z`; of one of two campaigns alone as
     `valve_delay/z@after`.
     """

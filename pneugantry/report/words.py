@@ -14,7 +14,14 @@ from pneugantry.engine.answer.decide import UNKNOWN
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.run import Found
 from pneugantry.engine.views.foreign import ForeignPlant
-from pneugantry.report.headline import chance, confirmed, interval, leaves, number
+from pneugantry.report.headline import (
+    cause_name,
+    chance,
+    confirmed,
+    interval,
+    leaves,
+    number,
+)
 
 __all__ = [
     "Deviation",
@@ -103,7 +110,7 @@ def parameter_rows(
     """
     rows = []
     for cause in causes:
-        key = f"{cause['effect']}/{cause['axis']}" if cause["axis"] else cause["effect"]
+        key = cause_name(cause)
         for name, entry in cause["parameters"].items():
             low, high = (math.nan if e is None else e for e in entry["ci95"])
             value = math.nan if entry["value"] is None else entry["value"]

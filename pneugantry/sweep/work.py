@@ -17,8 +17,8 @@ from pneugantry.jobs.job import Function
 from pneugantry.sweep.cases import Case
 from pneugantry.sweep.spec import OWN_FILES
 from pneugantry.sweep.vary import changed
+from pyfmi_runner.cache import cache_folder
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.fmu_file import cache_folder
 from pyfmi_runner.log import write_atomically, write_log
 from pyfmi_runner.run import run_scenario
 from pyfmi_runner.scenario import scenario_from
@@ -76,7 +76,7 @@ class Simulation:
 
 def _unpacked(name: str, content: bytes) -> Path:
     """A file that came as bytes, in this machine's cache in a folder named by its hash."""
-    path = cache_folder().parent / "shipped" / hashlib.sha256(content).hexdigest()[:24] / name
+    path = cache_folder() / "shipped" / hashlib.sha256(content).hexdigest()[:24] / name
     if not path.is_file() or path.read_bytes() != content:
         write_atomically(path, lambda temporary: temporary.write_bytes(content))
     return path

@@ -59,13 +59,3 @@ def residuals(rig: Rig, setup: Setup, frame: pd.DataFrame, **options: Any) -> np
     """
     outcome = run(rig, setup, commands=frame[["u_x", "u_z"]].to_numpy(float), **options)
     return (frame[list(CHANNELS)].to_numpy(float) - outcome.readings) / SIGMA
-
-
-def replay_table(rig: Rig, folder: Path) -> pd.DataFrame:
-    """RMS residual in sigma per log (rows) and channel (columns)."""
-    logs = read_campaign(folder)
-    rows = {
-        name: np.sqrt(np.mean(residuals(rig, setup, frame) ** 2, axis=0))
-        for name, (setup, frame) in logs.items()
-    }
-    return pd.DataFrame.from_dict(rows, orient="index", columns=list(CHANNELS))

@@ -23,7 +23,7 @@ def test_the_logs_are_what_the_script_records(seed: int, name: str) -> None:
 
 
 def test_both_hidden_effects_are_found_with_their_sizes_and_the_other_is_not() -> None:
-    found = diagnose_described(FOLDER / "plant.toml").diagnosis
+    found = diagnose_described(FOLDER / "plant.toml")[0].diagnosis
     assert found.verdict == "identified"
     table = {c.effect: c for c in found.causes}
     sizes = {"coulomb_friction": ("tau_c", TAU_C), "constant_torque": ("tau_o", TAU_O)}

@@ -4,8 +4,11 @@ special files.
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,8 @@ import pytest
 
 from controllers.catalogue import controller_names
 from controllers.gains import TABLES, gains_named, named_gains
-from pneugantry.cli import main
+from pneugantry.cli import main, parser
+from pneugantry.options import INPUTS, OUTPUTS
 
 Capture = pytest.CaptureFixture[str]
 
@@ -177,6 +181,50 @@ def test_a_result_does_not_replace_what_is_read(capsys: Capture, tmp_path: Path)
     assert main(["run", str(scenario), "--json", str(scenario)]) == 2
     assert "--json: would replace the file that is read" in capsys.readouterr().err
     assert scenario.read_text(encoding="utf-8") == 'workpiece = "straight"\n'
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("calibrate", "FILE"),
+        ("diagnose", "a.parquet", "--after", "FILE"),
+        ("diagnose", "a.parquet", "--controller", "FILE"),
+        ("build", "--parts", "FILE"),
+        ("thesis", "--runs", "FILE"),
+    ],
+)
+def test_no_command_replaces_what_it_reads(
+    words: tuple[str, ...], capsys: Capture, tmp_path: Path
+) -> None:
+    path = tmp_path / "given.toml"
+    path.write_text("[plant]\n", encoding="utf-8")
+    command = [str(path) if word == "FILE" else word for word in words]
+    assert main([*command, "--json", str(path)]) == 2
+    assert "--json: would replace the file that is read" in capsys.readouterr().err
+    assert path.read_text(encoding="utf-8") == "[plant]\n"
+
+
+NAMES_A_PLACE = re.compile(r"FILE|FOLDER|DIR|PATH|LOG|CAMPAIGN|PLANT|\.\w+$")
+
+
+def options_of(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Of a parser and of all commands in it."""
+    for action in parser._actions:
+        if isinstance(action.choices, dict):
+            for command in action.choices.values():
+                yield from options_of(command)
+        else:
+            yield action
+
+
+def test_every_option_that_names_a_place_says_whether_it_is_read_or_written() -> None:
+    places = {
+        action.dest
+        for action in options_of(parser())
+        if action.type is Path or NAMES_A_PLACE.search(str(action.metavar or ""))
+    }
+    assert not set(INPUTS) & set(OUTPUTS)
+    assert places == {*INPUTS, *OUTPUTS}
 
 
 @pytest.mark.parametrize(

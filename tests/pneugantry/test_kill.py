@@ -195,7 +195,7 @@ def test_a_killed_diagnosis_leaves_whole_files(
         check=False,
     )
     assert done.returncode == -signal.SIGKILL, done.stderr
-    assert whole(tmp_path / "out") == {"d.html"}
+    assert whole(tmp_path / "out") == {"d.json"}
 
 
 @pytest.mark.slow

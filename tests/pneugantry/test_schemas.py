@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 from collections.abc import Callable
@@ -12,6 +13,8 @@ import pytest
 from jsonschema import Draft202012Validator, ValidationError
 
 from pneugantry.cli import main
+from pneugantry.engine.answer.confirm import Gap
+from pneugantry.engine.answer.result import Diagnosis, to_json
 
 Check = Callable[[dict[str, Any]], None]
 ROOT = Path(__file__).parents[2]
@@ -39,6 +42,33 @@ def test_every_result_has_a_schema() -> None:
     code = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "pneugantry").rglob("*.py"))
     named = set(re.findall(r'"schema": "(\w+)/1"', code)) - APART
     assert named == set(NAMES)
+
+
+def test_every_result_of_a_command_stands_in_the_documents() -> None:
+    told = (ROOT / "docs" / "reference" / "cli.md").read_text(encoding="utf-8")
+    assert {name for name in NAMES if f"| `{name}/1` |" not in told} == {"thesis_peers"}
+
+
+def test_a_diagnosis_is_documented_field_by_field() -> None:
+    """What is written, what the schema has and what the page of it tells, each once."""
+    written = re.findall(r'^ +(?:\*\*.* )?\{?"(\w+)": ', inspect.getsource(to_json), re.MULTILINE)
+    fields = {*schema("gap")["properties"]}
+    assert fields == {f for f in written if f != "effect"} | {"learned"}
+    page = (ROOT / "docs" / "reference" / "gap.md").read_text(encoding="utf-8")
+    heads = re.findall(r"^\| (`.*?`) \|", page.split("## Result")[1].split("## Scores")[0], re.M)
+    told = [name for head in heads for name in re.findall(r"`(\w+)`", head)]
+    assert sorted(told) == sorted(fields - {"schema", "unknown_probability"})
+
+
+def test_the_gap_until_the_replay_left_the_log_keeps_to_the_schema(keeps_to_schema: Check) -> None:
+    early = Gap(9.0, 1.0, 1.0, 1.0, (0.9, 1.0), "log", {})
+    gap = Gap(14.0, 8.0, 1.0, 0.7, (0.5, 0.9), "log", {}, parted=1.5, early=early)
+    found = to_json(Diagnosis("none", (), (), (), gap))
+    keeps_to_schema(found)
+    assert found["gap"]["until"]["t"] == 1.5
+    found["gap"]["until"]["other"] = 1.0
+    with pytest.raises(ValidationError):
+        keeps_to_schema(found)
 
 
 @pytest.fixture(scope="module")

@@ -74,6 +74,12 @@ def test_it_is_unpacked_once_to_a_folder_named_by_its_content(file, cache):
     assert [p.name for p in folder.parent.iterdir() if p.name.startswith("unpack-")] == []
 
 
+def test_it_is_unpacked_to_the_cache_that_all_else_is_in(file, tmp_path, monkeypatch):
+    monkeypatch.delenv("PNEUGANTRY_CACHE")
+    monkeypatch.setattr("pyfmi_runner.cache.user_cache_path", lambda name: tmp_path / name)
+    assert file.unpack() == tmp_path / "pneugantry" / "fmu" / file.sha256
+
+
 def archive_with(
     path: Path, target: Path, changes: dict[str, bytes | None], **infos: zipfile.ZipInfo
 ) -> Path:

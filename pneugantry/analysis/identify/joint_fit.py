@@ -43,7 +43,6 @@ class JointFit:
     sources: dict[str, str]
     gaps: dict[str, float]  # by log, RMS of the residual that counts, in sensor noise
     rows: dict[str, tuple[int, int]]  # by log, samples that count and that there are
-    rounding_share: float  # of the variance, at most, that comes from the rounded commands
 
     @property
     def values(self) -> dict[str, float]:
@@ -111,8 +110,7 @@ def judged_fit(
     for i, name in enumerate(coordinates.names):
         relative = math.sqrt(total[i]) / abs(coordinates.nominal[i])
         sources[name] = "none" if relative > TOLD else "sheet" if borrowed[i] > BORROWED else "logs"
-    share = float(np.max(np.diag(inverse @ rounding @ inverse) / np.diag(covariance)))
-    return JointFit(coordinates, theta, covariance, sources, gaps, rows, share)
+    return JointFit(coordinates, theta, covariance, sources, gaps, rows)
 
 
 def _log_terms(log: ReplayedLog, found: Found) -> tuple[Array, Array, Array, float]:

@@ -181,7 +181,7 @@ def answer_set(answers: Sequence[Answer]) -> tuple[tuple[str, ...], ...]:
 
 
 def to_json(d: Diagnosis) -> dict[str, Any]:
-    """The JSON of docs/reference/gap.md. Further keys: probabilities, steps."""
+    """The JSON of docs/reference/gap.md."""
     notes = [*d.notes, *_replay_notes(d.gap), *d.limits]
     return {
         "schema": "gap/1",

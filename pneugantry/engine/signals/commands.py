@@ -64,7 +64,8 @@ def drives_of(
     late = [tuple((n, lateness(n, given)) for n in read) for given in values]
     each = list(dict.fromkeys(late))
     acts = [{n: acting(record, n, own) for n, own in found} for found in each]
-    drives = [Drive({name: found[source] for name, source in sources.items()}) for found in acts]
+    inputs = [{name: found[source] for name, source in sources.items()} for found in acts]
+    drives = [Drive(own, rows=record.rows) for own in inputs]
     return drives, [each.index(own) for own in late]
 
 

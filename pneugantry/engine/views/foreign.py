@@ -111,7 +111,8 @@ class ForeignSubsystem(Subsystem):
             }
             at = [i for i, n in enumerate(names) if _own_name(stage.fmu, n) is not None]
             bare = [_own_name(stage.fmu, names[i]) or "" for i in at]
-            found = _stage_runs(stage, bare, values[:, at], own, made, period)
+            clock = period, drive.rows
+            found = _stage_runs(stage, bare, values[:, at], own, made, clock)
             for i, output in enumerate(stage.outputs):
                 made[stage.fmu.outputs[output]] = found[:, :, i]
                 made[stage.fmu.prefix + output] = found[:, :, i]
@@ -124,21 +125,22 @@ def _stage_runs(
     values: Array,
     inputs: Inputs,
     made: Mapping[str, Array],
-    period: float,
+    clock: tuple[float, int],
 ) -> Array:
-    """Runs of one FMU of a series; those that are fed alike, together."""
+    """Runs of one FMU of a series; those that are fed alike, together. clock: s between two rows,
+    and how many there are.
+    """
     if not stage.fed:
-        return stage.driven.run(names, values, inputs, stage.outputs, period)
+        return stage.driven.run(names, values, inputs, stage.outputs, *clock)
     found = []
     for run in range(len(values)):
         fed = {n: _held(made[signal][run]) for n, signal in stage.fed.items()}
         row = values[run : run + 1]
         if all(np.isfinite(v[0]).all() for v in fed.values()):
             every = {**inputs, **fed}
-            found.append(stage.driven.run(names, row, every, stage.outputs, period)[0])
+            found.append(stage.driven.run(names, row, every, stage.outputs, *clock)[0])
         else:  # the FMU before it failed
-            rows = len(next(iter(fed.values()))[0])
-            found.append(np.full((rows, len(stage.outputs)), np.nan))
+            found.append(np.full((clock[1], len(stage.outputs)), np.nan))
     return np.stack(found)
 
 
@@ -281,11 +283,12 @@ def foreign_signals(
         if n not in stage.fed
     }
     drives, which = drives_of(record, sources, values)
-    made = ForeignSubsystem(series).runs(names, table, drives, signals, record.period, which)
-    found = np.stack(made)
-    for own in driven.values():
-        own.close()
-    return signals, found
+    try:
+        made = ForeignSubsystem(series).runs(names, table, drives, signals, record.period, which)
+    finally:
+        for own in driven.values():
+            own.close()
+    return signals, np.stack(made)
 
 
 def _set_table(

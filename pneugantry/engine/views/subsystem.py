@@ -223,7 +223,7 @@ class SubsystemView:
             share = 1 - np.exp(-record.period / (self.observer))
             measured = [readings.value(s, record, errors).at for s in drawn.values()]
             correction = Correction(tuple(drawn), np.column_stack(measured), (share,) * len(drawn))
-        return Drive(inputs, correction)
+        return Drive(inputs, correction, record.rows)
 
     def _command(self, record: Record, name: str, late: Lateness) -> Course:
         """An input of the plant, where it acts so late."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
-from modelica_fmu.files import write_atomically
+from modelica_fmu.files import refuse_replacing, write_atomically
 from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.learn.learned import Learned
 from pneugantry.learn.terms.term import Term, with_term
@@ -20,7 +20,8 @@ __all__ = ["effect_name", "effects_toml", "write_catalogue"]
 def write_catalogue(folder: Path, learned: Learned) -> tuple[Path, Path]:
     """Writes a catalogue, the plant's own effects and the learnt one, and the plant's Modelica file
     in which that effect is a parameter, neutral at 0; returns both paths. Raises InputError where
-    no term was accepted, and where the folder cannot be written.
+    no term was accepted, where the plant's own file would be replaced, and where the folder cannot
+    be written.
     """
     if learned.best is None or not learned.accepted:
         hint = "add what you know of the rig to the catalogue by hand"
@@ -32,6 +33,8 @@ def write_catalogue(folder: Path, learned: Learned) -> tuple[Path, Path]:
     own = [e for e in task.catalogue.values() if not e.outside]
     model = with_term(task.plant, term, task.cache).model
     paths = folder / "effects.toml", folder / model.name
+    for path in paths:
+        refuse_replacing(path, [task.plant.model], "--catalogue-out")
     text = _said(term) + effects_toml([*own, named])
     try:
         folder.mkdir(parents=True, exist_ok=True)

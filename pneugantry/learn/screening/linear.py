@@ -29,6 +29,8 @@ __all__ = [
     "trial_over",
 ]
 
+PARTS = 4  # stretches into which a single record is cut
+
 
 @dataclass(frozen=True, eq=False)
 class Sums:
@@ -126,10 +128,9 @@ class Base:
         return self.foretold(lambda left_out: self.kept[left_out].cost)
 
 
-def base_of(fit: Fit, of_views: Noise, rules: Rules, parts: int = 4) -> Base:
+def base_of(fit: Fit, of_views: Noise, rules: Rules) -> Base:
     """Weights and whitened columns of a fit. of_views: noise, of the sensors' own colour: what is
-    missing has coloured the residuals, and under their colour it would look like noise. parts:
-    stretches into which a single record is cut.
+    missing has coloured the residuals, and under their colour it would look like noise.
     """
     weighing = Weighing(of_views, rules)
     names = [c.name for c in fit.point.coordinates]
@@ -147,7 +148,7 @@ def base_of(fit: Fit, of_views: Noise, rules: Rules, parts: int = 4) -> Base:
             if (cell, name) in fit.columns:
                 column = weighing.innovations(cell, fit.columns[cell, name])
                 columns[cell][:, i] = np.nan_to_num(column) * roots[cell]
-        folds[cell] = tuple(_folds(cell[1], len(w), r.shape[1], 1 if len(records) > 1 else parts))
+        folds[cell] = tuple(_folds(cell[1], len(w), r.shape[1], 1 if len(records) > 1 else PARTS))
     return Base(fit, weighing, roots, white, columns, folds)
 
 

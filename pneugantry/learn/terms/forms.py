@@ -326,18 +326,20 @@ class FreeCurve:
         return self.shapes @ np.asarray(values), spread
 
 
-def free_curve(candidate: Candidate, knots: Knots, count: int = SHAPES) -> FreeCurve:
+def free_curve(candidate: Candidate, knots: Knots) -> FreeCurve:
     """See `FreeCurve`; it starts from the candidate's coefficients."""
-    shapes, rest = _telling(candidate, knots, count)
+    shapes, rest = _telling(candidate, knots, SHAPES)
     values = np.linalg.lstsq(shapes, candidate.answer.coefficients, rcond=None)[0]
     made = FormLaw(
         "curve",
-        _text(knots, count),
+        _text(knots, SHAPES),
         _law(knots, shapes),
-        ("size",) * (count - 1),
+        ("size",) * (SHAPES - 1),
         _tables(knots, shapes),
     )
-    return FreeCurve(knots, shapes, rest, Distilled(made, tuple(map(float, values)), PRICE * count))
+    return FreeCurve(
+        knots, shapes, rest, Distilled(made, tuple(map(float, values)), PRICE * SHAPES)
+    )
 
 
 def _telling(candidate: Candidate, knots: Knots, count: int) -> tuple[Array, Array]:

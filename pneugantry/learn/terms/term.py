@@ -90,7 +90,7 @@ class Term:
         """The regressor, as the equation's class calls it, or the plant's."""
         return self.variable if self.regressor.outside else self.point.spelt(self.variable)
 
-    def formula(self, digits: int = 4) -> str:
+    def formula(self) -> str:
         """As a reader writes it, with the values in place."""
         own = self.regressor
         turned = f"*sign({self.point.spelt(own.speed)})" if own.speed else ""
@@ -99,7 +99,7 @@ class Term:
             return f"curve of {self._shown}{' times' + turned.replace('*', ' ') if turned else ''}"
         text = self.law.memory.shown if self.law.memory else self.law.text
         for k, value in reversed([*enumerate(self.values, 1)]):
-            shown = f"{value:.{digits}g}" if k <= len(self.parameters) else "t0"
+            shown = f"{value:.4g}" if k <= len(self.parameters) else "t0"
             text = text.replace(f"p{k}", f"({shown})" if k > 1 and value < 0 else shown)
         text = text.replace("3.141592653589793", "pi").replace("z", self._shown)
         return f"({text}){turned}" if turned else text

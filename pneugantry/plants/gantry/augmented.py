@@ -19,7 +19,7 @@ CLASS = "AugmentedGantry"
 
 
 def augmented_model(
-    gantry: FmuFile, values: Mapping[str, float], remarks: Sequence[str] = (), name: str = CLASS
+    gantry: FmuFile, values: Mapping[str, float], remarks: Sequence[str] = ()
 ) -> Extension:
     """The FMU's class extended with `values`, by the FMU's names; values equal to its own are left
     out.
@@ -37,7 +37,7 @@ def augmented_model(
         )
     base = gantry.description.model
     title = f"{base} as fitted to a measured campaign"
-    return Extension(name, title, base, modifiers, (*remarks, *outside_the_plant(values)))
+    return Extension(CLASS, title, base, modifiers, (*remarks, *outside_the_plant(values)))
 
 
 def outside_the_plant(values: Mapping[str, float]) -> list[str]:

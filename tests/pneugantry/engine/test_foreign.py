@@ -14,10 +14,17 @@ from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.build import build_views
-from pneugantry.engine.views.foreign import ForeignFmu, ForeignPlant, foreign_views, parameters_read
+from pneugantry.engine.views.foreign import (
+    ForeignFmu,
+    ForeignPlant,
+    foreign_signals,
+    foreign_views,
+    parameters_read,
+)
 from pneugantry.engine.views.subsystem import SubsystemView
 from pneugantry.engine.views.synthetic import Nominal
 from pyfmi_runner.build import build_fmu
+from pyfmi_runner.driven import DrivenFmu
 from pyfmi_runner.fmu import FmuFile
 
 PERIOD = 2e-3
@@ -43,6 +50,12 @@ HALVES = """package Halves
     bodies * m * der(v) = if locked or brake then -50 * v else f - c * v;
     gear = if brake then 0 else 3;
   end Mass;
+  model Leak
+    parameter Real rate = 2.0;
+    output Real f(start = 1.0, fixed = true);
+  equation
+    der(f) = -rate * f;
+  end Leak;
 end Halves;
 """
 
@@ -162,7 +175,7 @@ def halves(cart: Plant, tmp_path_factory: pytest.TempPathFactory) -> dict[str, F
     model.write_text(HALVES, encoding="utf-8")
     return {
         name: built(replace(cart, model=model, class_name=f"Halves.{name}"), folder, fmi)
-        for name, fmi in (("Actuator", "2.0"), ("Mass", "3.0"))
+        for name, fmi in (("Actuator", "2.0"), ("Mass", "3.0"), ("Leak", "2.0"))
     }
 
 
@@ -233,6 +246,38 @@ def test_a_plant_that_cannot_be_replayed_says_why(
     plant, record = braked(cart, whole)
     with pytest.raises(RunError, match=r"no FMU, or only a ring .* input f on the way to speed"):
         replays(of_fmus(plant, mass), record, [{}], cache)
+
+
+def test_an_fmu_without_inputs_drives_the_one_behind_it(
+    cart: Plant, whole: Record, cache: Path, halves: dict[str, FmuFile]
+) -> None:
+    plant, record = braked(cart, whole)
+    leak = ForeignFmu(halves["Leak"], "leak", {}, {"f": "force"})
+    fed = of_fmus(plant, leak, chain(halves)[1])
+    views = {v.signals: v for v in seen(fed)}
+    falls = np.exp(-2.0 * PERIOD * np.arange(record.rows))
+    (alone,) = views["force",].simulate([(record, {})])
+    np.testing.assert_allclose(alone[:, 0], falls, rtol=0, atol=1e-6)
+    (replay,) = replays(fed, record, [{"rate": 0.0}], cache)
+    assert replay is not None
+    rises = 2.0 * (1.0 - np.exp(-0.5 * PERIOD * np.arange(record.rows)))
+    np.testing.assert_allclose(replay.simulated[:, 1], rises, rtol=0, atol=1e-6)
+
+
+def test_a_replay_that_fails_frees_its_fmus(
+    cart: Plant, whole: Record, halves: dict[str, FmuFile], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    freed = []
+
+    def failing(*_: object) -> None:
+        raise RunError("gone")
+
+    monkeypatch.setattr(DrivenFmu, "run", failing)
+    monkeypatch.setattr(DrivenFmu, "close", lambda own: freed.append(own.file.path))
+    plant, record = braked(cart, whole)
+    with pytest.raises(RunError, match="gone"):
+        foreign_signals(of_fmus(plant, *chain(halves)), record, [{}])
+    assert len(freed) == 2
 
 
 def test_an_input_that_nothing_feeds_is_said(cart: Plant, halves: dict[str, FmuFile]) -> None:

@@ -214,9 +214,12 @@ def test_there_is_no_catalogue_to_write_without_a_term(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = rig(tmp_path, lambda s, v: 0.0)
-    assert main(["diagnose", str(path), "--catalogue-out", str(tmp_path / "known")]) == 2
-    assert "no missing term was looked for" in capsys.readouterr().err
+    files = ("--html", str(tmp_path / "page.html"), "--json", str(tmp_path / "found.json"))
+    assert main(["diagnose", str(path), "--catalogue-out", str(tmp_path / "known"), *files]) == 0
+    assert "note: --catalogue-out: no missing term was looked for" in capsys.readouterr().err
     assert not (tmp_path / "known").exists()
+    assert (tmp_path / "page.html").is_file()
+    assert json.loads((tmp_path / "found.json").read_text("utf-8"))["verdict"] == "none"
 
 
 def test_a_sound_rig_is_given_no_term(tmp_path: Path) -> None:

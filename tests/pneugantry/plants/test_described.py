@@ -130,7 +130,7 @@ def one_file(plant: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def found(plant: Path, one_file: Path, cache: Path) -> Found:
-    return diagnose_described(plant, one_file, cache)
+    return diagnose_described(plant, one_file, cache)[0]
 
 
 def test_an_effect_is_found_with_its_size_and_closes_the_gap(found: Found) -> None:
@@ -180,7 +180,7 @@ def test_an_fmu_without_source_gives_the_same_answer(
     text = text.replace('model = "Cart.mo"', f'fmu = "fmu/{fmu.name}"')
     foreign = plant.with_name("foreign.toml")
     foreign.write_text(text, encoding="utf-8")
-    other = diagnose_described(foreign, None, cache)
+    other, _ = diagnose_described(foreign, None, cache)
     assert other.diagnosis.verdict == "identified"
     assert other.decision.chosen == ("offset",)
     assert other.gap is not None
@@ -274,7 +274,7 @@ def test_a_log_in_another_unit_is_told(
     table = pd.read_csv(path.parent / "swings.csv")
     table["speed"] *= 1000
     table.to_csv(path.parent / "swings.csv", index=False)
-    found = diagnose_described(path, cache=cache)
+    found, _ = diagnose_described(path, cache=cache)
     assert found.diagnosis.verdict == "unknown"
     (note,) = [n for n in found.diagnosis.notes if "check its unit" in n]
     assert note.startswith("swings: v reads ")
@@ -289,7 +289,7 @@ def test_a_sign_that_is_turned_round_is_told(tmp_path: Path, cache: Path) -> Non
         table = pd.read_csv(path.parent / f"{name}.csv")
         table["speed"] *= -1
         table.to_csv(path.parent / f"{name}.csv", index=False)
-    found = diagnose_described(path, cache=cache)
+    found, _ = diagnose_described(path, cache=cache)
     assert found.diagnosis.verdict == "unknown"
     turned = [n for n in found.diagnosis.notes if "check the sign" in n]
     assert len(turned) == 2
@@ -314,7 +314,7 @@ def test_a_simulation_without_noise_is_sound(tmp_path: Path, cache: Path) -> Non
             s[k + 1] = s[k] + end * PERIOD + (v[k] - end) * (1 - fade) / rate
         table = pd.DataFrame({"force": force, "speed": v, "s": s})
         table.to_csv(path.parent / f"{name}.csv", index=False)
-    found = diagnose_described(path, cache=cache)
+    found, _ = diagnose_described(path, cache=cache)
     assert found.diagnosis.verdict == "none"
     assert found.diagnosis.probabilities["unknown"] < 0.05
 
@@ -329,7 +329,7 @@ def test_one_output_does_not_tell_who_is_late(
         log = pd.read_csv(path.parent / f"{name}.csv")
         told = np.append(log["force"][5:], [log["force"].iloc[-1]] * 5)
         log.assign(force=told).iloc[:-5].to_csv(path.parent / f"{name}.csv", index=False)
-    found = diagnose_described(path, cache=cache).diagnosis
+    found = diagnose_described(path, cache=cache)[0].diagnosis
     assert {k for keys in found.answer_set for k in keys} == {"input_delay(u)", "sensor_delay(v)"}
 
 
@@ -358,7 +358,7 @@ def test_what_a_description_sets_holds_without_an_effect(tmp_path: Path, cache: 
     """The force that was found is written into the description; the catalogue stays as it is."""
     path = written(tmp_path / "cart")
     path.write_text(path.read_text("utf-8") + f"[parameters]\nF_0 = {OFFSET}\n", encoding="utf-8")
-    assert diagnose_described(path, cache=cache).diagnosis.verdict == "none"
+    assert diagnose_described(path, cache=cache)[0].diagnosis.verdict == "none"
 
 
 def test_what_is_a_plant_of_ones_own(plant: Path, tmp_path: Path) -> None:

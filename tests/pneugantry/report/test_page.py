@@ -37,7 +37,7 @@ from pneugantry.report.headline import (
 from pneugantry.report.page import Extras, write_page
 from pneugantry.report.pictures import SAMPLES, Curves, Shown, gap_svg, packed, ticks
 from pneugantry.report.visibility import visibility
-from pneugantry.report.words import next_steps
+from pneugantry.report.words import next_steps, parameter_rows
 
 Array = NDArray[np.float64]
 PERIOD, ROWS = 4e-3, 800  # of the records in conftest.py
@@ -252,6 +252,15 @@ def test_curves_of_two_rates_are_refused() -> None:
     shown = (Shown.of("s", "m", 1e-3),)
     with pytest.raises(ValueError, match="need one shape"):
         Curves(shown, 1e-3, {"measured": np.zeros((4, 1)), "nominal": np.zeros((8, 1))})
+
+
+def test_a_cause_of_one_campaign_alone_is_marked_as_chosen() -> None:
+    size = {"value": 0.02, "ci95": [0.019, 0.021], "unit": "s"}
+    both = {"effect": "valve_delay", "axis": "z", "parameters": {"delay": size}}
+    alone = {**both, "campaign": "after"}
+    rows = parameter_rows([both, alone], ["valve_delay/z@after"])
+    assert [r["effect"] for r in rows] == ["valve_delay/z", "valve_delay/z@after"]
+    assert [r["chosen"] for r in rows] == [False, True]
 
 
 def test_the_sentence_fits_the_verdict(found: Found, sound: Found) -> None:

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from modelica_fmu.errors import InputError
-from pneugantry.blind import campaigns
-from pneugantry.blind.campaigns import RESULT, Diagnoser, campaign_folders, diagnose_campaigns
 from pneugantry.cli import main
 from pneugantry.jobs.job import Ended, Factory, Job, answer
+from pneugantry.plants import campaigns
+from pneugantry.plants.campaigns import RESULT, Diagnoser, campaign_folders, diagnose_campaigns
 from pneugantry.plants.gantry.catalogue import FOLDER
 from pneugantry.report.page import Extras
 from pyfmi_runner.build import build_fmu
@@ -75,7 +75,7 @@ def test_each_is_diagnosed_once_and_what_failed_is_tried_again(folder: Path) -> 
     assert not (folder / "b" / RESULT).exists()
     (folder / "b" / "mended").touch()
     (folder / "b" / RESULT).write_text("[]")  # not what was written there
-    assert diagnose_campaigns(found, Diagnoser(fmu))[folder / "b"]["verdict"] == "none"
+    assert diagnose_campaigns(found, Diagnoser(fmu))[folder / "b"]["campaign"] == "b"
     assert RUNS == ["a", "c", "b"]
     catalogue = folder / "own.toml"
     catalogue.write_bytes((FOLDER / "stribeck.toml").read_bytes())
@@ -83,6 +83,34 @@ def test_each_is_diagnosed_once_and_what_failed_is_tried_again(folder: Path) -> 
         found, Diagnoser(fmu, catalogue)
     )  # what another catalogue found is no answer
     assert RUNS == ["a", "c", "b", "a", "b", "c"]
+
+
+def test_what_was_diagnosed_otherwise_is_diagnosed_again(folder: Path) -> None:
+    one, logs = [folder / "a"], folder / "a" / "logs"
+    logs.mkdir()
+    steps = [
+        (folder / "a" / "campaign.toml", "name = 'corrected'"),
+        (folder / "a" / "straight.csv", "time,u_x\n"),
+        (folder / "a" / "straight.csv", "time,u_z\n"),
+        (folder / "a" / "campaign.toml", "[log.other]\nfile = 'logs/other.dat'"),
+        (logs / "other.dat", "time"),
+        *((folder / "a" / RESULT, other) for other in ("[]", "{}", '{"verdict": "none"}')),
+    ]
+    diagnose_campaigns(one, Diagnoser())
+    for count, (path, text) in enumerate(steps, start=2):
+        path.write_text(text)
+        for _ in range(2):
+            diagnose_campaigns(one, Diagnoser())
+        assert len(RUNS) == count, path
+
+
+def test_a_folder_that_cannot_be_read_leaves_the_others(folder: Path) -> None:
+    (folder / "a" / "campaign.toml").write_text("[log")
+    (folder / "d").mkdir()
+    (folder / "d" / "plant.toml").write_text("[inputs]")
+    results = diagnose_campaigns(campaign_folders(folder), Diagnoser())
+    assert "plant" in results[folder / "d"]["reason"]
+    assert results[folder / "c"]["verdict"] == "none"
 
 
 def test_the_command_says_a_line_for_each(

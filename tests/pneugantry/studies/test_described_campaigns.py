@@ -13,7 +13,7 @@ import pytest
 from benchmarks.sweep_check import cluster
 from benchmarks.two_campaigns import pair_of, written
 from pneugantry.api.diagnosis import diagnose
-from pneugantry.blind.campaigns import RESULT, Diagnoser, campaign_folders, diagnose_campaigns
+from pneugantry.plants.campaigns import RESULT, Diagnoser, campaign_folders, diagnose_campaigns
 from pyfmi_runner.build import build_fmu
 
 

@@ -24,7 +24,7 @@ from pneugantry.truth.kept import stamp
 from pneugantry.truth.loop import run_loop
 from pneugantry.truth.parameters import CHANNELS, DAHL, SIGMA, nominal, with_smooth_friction
 from pneugantry.truth.plant import MODES, STATES, WIDTH, Acting, Plant
-from pneugantry.truth.replay import read_campaign, replay_table
+from pneugantry.truth.replay import read_campaign, residuals
 from pneugantry.truth.run import draws, run
 from pneugantry.truth.setups import campaign_setups
 from pneugantry.truth.tolerance import with_tolerance
@@ -186,9 +186,9 @@ def test_smooth_friction_stays_within_its_limit_force():
 
 @recorded
 def test_nominal_campaign_replays_to_the_noise_floor():
-    table = replay_table(nominal(), SHARED / "nominal")
-    assert table.to_numpy().min() > 0.98
-    assert table.to_numpy().max() < 1.02
+    for name, (setup, frame) in read_campaign(SHARED / "nominal").items():
+        gaps = np.sqrt(np.mean(residuals(nominal(), setup, frame) ** 2, axis=0))
+        assert gaps == pytest.approx(1.0, abs=0.02), name
 
 
 @recorded
