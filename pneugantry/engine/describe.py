@@ -2,8 +2,9 @@
 
 [plant]      name; model = "Axis.mo" and class = "Axis", or fmu = "axis.fmu"; catalogue = "effects"
              (folder or file); time = "t" or { column = "t", recorded = "ms" }, or period = 1e-3 (s,
-             between rows, and the rate that all logs are brought to); decimate = 25 (rows that are
-             judged as one); skip = 0.5 (s, not judged); step = 1e-3 (s, longest step of an FMU)
+             between rows, and what all logs are brought to, else the first one's); without both
+             each log has a column "time" (s); decimate = 25 (rows that are judged as one); skip =
+             0.5 (s, not judged); step = 1e-3 (s, longest step of an FMU)
 [[fmu]]      instead of fmu =, one table each: file; block (its name in the answer); prefix (before
              the names of its parameters); step; inputs = { "its input" = "input or output below" };
              outputs = { "its output" = "output below" }. Inputs and outputs of the same name are

@@ -14,6 +14,7 @@ from pneugantry.engine.plant import Array, Record, Signal
 from pneugantry.engine.signals.tables import (
     COARSEST,
     FINEST,
+    STAMPS,
     Column,
     factor,
     noise_of,
@@ -53,7 +54,7 @@ class Logs:
         }
         self.skip = own.number("skip", 0.0, 0.0)
         self.period: float | None = own.number("period", None, FINEST, COARSEST)
-        self.time: Column | None = None
+        self.time: Column | None = STAMPS if self.period is None else None
         self.unused: set[str] = set()  # columns of logs that nothing names
         if "time" in own:
             given = own.table["time"]
@@ -69,7 +70,7 @@ class Logs:
         notes: list[str] = []
         for name in free(self.top, "log").table:
             record, out, said = self._log(name)
-            self.period = record.period  # the first log's, where nothing else says it
+            self.period = record.period  # all are brought to the first one's, if none is given
             (held if out else fitted).append(record)
             notes += said
         if not fitted:

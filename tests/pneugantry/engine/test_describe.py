@@ -159,6 +159,29 @@ def test_uneven_stamps_are_resampled_and_said(
     np.testing.assert_allclose(found.signals["speed"][at], expected[at], atol=0.04)
 
 
+def test_every_log_is_read_by_its_own_stamps(
+    folder: Path, cache: Path, truth: dict[str, np.ndarray]
+) -> None:
+    """Twice as slow as the first, and brought to its rate."""
+    stamped = pd.DataFrame(truth).rename(columns={"t": "time"})
+    stamped.to_csv(folder / "sweep.csv", index=False)
+    stamped[::2].to_csv(folder / "again.csv", index=False)
+    found = read(folder, FMU, cache)
+    first, second = found.records
+    assert first.period == second.period == PERIOD
+    assert second.rows == pytest.approx(first.rows, abs=1)
+    (said,) = [n for n in found.notes if "again.csv" in n]
+    assert "recorded at 250 Hz: resampled to 500 Hz" in said
+    odd = second.signals["speed"][1::2]
+    np.testing.assert_allclose(odd[:100], truth["V"][1:200:2], rtol=0, atol=0.1)
+
+
+def test_a_rate_that_nothing_tells_is_one_clear_line(folder: Path, cache: Path) -> None:
+    said = r"sweep\.csv: plant\.period: nothing tells how far its rows are apart; write period"
+    with pytest.raises(InputError, match=said):
+        read(folder, FMU, cache)
+
+
 @pytest.mark.parametrize("kind", ["parquet", "mat"])
 def test_names_units_and_kinds_of_file_follow_the_description(
     folder: Path, cache: Path, truth: dict[str, np.ndarray], kind: str
