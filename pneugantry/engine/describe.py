@@ -42,15 +42,15 @@ from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.commands import PREFIX as INPUTS
 from pneugantry.engine.signals.converter import converted
-from pneugantry.engine.signals.records import Logs, free, signals_of, variables_of
-from pneugantry.engine.signals.sensors import PREFIX
+from pneugantry.engine.signals.records import Logs, free, per_log, signals_of, variables_of
+from pneugantry.engine.signals.sensors import PREFIX, neutral
 from pneugantry.engine.signals.units import with_unit
 from pneugantry.engine.views.cuts import sharp_views
 from pneugantry.engine.views.foreign import ForeignFmu, ForeignPlant, foreign_views
 from pneugantry.engine.views.model_parts import known_variables
 from pneugantry.engine.views.view import View
 from pyfmi_runner.build import build_fmu
-from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.fmu import FmuFile, FmuVariable
 from pyfmi_runner.scenario import Fields, parse_toml
 
 __all__ = ["Described", "case_of", "described", "sensor_effects", "views_of"]
@@ -187,7 +187,7 @@ class _Model:
     what: str
     model: Path
     class_name: str
-    variables: Mapping[str, bool]  # with the FMUs' prefixes: whether it may be set at the start
+    variables: Mapping[str, FmuVariable]  # with the FMUs' prefixes
     outputs: tuple[str, ...]
     fmus: tuple[ForeignFmu, ...] = ()  # inputs and outputs as written, before the rest is found
 
@@ -203,14 +203,12 @@ def _source_of(top: Fields, own: Fields) -> _Model:
     if model:
         file = FmuFile.read(build_fmu(class_name, folder / model).path)
         outputs = tuple(n for n, v in file.variables.items() if v.causality == "output")
-        known = {n: v.settable_before_start for n, v in file.variables.items()}
-        return _Model(f"the class {class_name}", folder / model, class_name, known, outputs)
+        what = f"the class {class_name}"
+        return _Model(what, folder / model, class_name, file.variables, outputs)
     if fmu:
         tables = [{"file": fmu, **({"step": own.table["step"]} if "step" in own else {})}]
     fmus = tuple(_fmu(table, top, folder) for table in tables)
-    known = {
-        f.prefix + n: v.settable_before_start for f in fmus for n, v in f.file.variables.items()
-    }
+    known = {f.prefix + n: v for f in fmus for n, v in f.file.variables.items()}
     outputs = tuple(f.prefix + n for f in fmus for n in f.file.description.outputs)
     first = fmus[0].file
     what = ", ".join(f.file.path.name for f in fmus)
@@ -269,7 +267,8 @@ def _check_names(top: Fields, signals: Sequence[Signal], source: _Model) -> None
         (f"{k}.{n}", n) for k in ("tolerance", "parameters", "per_log") for n in free(top, k).table
     ]
     for field, name in named:
-        if source.variables.get(name) is False:
+        known = source.variables.get(name)
+        if known is not None and not known.settable_before_start:
             top.refuse(field, "cannot be set before the start", "name a parameter")
     if "fmu" not in top.table:
         named += [(f"inputs.{n}", n) for n in free(top, "inputs").table]
@@ -284,9 +283,9 @@ def _check_names(top: Fields, signals: Sequence[Signal], source: _Model) -> None
 def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) -> Plant:
     assert top.file is not None
     nuisances = [
-        Nuisance(p, s, relative=True, scales=True) for p, s in _shares(top, "tolerance").items()
+        Nuisance(p, s, relative=True, scales=True) for p, s in _shares(top, source).items()
     ]
-    nuisances += [Nuisance(p, s, per_record=True) for p, s in top.numbers("per_log").items()]
+    nuisances += [Nuisance(p, s, per_record=True) for p, s in per_log(top).items()]
     for s in signals:
         nuisances += [
             Nuisance(f"{PREFIX}{s.name}.scale", SCALE),
@@ -307,14 +306,19 @@ def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) 
     return _of_fmus(top, source, plant)
 
 
-def _shares(top: Fields, key: str) -> dict[str, float]:
-    """A table of shares of values."""
-    found = top.numbers(key)
+def _shares(top: Fields, source: _Model) -> dict[str, float]:
+    """Shares of values by which parameters may be off; 0 is none."""
+    found = top.numbers("tolerance")
+    starts = {n: v.start for n, v in source.variables.items()} | top.numbers("parameters")
     for name, share in found.items():
         if not 0 <= share <= 1:
             hint = "give a share of the value: 0.02 for 2 %"
-            top.refuse(f"{key}.{name}", f"is {share:g}, expected 0..1", hint)
-    return found
+            top.refuse(f"tolerance.{name}", f"is {share:g}, expected 0..1", hint)
+        value = neutral(name) if name.startswith(PREFIX) else starts.get(name)
+        if share and value == 0:
+            hint = "write its value under [parameters] and its RMS under [per_log], or take it out"
+            top.refuse(f"tolerance.{name}", "is a share of a value that is 0", hint)
+    return {name: share for name, share in found.items() if share}
 
 
 def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:

@@ -23,7 +23,7 @@ from pneugantry.engine.signals.tables import (
 from pneugantry.engine.signals.units import with_unit
 from pyfmi_runner.scenario import Fields
 
-__all__ = ["Logs", "free", "signals_of", "variables_of"]
+__all__ = ["Logs", "free", "per_log", "signals_of", "variables_of"]
 
 COLUMN_KEYS = ("column", "unit", "recorded", "scale", "offset")
 OUTPUT_KEYS = ("sigma", "error", "lasting", "variable")
@@ -113,7 +113,7 @@ class Logs:
     def _starts(self, log: str, parameters: dict[str, float]) -> dict[str, float]:
         """A log's own parameters: those that may be off in each need a value in each."""
         known = self.top.numbers("parameters")
-        for name in self.top.numbers("per_log"):
+        for name in per_log(self.top):
             if name not in parameters and name not in known:
                 hint = f"write it under [parameters] or [log.{log}.parameters]"
                 self.top.refuse(f"per_log.{name}", f"has no value for the log {log}", hint)
@@ -161,6 +161,13 @@ def signals_of(logs: Logs, records: Sequence[Record]) -> tuple[list[Signal], lis
     if not found:
         logs.top.refuse("outputs", "no log has any of the columns", "correct their names")
     return found, notes
+
+
+def per_log(top: Fields) -> dict[str, float]:
+    """RMS by which parameters of each log are off; 0 is none."""
+    found = free(top, "per_log")
+    spreads = {name: found.number(name, low=0.0) for name in found.table}
+    return {name: spread for name, spread in spreads.items() if spread}
 
 
 def free(fields: Fields, key: str) -> Fields:

@@ -267,6 +267,13 @@ def test_what_differs_from_log_to_log_is_a_nuisance_of_each(folder: Path, cache:
     assert {"c@sweep", "c@again", "K", "sensors.force.bias"} <= names
 
 
+def test_what_is_off_by_nothing_is_known(folder: Path, cache: Path) -> None:
+    body = BODY.replace("K = 0.02", "K = 0\nspring = 0") + "\n[per_log]\nc = 0\n"
+    found = read(folder, FMU, cache, body, period=PERIOD)
+    assert [n.parameter for n in found.plant.nuisances if "." not in n.parameter] == ["m"]
+    assert all(n.sigma > 0 for n in found.plant.nuisances)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -285,6 +292,13 @@ def test_what_differs_from_log_to_log_is_a_nuisance_of_each(folder: Path, cache:
         ('variable = "f"', 'variable = "thrust"', r"outputs\.force: no such variable"),
         ("sweep.csv", "swep.csv", r"swep\.csv: no such file; did you mean"),
         ("sigma = 0.01", "sigma = 0.0", r"sigma: must be > 0"),
+        ("K = 0.02", "spring = 0.02", r"tolerance\.spring: is a share of a value that is 0; write"),
+        (
+            "K = 0.02",
+            '"sensors.force.bias" = 0.1',
+            r"tolerance\.sensors\.force\.bias: is a share of a value that is 0",
+        ),
+        ("[log.again]", "[per_log]\nc = -0.1\n[log.again]", r"per_log\.c: is -0\.1, expected >= 0"),
     ],
 )
 def test_what_cannot_be_is_one_clear_line(
