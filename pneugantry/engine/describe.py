@@ -29,18 +29,25 @@ then on. A signal that no log has is left out; the others' views then reach furt
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter, read_catalogue
+from pneugantry.engine.hypotheses.catalogue import (
+    Effect,
+    Form,
+    Parameter,
+    check_nominal,
+    read_catalogue,
+)
 from pneugantry.engine.planning.plan import Case
 from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.commands import PREFIX as INPUTS
+from pneugantry.engine.signals.commands import outside
 from pneugantry.engine.signals.converter import converted
 from pneugantry.engine.signals.records import Logs, free, per_log, signals_of, variables_of
 from pneugantry.engine.signals.sensors import PREFIX, neutral
@@ -120,7 +127,7 @@ def described(
     ]
     given = own.of_type("catalogue", str, "")
     effects_from = catalogue or (path.parent / given if given else None)
-    effects = _catalogue(effects_from)
+    effects = _catalogue(effects_from, _nominal(top, source))
     plant = _plant(top, own, source, signals)
     if len(held) > 1:
         notes.append(f"held out and not used: {', '.join(r.name for r in held[1:])}")
@@ -309,16 +316,21 @@ def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) 
 def _shares(top: Fields, source: _Model) -> dict[str, float]:
     """Shares of values by which parameters may be off; 0 is none."""
     found = top.numbers("tolerance")
-    starts = {n: v.start for n, v in source.variables.items()} | top.numbers("parameters")
+    nominal = _nominal(top, source)
     for name, share in found.items():
         if not 0 <= share <= 1:
             hint = "give a share of the value: 0.02 for 2 %"
             top.refuse(f"tolerance.{name}", f"is {share:g}, expected 0..1", hint)
-        value = neutral(name) if name.startswith(PREFIX) else starts.get(name)
-        if share and value == 0:
+        if share and nominal(name) == 0:
             hint = "write its value under [parameters] and its RMS under [per_log], or take it out"
             top.refuse(f"tolerance.{name}", "is a share of a value that is 0", hint)
     return {name: share for name, share in found.items() if share}
+
+
+def _nominal(top: Fields, source: _Model) -> Callable[[str], float | None]:
+    """Tells a parameter's value without an effect; None where the model does not say it."""
+    values = {n: v.start for n, v in source.variables.items()} | top.numbers("parameters")
+    return lambda name: neutral(name) if outside(name) else values.get(name)
 
 
 def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:
@@ -342,9 +354,15 @@ def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:
 # ---- effects, sensors
 
 
-def _catalogue(source: Path | None) -> dict[str, Effect]:
-    """Effects of a folder or a file."""
-    return {} if source is None else read_catalogue(source)
+def _catalogue(source: Path | None, nominal: Callable[[str], float | None]) -> dict[str, Effect]:
+    """Effects of a folder or a file. Raises InputError for what is a share of 0."""
+    found = {} if source is None else read_catalogue(source)
+    for effect in found.values():
+        for p in (p for form in effect.forms for p in form.parameters):
+            value = nominal(p.name)
+            if value is not None:
+                check_nominal(p, value, effect.name, source)
+    return found
 
 
 def sensor_effects(signals: Sequence[Signal], period: float) -> dict[str, Effect]:
