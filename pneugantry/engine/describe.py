@@ -36,6 +36,7 @@ from pathlib import Path
 import numpy as np
 
 from modelica_fmu.errors import InputError
+from pneugantry.engine.fitting.noise import LONGEST
 from pneugantry.engine.hypotheses.catalogue import (
     Effect,
     Form,
@@ -132,9 +133,7 @@ def described(
     if len(held) > 1:
         notes.append(f"held out and not used: {', '.join(r.name for r in held[1:])}")
     every, period = (*records, *held), records[0].period
-    decimate = own.of_type("decimate", int, 1)
-    if decimate < 1:
-        own.refuse("decimate", f"is {decimate}, expected >= 1", "write 1 to judge every row")
+    decimate = _decimation(top, own, every)
     return Described(
         plant,
         Data(tuple(records), held[0] if held else None),
@@ -145,6 +144,24 @@ def described(
         source.outputs,
         effects_from,
     )
+
+
+def _decimation(top: Fields, own: Fields, records: Sequence[Record]) -> int:
+    """Rows that are judged as one. Raises InputError for a log that is too short then."""
+    decimate: int = own.of_type("decimate", int, 1)
+    if decimate < 1:
+        own.refuse("decimate", f"is {decimate}, expected >= 1", "write 1 to judge every row")
+    assert top.file is not None
+    for record in (r for r in records if r.signals):
+        judged = (record.rows - round(record.skip / record.period)) // decimate
+        if judged <= LONGEST:
+            raise InputError(
+                f"has {max(judged, 0)} rows that are judged (of {record.rows}, decimate = "
+                f"{decimate}, skip = {record.skip:g} s), expected > {LONGEST}",
+                file=Path(top.file).parent / top.table["log"][record.name]["file"],
+                hint="record a longer log, or write a smaller decimate or skip under [plant]",
+            )
+    return decimate
 
 
 def views_of(found: Described) -> tuple[list[View], list[str]]:

@@ -147,6 +147,8 @@ def test_uneven_stamps_are_resampled_and_said(
     shaken = truth["t"] + 0.3 * PERIOD * draw.uniform(-1, 1, len(truth["t"]))
     own = {k: np.interp(shaken, truth["t"], v) for k, v in truth.items()}
     pd.DataFrame({**own, "t": 1e3 * shaken}).to_csv(folder / "sweep.csv", index=False)
+    even = pd.DataFrame({**truth, "t": 1e3 * truth["t"]})
+    even.to_csv(folder / "again.csv", index=False)
     time = '{ column = "t", recorded = "ms" }'
     found = read(folder, FMU, cache, time=time, period=PERIOD).data.fitted[0]
     assert found.period == PERIOD
@@ -307,6 +309,23 @@ def test_what_cannot_be_is_one_clear_line(
     assert old in BODY
     with pytest.raises(InputError, match=said):
         read(folder, FMU, cache, BODY.replace(old, new, 1), period=PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("rows", "given", "said"),
+    [
+        (12, {}, r"sweep\.csv: has 12 rows that are judged \(of 12, decimate = 1, skip = 0 s\)"),
+        (200, {"decimate": 25}, r"sweep\.csv: has 8 rows .*expected > 12; record a longer log"),
+        (200, {"skip": 1.0}, r"sweep\.csv: has 0 rows .*, skip = 1 s"),
+    ],
+)
+def test_a_log_of_which_little_is_left_is_one_clear_line(
+    folder: Path, cache: Path, rows: int, given: dict[str, Any], said: str
+) -> None:
+    table = pd.read_csv(folder / "sweep.csv")
+    table[:rows].to_csv(folder / "sweep.csv", index=False)
+    with pytest.raises(InputError, match=said):
+        read(folder, FMU, cache, period=PERIOD, **given)
 
 
 def test_stamps_in_another_unit_are_one_clear_line(
