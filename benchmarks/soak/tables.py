@@ -147,7 +147,7 @@ refines = ["valve_delay"]
 name = "plain"
 settings = { "axis_{axis}.friction.law" = 3 }
 [effect.form.parameters."valve_{axis}.delay_time"]
-neutral = 0.0
+neutral = 0.001
 scale = 0.01
 low = 1e-4
 high = 0.1

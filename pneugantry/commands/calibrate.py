@@ -75,13 +75,12 @@ def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]
     """Diagnosed rigs, those of an earlier call included, and why others were not diagnosed."""
     from pneugantry.jobs.job import Job
     from pneugantry.jobs.run import run_jobs
-    from pneugantry.plants.calibrate import Rigs
+    from pneugantry.plants.calibrate import LEAST, Rigs
     from pneugantry.plants.calibration_file import stamp_of
 
-    if options.cases < 1:
-        raise InputError(
-            f"is {options.cases}, expected >= 1", field="--cases", hint="draw at least 10"
-        )
+    if options.cases < LEAST:
+        told = f"is {options.cases}, expected >= {LEAST}"
+        raise InputError(told, field="--cases", hint="draw more")
     kept = options.plant.with_suffix(".rigs.jsonl")
     seeds = range(options.seed, options.seed + options.cases)
     stamp = stamp_of(options.plant, options.catalogue)
@@ -92,7 +91,9 @@ def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]
     factory = Rigs(options.plant, options.catalogue)
     if jobs:
         factory()  # an unusable description is refused here, not by every worker
+    torn = _torn(kept)
     with kept.open("a", encoding="utf-8") as stream:
+        stream.write("\n" if torn else "")
         for ended in run_jobs(factory, jobs, workers=options.workers, scheduler=options.scheduler):
             next(counter, None)
             if ended.failure:
@@ -102,6 +103,11 @@ def _rigs(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]
             stream.write(json.dumps(ended.value | {"plant": stamp}) + "\n")
             stream.flush()
     return [done[s] for s in sorted(done)], failed
+
+
+def _torn(path: Path) -> bool:
+    """Whether a stop has cut off a file's last line."""
+    return path.is_file() and path.read_bytes()[-1:] not in (b"", b"\n")
 
 
 def _kept(path: Path, stamp: str) -> list[dict[str, Any]]:

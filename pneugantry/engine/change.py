@@ -30,7 +30,8 @@ from pneugantry.engine.answer.result import NORMAL, Answer, Change, Changes, Mov
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.hypotheses.catalogue import Effect, Form
-from pneugantry.engine.plant import Array, Data, Epoch, Plant, Record
+from pneugantry.engine.plant import Array, Data, Epoch, Nuisance, Plant, Record, Signal
+from pneugantry.engine.recent import Recent
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
 from pneugantry.engine.signals.commands import outside
@@ -41,6 +42,7 @@ from pneugantry.engine.views.view import Run, View
 __all__ = ["AFTER", "BEFORE", "EpochView", "changes_of", "gap_on", "joined", "with_changes"]
 
 BEFORE, AFTER = "before", "after"
+KEPT = 64  # records of a view that are kept under their campaign's names
 
 
 class EpochView:
@@ -53,6 +55,7 @@ class EpochView:
         self.remembers = view.remembers
         own = {epoch.own(p): v for p, v in epoch.neutral.items()}
         self.defaults: Mapping[str, float] = {**view.defaults, **own}
+        self._inner: Recent[Record] = Recent(KEPT)
 
     def shows(self, record: Record) -> bool:
         return record.epoch is self.epoch and self.view.shows(self._inside(record))
@@ -73,8 +76,11 @@ class EpochView:
         return self.view.residuals([(records[r.name], r.read(given)) for r, given in runs])
 
     def _inside(self, record: Record) -> Record:
-        """Under the name that the campaign has for it."""
-        return replace(record, name=record.name.removeprefix(f"{self.epoch.name}/"))
+        """Under the name that the campaign has for it; the same one each time, for a view keeps by
+        the record what it makes of it.
+        """
+        name = record.name.removeprefix(f"{self.epoch.name}/")
+        return self._inner.of(record, lambda: replace(record, name=name))
 
 
 def joined(before: Task, after: Task) -> Task:
@@ -104,9 +110,30 @@ def joined(before: Task, after: Task) -> Task:
 
 def _plant(before: Plant, after: Plant) -> Plant:
     """With what either campaign measures, and may have off."""
-    signals = {s.name: s for s in (*after.signals, *before.signals)}
-    nuisances = {n.parameter: n for n in (*after.nuisances, *before.nuisances)}
+    later = {s.name: s for s in after.signals}
+    signals = later | {s.name: _rougher(s, later.get(s.name, s)) for s in before.signals}
+    known = {n.parameter: n for n in after.nuisances}
+    nuisances = known | {
+        n.parameter: _wider(n, known.get(n.parameter, n)) for n in before.nuisances
+    }
     return replace(before, signals=tuple(signals.values()), nuisances=tuple(nuisances.values()))
+
+
+def _rougher(before: Signal, after: Signal) -> Signal:
+    """A signal with the larger noise and the coarser converter of two campaigns."""
+    worse = max(before, after, key=lambda s: s.error)
+    return replace(
+        before,
+        sigma=max(before.sigma, after.sigma),
+        step=max(before.step, after.step),
+        error=worse.error,
+        lasting=worse.lasting,
+    )
+
+
+def _wider(before: Nuisance, after: Nuisance) -> Nuisance:
+    """What a sensor may have off in either campaign; the model's tolerance is that of the first."""
+    return after if outside(after.parameter) and after.sigma > before.sigma else before
 
 
 def _neutral(

@@ -2,8 +2,9 @@
 
 [plant]      name; model = "Axis.mo" and class = "Axis", or fmu = "axis.fmu"; catalogue = "effects"
              (folder or file); time = "t" or { column = "t", recorded = "ms" }, or period = 1e-3 (s,
-             between rows, and the rate that all logs are brought to); decimate = 25 (rows that are
-             judged as one); skip = 0.5 (s, not judged); step = 1e-3 (s, longest step of an FMU)
+             between rows, and what all logs are brought to, else the first one's); without both
+             each log has a column "time" (s); decimate = 25 (rows that are judged as one); skip =
+             0.5 (s, not judged); step = 1e-3 (s, longest step of an FMU)
 [[fmu]]      instead of fmu =, one table each: file; block (its name in the answer); prefix (before
              the names of its parameters); step; inputs = { "its input" = "input or output below" };
              outputs = { "its output" = "output below" }. Inputs and outputs of the same name are
@@ -28,28 +29,36 @@ then on. A signal that no log has is left out; the others' views then reach furt
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter, read_catalogue
+from pneugantry.engine.fitting.noise import LONGEST
+from pneugantry.engine.hypotheses.catalogue import (
+    Effect,
+    Form,
+    Parameter,
+    check_nominal,
+    read_catalogue,
+)
 from pneugantry.engine.planning.plan import Case
 from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.commands import PREFIX as INPUTS
+from pneugantry.engine.signals.commands import outside
 from pneugantry.engine.signals.converter import converted
-from pneugantry.engine.signals.records import Logs, free, signals_of, variables_of
-from pneugantry.engine.signals.sensors import PREFIX
+from pneugantry.engine.signals.records import Logs, free, per_log, signals_of, variables_of
+from pneugantry.engine.signals.sensors import PREFIX, neutral
 from pneugantry.engine.signals.units import with_unit
 from pneugantry.engine.views.cuts import sharp_views
 from pneugantry.engine.views.foreign import ForeignFmu, ForeignPlant, foreign_views
 from pneugantry.engine.views.model_parts import known_variables
 from pneugantry.engine.views.view import View
 from pyfmi_runner.build import build_fmu
-from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.fmu import FmuFile, FmuVariable
 from pyfmi_runner.scenario import Fields, parse_toml
 
 __all__ = ["Described", "case_of", "described", "sensor_effects", "views_of"]
@@ -119,14 +128,12 @@ def described(
     ]
     given = own.of_type("catalogue", str, "")
     effects_from = catalogue or (path.parent / given if given else None)
-    effects = _catalogue(effects_from)
+    effects = _catalogue(effects_from, _nominal(top, source))
     plant = _plant(top, own, source, signals)
     if len(held) > 1:
         notes.append(f"held out and not used: {', '.join(r.name for r in held[1:])}")
     every, period = (*records, *held), records[0].period
-    decimate = own.of_type("decimate", int, 1)
-    if decimate < 1:
-        own.refuse("decimate", f"is {decimate}, expected >= 1", "write 1 to judge every row")
+    decimate = _decimation(top, own, every)
     return Described(
         plant,
         Data(tuple(records), held[0] if held else None),
@@ -137,6 +144,24 @@ def described(
         source.outputs,
         effects_from,
     )
+
+
+def _decimation(top: Fields, own: Fields, records: Sequence[Record]) -> int:
+    """Rows that are judged as one. Raises InputError for a log that is too short then."""
+    decimate: int = own.of_type("decimate", int, 1)
+    if decimate < 1:
+        own.refuse("decimate", f"is {decimate}, expected >= 1", "write 1 to judge every row")
+    assert top.file is not None
+    for record in (r for r in records if r.signals):
+        judged = (record.rows - round(record.skip / record.period)) // decimate
+        if judged <= LONGEST:
+            raise InputError(
+                f"has {max(judged, 0)} rows that are judged (of {record.rows}, decimate = "
+                f"{decimate}, skip = {record.skip:g} s), expected > {LONGEST}",
+                file=Path(top.file).parent / top.table["log"][record.name]["file"],
+                hint="record a longer log, or write a smaller decimate or skip under [plant]",
+            )
+    return decimate
 
 
 def views_of(found: Described) -> tuple[list[View], list[str]]:
@@ -187,7 +212,7 @@ class _Model:
     what: str
     model: Path
     class_name: str
-    variables: Mapping[str, bool]  # with the FMUs' prefixes: whether it may be set at the start
+    variables: Mapping[str, FmuVariable]  # with the FMUs' prefixes
     outputs: tuple[str, ...]
     fmus: tuple[ForeignFmu, ...] = ()  # inputs and outputs as written, before the rest is found
 
@@ -203,14 +228,12 @@ def _source_of(top: Fields, own: Fields) -> _Model:
     if model:
         file = FmuFile.read(build_fmu(class_name, folder / model).path)
         outputs = tuple(n for n, v in file.variables.items() if v.causality == "output")
-        known = {n: v.settable_before_start for n, v in file.variables.items()}
-        return _Model(f"the class {class_name}", folder / model, class_name, known, outputs)
+        what = f"the class {class_name}"
+        return _Model(what, folder / model, class_name, file.variables, outputs)
     if fmu:
         tables = [{"file": fmu, **({"step": own.table["step"]} if "step" in own else {})}]
     fmus = tuple(_fmu(table, top, folder) for table in tables)
-    known = {
-        f.prefix + n: v.settable_before_start for f in fmus for n, v in f.file.variables.items()
-    }
+    known = {f.prefix + n: v for f in fmus for n, v in f.file.variables.items()}
     outputs = tuple(f.prefix + n for f in fmus for n in f.file.description.outputs)
     first = fmus[0].file
     what = ", ".join(f.file.path.name for f in fmus)
@@ -269,7 +292,8 @@ def _check_names(top: Fields, signals: Sequence[Signal], source: _Model) -> None
         (f"{k}.{n}", n) for k in ("tolerance", "parameters", "per_log") for n in free(top, k).table
     ]
     for field, name in named:
-        if source.variables.get(name) is False:
+        known = source.variables.get(name)
+        if known is not None and not known.settable_before_start:
             top.refuse(field, "cannot be set before the start", "name a parameter")
     if "fmu" not in top.table:
         named += [(f"inputs.{n}", n) for n in free(top, "inputs").table]
@@ -284,9 +308,9 @@ def _check_names(top: Fields, signals: Sequence[Signal], source: _Model) -> None
 def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) -> Plant:
     assert top.file is not None
     nuisances = [
-        Nuisance(p, s, relative=True, scales=True) for p, s in _shares(top, "tolerance").items()
+        Nuisance(p, s, relative=True, scales=True) for p, s in _shares(top, source).items()
     ]
-    nuisances += [Nuisance(p, s, per_record=True) for p, s in top.numbers("per_log").items()]
+    nuisances += [Nuisance(p, s, per_record=True) for p, s in per_log(top).items()]
     for s in signals:
         nuisances += [
             Nuisance(f"{PREFIX}{s.name}.scale", SCALE),
@@ -307,14 +331,24 @@ def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) 
     return _of_fmus(top, source, plant)
 
 
-def _shares(top: Fields, key: str) -> dict[str, float]:
-    """A table of shares of values."""
-    found = top.numbers(key)
+def _shares(top: Fields, source: _Model) -> dict[str, float]:
+    """Shares of values by which parameters may be off; 0 is none."""
+    found = top.numbers("tolerance")
+    nominal = _nominal(top, source)
     for name, share in found.items():
         if not 0 <= share <= 1:
             hint = "give a share of the value: 0.02 for 2 %"
-            top.refuse(f"{key}.{name}", f"is {share:g}, expected 0..1", hint)
-    return found
+            top.refuse(f"tolerance.{name}", f"is {share:g}, expected 0..1", hint)
+        if share and nominal(name) == 0:
+            hint = "write its value under [parameters] and its RMS under [per_log], or take it out"
+            top.refuse(f"tolerance.{name}", "is a share of a value that is 0", hint)
+    return {name: share for name, share in found.items() if share}
+
+
+def _nominal(top: Fields, source: _Model) -> Callable[[str], float | None]:
+    """Tells a parameter's value without an effect; None where the model does not say it."""
+    values = {n: v.start for n, v in source.variables.items()} | top.numbers("parameters")
+    return lambda name: neutral(name) if outside(name) else values.get(name)
 
 
 def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:
@@ -338,9 +372,15 @@ def _of_fmus(top: Fields, source: _Model, plant: Plant) -> ForeignPlant:
 # ---- effects, sensors
 
 
-def _catalogue(source: Path | None) -> dict[str, Effect]:
-    """Effects of a folder or a file."""
-    return {} if source is None else read_catalogue(source)
+def _catalogue(source: Path | None, nominal: Callable[[str], float | None]) -> dict[str, Effect]:
+    """Effects of a folder or a file. Raises InputError for what is a share of 0."""
+    found = {} if source is None else read_catalogue(source)
+    for effect in found.values():
+        for p in (p for form in effect.forms for p in form.parameters):
+            value = nominal(p.name)
+            if value is not None:
+                check_nominal(p, value, effect.name, source)
+    return found
 
 
 def sensor_effects(signals: Sequence[Signal], period: float) -> dict[str, Effect]:

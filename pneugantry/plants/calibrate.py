@@ -20,9 +20,9 @@ from pneugantry.engine.run import run
 from pneugantry.engine.task import Task
 from pneugantry.plants.described import described_task
 
-__all__ = ["Rigs", "calibration_of"]
+__all__ = ["LEAST", "Rigs", "calibration_of"]
 
-LEAST = 10  # rigs
+LEAST = 10  # rigs of a calibration
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import shutil
 from collections.abc import Callable
@@ -11,6 +12,8 @@ from typing import Any
 import pytest
 
 from pneugantry.cli import main
+from pneugantry.commands.calibrate import _kept, _rigs
+from pneugantry.jobs.job import Ended, Job
 from pneugantry.plants.calibration_file import chances_of, stamp_of
 
 MOTOR = Path(__file__).parents[2] / "examples" / "motor"
@@ -51,7 +54,7 @@ def test_a_motor_s_probabilities(
     assert "calibrated" not in capsys.readouterr().out
 
 
-def test_other_effects_are_another_calibration(capsys: Capture, plant: Path) -> None:
+def test_other_effects_are_another_calibration(plant: Path) -> None:
     """Given, or changed in their folder; neither is taken for the rigs that were kept."""
     other = plant.with_name("fewer")
     other.mkdir()
@@ -63,10 +66,8 @@ def test_other_effects_are_another_calibration(capsys: Capture, plant: Path) -> 
     note = chances_of(plant, other)[1]
     assert "or the catalogue has changed since plant.calibration.json" in note
     assert note.endswith(f"pneugantry calibrate {plant} --catalogue {other}")
-    capsys.readouterr()
-    assert calibrate(plant, "--cases", "1", "--catalogue", str(other)) == 2  # one rig is too few
-    rigs = [json.loads(r) for r in plant.with_suffix(".rigs.jsonl").read_text().splitlines()]
-    assert [r["plant"] for r in rigs] == [*10 * [plain], given]
+    kept = plant.with_suffix(".rigs.jsonl")
+    assert [len(_kept(kept, stamp)) for stamp in (plain, given)] == [10, 0]
     for changed in ("data/sines.csv", "Motor.mo", "effects/unbalance.toml"):
         file = plant.parent / changed
         text = file.read_text(encoding="utf-8")
@@ -102,6 +103,28 @@ def test_what_is_no_plant_is_refused(capsys: Capture, plant: Path, tmp_path: Pat
     assert calibrate(tmp_path, "--cases", "10") == 2
     assert "is no description of a plant" in capsys.readouterr().err
     assert calibrate(plant, "--cases", "0") == 2
-    assert "--cases: is 0, expected >= 1" in capsys.readouterr().err
-    assert calibrate(plant, "--cases", "3") == 2
-    assert "3 rigs were diagnosed, expected >= 10" in capsys.readouterr().err
+    assert "--cases: is 0, expected >= 10" in capsys.readouterr().err
+    own = tmp_path / "new.toml"
+    shutil.copy(plant, own)
+    assert calibrate(own, "--cases", "9") == 2  # before any rig is drawn
+    assert "--cases: is 9, expected >= 10; draw more" in capsys.readouterr().err
+    assert not own.with_suffix(".rigs.jsonl").exists()
+
+
+def test_a_line_that_a_stop_cut_off_costs_no_other(
+    plant: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut = plant.with_name("cut.toml")
+    shutil.copy(plant, cut)
+    stamp, kept = stamp_of(cut), cut.with_suffix(".rigs.jsonl")
+    lines = [json.dumps({"seed": seed, "plant": stamp}) for seed in range(3)]
+    kept.write_text("\n".join(lines)[:-20], encoding="utf-8")
+
+    def run(factory: object, jobs: list[Job], **more: object) -> list[Ended]:
+        return [Ended(job.key, value={"seed": job.key}) for job in jobs]
+
+    monkeypatch.setattr("pneugantry.jobs.run.run_jobs", run)
+    options = {"cases": 10, "seed": 0, "catalogue": None, "workers": 1, "scheduler": None}
+    rigs, _ = _rigs(argparse.Namespace(plant=cut, **options))
+    assert [r["seed"] for r in rigs] == list(range(10))
+    assert [r["seed"] for r in _kept(kept, stamp)] == list(range(10))

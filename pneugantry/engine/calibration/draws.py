@@ -175,11 +175,14 @@ def _sizes(source: Source, form: Form, rng: np.random.Generator) -> dict[str, fl
 
 
 def _discrepancy(source: Source, rig: Rig, rng: np.random.Generator) -> _Cause:
-    """A random function somewhere, of a size that shows."""
+    """A random function somewhere, of a size that shows; its signals are those that all records
+    have.
+    """
     inputs = [n for n in source.plant.inputs if _swing(source, n) > 0]
-    signals = [s.name for s in source.plant.signals]
-    for _ in range(TRIES):
-        an_input = bool(inputs) and rng.random() < 0.7
+    known = [r.signals for r in _records(source.data)]
+    signals = [s.name for s in source.plant.signals if all(s.name in own for own in known)]
+    for _ in range(TRIES if inputs or signals else 0):
+        an_input = bool(inputs) and (rng.random() < 0.7 or not signals)
         into = str(rng.choice(inputs if an_input else signals))
         of = str(rng.choice([*(s for s in signals if an_input or s != into), ""]))
         waves = np.column_stack(
@@ -258,6 +261,6 @@ def _measured(
     said = found.simulated + noise
     signals = {n: said[:, i] for i, n in enumerate(found.signals)}
     for s in source.plant.signals:
-        if s.step:
+        if s.step and s.name in signals:
             signals[s.name] = Grid(0.0, s.step).nearest(signals[s.name])
     return replace(record, signals={**record.signals, **signals}, judged=None)

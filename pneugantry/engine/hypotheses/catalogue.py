@@ -12,10 +12,10 @@ file.
                                     "sensors.SIGNAL.WHAT" (see `sensors`), or "inputs.INPUT.WHAT"
                                     (see `commands`); "table[1:11]" stands for eleven
 
-A parameter has: neutral = 0.0 (value without the effect; relative = true: the nominal value), scale
-(a usual size), low, high, unit, starts = [..] (further starting values), positive = true (fitted as
-its logarithm), step = 0.001 (values so far apart are optima of their own, as of a delay that a
-sampled controller sees in whole periods).
+A parameter has: neutral = 0.0 (value without the effect; relative = true: the nominal value, which
+is not 0), scale (a usual size), low, high, unit, starts = [..] (further starting values), positive
+= true (fitted as its logarithm: neutral or nominal value > 0), step = 0.001 (values so far apart
+are optima of their own, as of a delay that a sampled controller sees in whole periods).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.signals.commands import outside
 from pyfmi_runner.scenario import Fields, parse_toml
 
-__all__ = ["Effect", "Form", "Parameter", "read_catalogue"]
+__all__ = ["Effect", "Form", "Parameter", "check_nominal", "read_catalogue"]
 
 EFFECT_KEYS = ("name", "block", "axes", "summary", "refines", "form")
 FORM_KEYS = ("name", "parameters", "settings")
@@ -114,6 +114,19 @@ def read_catalogue(source: Path) -> dict[str, Effect]:
     return effects
 
 
+def check_nominal(p: Parameter, nominal: float, where: str, file: Path | None = None) -> None:
+    """Refuses a relative parameter whose nominal value has no shares, or no logarithm. where: the
+    effect's name.
+    """
+    if not p.relative or nominal > 0.0 or (nominal < 0.0 and not p.positive):
+        return
+    wrong, instead = "relative", "give neutral, scale, low and high in the parameter's unit"
+    if nominal < 0.0:
+        wrong, instead = "relative and positive", "take positive out"
+    message = f"is {wrong}, but {nominal:g} is what the plant has without the effect"
+    raise InputError(message, file=file, field=f"{where}: {p.name}", hint=instead)
+
+
 def _effects(path: Path, tables: object) -> dict[str, Effect]:
     if not isinstance(tables, list):
         raise InputError(
@@ -189,6 +202,9 @@ def _parameter(form: Fields, name: str) -> Parameter:
     for start in starts:
         Fields({"starts": start}, ("starts",), form.file, f"{name}.").number("starts")
     neutral, unit = fields.number("neutral", 0.0), fields.of_type("unit", str, "1")
+    if positive and not relative and neutral <= 0.0:
+        hint = "write neutral > 0 (the value without the effect), or take positive out"
+        fields.refuse("neutral", f"is {neutral:g}, and the parameter positive", hint)
     return Parameter(
         name,
         neutral,

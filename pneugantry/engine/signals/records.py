@@ -14,6 +14,7 @@ from pneugantry.engine.plant import Array, Record, Signal
 from pneugantry.engine.signals.tables import (
     COARSEST,
     FINEST,
+    STAMPS,
     Column,
     factor,
     noise_of,
@@ -22,7 +23,7 @@ from pneugantry.engine.signals.tables import (
 from pneugantry.engine.signals.units import with_unit
 from pyfmi_runner.scenario import Fields
 
-__all__ = ["Logs", "free", "signals_of", "variables_of"]
+__all__ = ["Logs", "free", "per_log", "signals_of", "variables_of"]
 
 COLUMN_KEYS = ("column", "unit", "recorded", "scale", "offset")
 OUTPUT_KEYS = ("sigma", "error", "lasting", "variable")
@@ -53,7 +54,7 @@ class Logs:
         }
         self.skip = own.number("skip", 0.0, 0.0)
         self.period: float | None = own.number("period", None, FINEST, COARSEST)
-        self.time: Column | None = None
+        self.time: Column | None = STAMPS if self.period is None else None
         self.unused: set[str] = set()  # columns of logs that nothing names
         if "time" in own:
             given = own.table["time"]
@@ -69,7 +70,7 @@ class Logs:
         notes: list[str] = []
         for name in free(self.top, "log").table:
             record, out, said = self._log(name)
-            self.period = record.period  # the first log's, where nothing else says it
+            self.period = record.period  # all are brought to the first one's, if none is given
             (held if out else fitted).append(record)
             notes += said
         if not fitted:
@@ -112,7 +113,7 @@ class Logs:
     def _starts(self, log: str, parameters: dict[str, float]) -> dict[str, float]:
         """A log's own parameters: those that may be off in each need a value in each."""
         known = self.top.numbers("parameters")
-        for name in self.top.numbers("per_log"):
+        for name in per_log(self.top):
             if name not in parameters and name not in known:
                 hint = f"write it under [parameters] or [log.{log}.parameters]"
                 self.top.refuse(f"per_log.{name}", f"has no value for the log {log}", hint)
@@ -160,6 +161,13 @@ def signals_of(logs: Logs, records: Sequence[Record]) -> tuple[list[Signal], lis
     if not found:
         logs.top.refuse("outputs", "no log has any of the columns", "correct their names")
     return found, notes
+
+
+def per_log(top: Fields) -> dict[str, float]:
+    """RMS by which parameters of each log are off; 0 is none."""
+    found = free(top, "per_log")
+    spreads = {name: found.number(name, low=0.0) for name in found.table}
+    return {name: spread for name, spread in spreads.items() if spread}
 
 
 def free(fields: Fields, key: str) -> Fields:

@@ -30,8 +30,9 @@ def neutral(name: str) -> float:
 
 
 def signal_of(name: str) -> str:
-    """The signal that a sensor's parameter belongs to."""
-    return name.split(".")[1]
+    """The signal that a sensor's parameter belongs to; its name may hold dots."""
+    own, leaks, _ = name.removeprefix(PREFIX).partition(".from.")
+    return own if leaks else own.rpartition(".")[0]
 
 
 def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]) -> Array:
@@ -96,7 +97,8 @@ def _own(signal: str, values: Mapping[str, float]) -> dict[str, float]:
 def _named(signal: str, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
     """(what, name) of the parameters that are a sensor's own."""
     prefix = f"{PREFIX}{signal}."
-    return tuple((k.removeprefix(prefix), k) for k in names if k.startswith(prefix))
+    own = (k for k in names if k.startswith(prefix) and signal_of(k) == signal)
+    return tuple((k.removeprefix(prefix), k) for k in own)
 
 
 def _crosstalk(own: Mapping[str, float], record: Record) -> Iterator[Array]:

@@ -18,7 +18,7 @@ from pyfmi_runner.log import parsed_numbers, read_table
 from pyfmi_runner.log_import import UNITS
 from pyfmi_runner.resample import on_grid
 
-__all__ = ["Column", "Table", "factor", "noise_of", "read_columns"]
+__all__ = ["STAMPS", "Column", "Table", "factor", "noise_of", "read_columns"]
 
 EVEN = 1e-3  # of a period: stamps within it, and the rate too, need no resampling
 FINEST, COARSEST = 1e-5, 10.0  # s, periods that a description may name
@@ -32,6 +32,9 @@ class Column:
     name: str
     scale: float = 1.0
     offset: float = 0.0  # in the unit of the result
+
+
+STAMPS = Column("time")  # s, looked for where a description tells neither stamps nor period
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +70,9 @@ def read_columns(
     """The columns of a file, on an even grid.
 
     optional: those that may be missing; held: those that act until their next row. time: stamps, in
-    s; None: rows are `period` apart, or by a column "time" where no period is known either. Uneven
-    stamps, and those of another rate than `period` [s] asks for, are resampled, which is noted.
-    Raises InputError naming file, column and what to do.
+    s; None: rows are `period` apart. period: s; None: as the stamps say. Uneven stamps, and those
+    of another rate than `period` asks for, are resampled, which is noted. Raises InputError naming
+    file, column and what to do.
     """
     table, _ = read_table(file)
     if not table.columns.is_unique:
@@ -80,12 +83,18 @@ def read_columns(
         for name, column in wanted.items()
         if column.name in table.columns or name not in optional
     }
-    if time is None and period is None and "time" in table.columns:
-        time = Column("time")
+    if time is STAMPS and time.name not in table.columns:
+        raise InputError(
+            "nothing tells how far its rows are apart",
+            file=file,
+            field="plant.period",
+            hint='write period = 1e-3 (in s), or time = "column of the stamps"',
+        )
     named = {c.name for c in wanted.values()} | ({time.name} if time else set())
     unused = frozenset(map(str, table.columns)) - named
     if time is None:
-        return Table(period or 1e-3, found, (), unused)
+        assert period is not None
+        return Table(period, found, (), unused)
     made = _evened(found, _values(table, time, file), period, held, file)
     return replace(made, unused=unused)
 

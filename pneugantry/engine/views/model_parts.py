@@ -8,6 +8,7 @@ from pathlib import Path
 
 from modelica_fmu.batch import Part, build_part, part_key, read_part
 from modelica_fmu.compiled import Structure
+from modelica_fmu.files import write_atomically
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.views.view import Values
 
@@ -44,14 +45,12 @@ def structure_of(plant: Plant, cache: Path) -> Structure:
     """States, rates and other names of a plant's model, found once."""
     key = part_key(plant.model, f"structure of {plant.class_name}")
     path = cache / f"{key}.json"
-    if path.is_file():
-        told = json.loads(path.read_text(encoding="utf-8"))
-        states, numbers = frozenset(told["states"]), frozenset(told["numbers"])
-        return Structure(told["roots"], states, told["rates"], numbers, told["units"])
+    known = _read_structure(path)
+    if known is not None:
+        return known
     from modelica_fmu.cut import structure
 
     shape = structure(plant.model, plant.class_name)
-    path.parent.mkdir(parents=True, exist_ok=True)
     told = {
         "roots": dict(shape.roots),
         "states": sorted(shape.states),
@@ -59,5 +58,16 @@ def structure_of(plant: Plant, cache: Path) -> Structure:
         "numbers": sorted(shape.numbers),
         "units": dict(shape.units),
     }
-    path.write_text(json.dumps(told), encoding="utf-8")
+    text = json.dumps(told)
+    write_atomically(path, lambda at: at.write_text(text, encoding="utf-8"))
     return shape
+
+
+def _read_structure(path: Path) -> Structure | None:
+    """A structure that was found before; None where its file is missing or damaged."""
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        states, numbers = frozenset(told["states"]), frozenset(told["numbers"])
+        return Structure(told["roots"], states, told["rates"], numbers, told["units"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

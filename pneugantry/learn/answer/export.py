@@ -10,7 +10,7 @@ from pathlib import Path
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import refuse_replacing, write_atomically
-from pneugantry.engine.hypotheses.catalogue import Effect
+from pneugantry.engine.hypotheses.catalogue import Effect, Parameter
 from pneugantry.learn.learned import Learned
 from pneugantry.learn.terms.term import Term, with_term
 
@@ -75,15 +75,21 @@ def effects_toml(effects: list[Effect]) -> str:
                 lines += ["[effect.form.settings]"]
                 lines += [f"{_text(n)} = {v!r}" for n, v in form.settings.items()]
             for p in form.parameters:
-                lines += [f"[effect.form.parameters.{_text(p.name)}]"]
-                given = {"neutral": p.neutral, "scale": p.scale, "low": p.low, "high": p.high}
-                lines += [f"{k} = {float(v)!r}" for k, v in given.items()]
-                lines += [f"unit = {_text(p.unit)}"]
-                lines += ["relative = true"] if p.relative else []
-                lines += ["positive = true"] if p.positive else []
-                lines += [f"starts = {[float(s) for s in p.starts]!r}"] if p.starts else []
+                lines += [f"[effect.form.parameters.{_text(p.name)}]", *_parameter(p)]
         lines.append("")
     return "\n".join(lines)
+
+
+def _parameter(p: Parameter) -> list[str]:
+    """A parameter's fields but its name: those that must be given, and those off their default."""
+    given = {"neutral": p.neutral, "scale": p.scale, "low": p.low, "high": p.high}
+    given |= {"step": p.step} if p.step else {}
+    lines = [f"{k} = {float(v)!r}" for k, v in given.items()]
+    lines += [f"unit = {_text(p.unit)}"]
+    lines += ["relative = true"] if p.relative else []
+    lines += ["positive = true"] if p.positive else []
+    lines += [f"starts = {[float(s) for s in p.starts]!r}"] if p.starts else []
+    return lines
 
 
 def _text(value: str) -> str:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.hypotheses.catalogue import Effect, read_catalogue
-from pneugantry.engine.signals.sensors import PREFIX, signal_of
+from pneugantry.engine.hypotheses.catalogue import Effect, check_nominal, read_catalogue
+from pneugantry.engine.signals.sensors import PREFIX, neutral, signal_of
 from pneugantry.plants.gantry.timing import DELAYS
 from pyfmi_runner.build import default_model
 from pyfmi_runner.fmu import FmuFile
@@ -39,7 +39,9 @@ def model_of(source: Path | None) -> Path | None:
 
 
 def check_names(catalogue: Mapping[str, Effect], fmu: FmuFile) -> None:
-    """Raises InputError for an effect that names what the gantry does not have."""
+    """Raises InputError for an effect that names what the gantry does not have, or is a share of a
+    value that is 0.
+    """
     for effect in catalogue.values():
         for form in effect.forms:
             for name in (*form.settings, *(p.name for p in form.parameters)):
@@ -51,3 +53,6 @@ def check_names(catalogue: Mapping[str, Effect], fmu: FmuFile) -> None:
                     hint = "see `pneugantry list parameters`; a sensor's are as sensors.f_x.scale"
                     text = "the gantry has no such parameter"
                     raise InputError(text, field=f"{effect.key}: {name}", hint=hint)
+            for p in form.parameters:
+                own = fmu.variables.get(p.name)
+                check_nominal(p, neutral(p.name) if own is None else own.start or 0.0, effect.key)

@@ -11,6 +11,7 @@ import numpy as np
 from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal, thinned
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.signals.sensors import signal_of
 from pneugantry.engine.views.build import Measured, build_views
 from pneugantry.engine.views.view import View
 from pneugantry.plants.gantry.timing import ControllerView
@@ -69,7 +70,7 @@ def plant_of(measured: Sequence[str] = MEASURED, thinning: int = 2) -> Plant:
     nuisances = [
         n
         for n in nuisances
-        if not n.parameter.startswith("sensors.") or n.parameter.split(".")[1] in measured
+        if not n.parameter.startswith("sensors.") or signal_of(n.parameter) in measured
     ]
     return Plant(
         name="gantry",

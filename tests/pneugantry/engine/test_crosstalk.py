@@ -1,11 +1,11 @@
-"""Crosstalk from a channel that a record lacks."""
+"""Crosstalk from a channel that a record lacks, and names with dots."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pneugantry.engine.plant import Record
-from pneugantry.engine.signals.sensors import sensed, true_signal
+from pneugantry.engine.signals.sensors import affine, sensed, signal_of, true_signal
 
 VALUES = {"sensors.a.from.b": 0.5}
 
@@ -22,3 +22,15 @@ def test_a_channel_that_the_record_lacks_adds_nothing() -> None:
     record = Record("one", 1e-3, {}, {"a": a}, {})
     assert np.array_equal(sensed("a", a, record, VALUES), a)
     assert np.array_equal(true_signal("a", record, VALUES), a)
+
+
+def test_a_signal_s_name_may_hold_dots() -> None:
+    """Its errors are none of a signal whose name its own begins with."""
+    values = {"sensors.motor.u.bias": 0.25, "sensors.motor.u.from.motor": 0.5}
+    assert [signal_of(name) for name in values] == ["motor.u", "motor.u"]
+    assert signal_of("sensors.motor.from.motor.u") == signal_of("sensors.motor.scale") == "motor"
+    u, other = np.arange(4.0), np.ones(4)
+    record = Record("one", 1e-3, {}, {"motor.u": u, "motor": other}, {})
+    assert np.array_equal(sensed("motor.u", u, record, values), u + 0.75)
+    assert np.array_equal(true_signal("motor", record, values), other)
+    assert affine("motor", values) == (1.0, 0.0)

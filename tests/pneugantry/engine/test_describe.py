@@ -147,6 +147,8 @@ def test_uneven_stamps_are_resampled_and_said(
     shaken = truth["t"] + 0.3 * PERIOD * draw.uniform(-1, 1, len(truth["t"]))
     own = {k: np.interp(shaken, truth["t"], v) for k, v in truth.items()}
     pd.DataFrame({**own, "t": 1e3 * shaken}).to_csv(folder / "sweep.csv", index=False)
+    even = pd.DataFrame({**truth, "t": 1e3 * truth["t"]})
+    even.to_csv(folder / "again.csv", index=False)
     time = '{ column = "t", recorded = "ms" }'
     found = read(folder, FMU, cache, time=time, period=PERIOD).data.fitted[0]
     assert found.period == PERIOD
@@ -157,6 +159,29 @@ def test_uneven_stamps_are_resampled_and_said(
     expected = np.interp(PERIOD * np.arange(found.rows) + shaken[0], truth["t"], truth["V"])
     assert first in (0, -1)
     np.testing.assert_allclose(found.signals["speed"][at], expected[at], atol=0.04)
+
+
+def test_every_log_is_read_by_its_own_stamps(
+    folder: Path, cache: Path, truth: dict[str, np.ndarray]
+) -> None:
+    """Twice as slow as the first, and brought to its rate."""
+    stamped = pd.DataFrame(truth).rename(columns={"t": "time"})
+    stamped.to_csv(folder / "sweep.csv", index=False)
+    stamped[::2].to_csv(folder / "again.csv", index=False)
+    found = read(folder, FMU, cache)
+    first, second = found.records
+    assert first.period == second.period == PERIOD
+    assert second.rows == pytest.approx(first.rows, abs=1)
+    (said,) = [n for n in found.notes if "again.csv" in n]
+    assert "recorded at 250 Hz: resampled to 500 Hz" in said
+    odd = second.signals["speed"][1::2]
+    np.testing.assert_allclose(odd[:100], truth["V"][1:200:2], rtol=0, atol=0.1)
+
+
+def test_a_rate_that_nothing_tells_is_one_clear_line(folder: Path, cache: Path) -> None:
+    said = r"sweep\.csv: plant\.period: nothing tells how far its rows are apart; write period"
+    with pytest.raises(InputError, match=said):
+        read(folder, FMU, cache)
 
 
 @pytest.mark.parametrize("kind", ["parquet", "mat"])
@@ -244,6 +269,13 @@ def test_what_differs_from_log_to_log_is_a_nuisance_of_each(folder: Path, cache:
     assert {"c@sweep", "c@again", "K", "sensors.force.bias"} <= names
 
 
+def test_what_is_off_by_nothing_is_known(folder: Path, cache: Path) -> None:
+    body = BODY.replace("K = 0.02", "K = 0\nspring = 0") + "\n[per_log]\nc = 0\n"
+    found = read(folder, FMU, cache, body, period=PERIOD)
+    assert [n.parameter for n in found.plant.nuisances if "." not in n.parameter] == ["m"]
+    assert all(n.sigma > 0 for n in found.plant.nuisances)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -262,6 +294,13 @@ def test_what_differs_from_log_to_log_is_a_nuisance_of_each(folder: Path, cache:
         ('variable = "f"', 'variable = "thrust"', r"outputs\.force: no such variable"),
         ("sweep.csv", "swep.csv", r"swep\.csv: no such file; did you mean"),
         ("sigma = 0.01", "sigma = 0.0", r"sigma: must be > 0"),
+        ("K = 0.02", "spring = 0.02", r"tolerance\.spring: is a share of a value that is 0; write"),
+        (
+            "K = 0.02",
+            '"sensors.force.bias" = 0.1',
+            r"tolerance\.sensors\.force\.bias: is a share of a value that is 0",
+        ),
+        ("[log.again]", "[per_log]\nc = -0.1\n[log.again]", r"per_log\.c: is -0\.1, expected >= 0"),
     ],
 )
 def test_what_cannot_be_is_one_clear_line(
@@ -270,6 +309,23 @@ def test_what_cannot_be_is_one_clear_line(
     assert old in BODY
     with pytest.raises(InputError, match=said):
         read(folder, FMU, cache, BODY.replace(old, new, 1), period=PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("rows", "given", "said"),
+    [
+        (12, {}, r"sweep\.csv: has 12 rows that are judged \(of 12, decimate = 1, skip = 0 s\)"),
+        (200, {"decimate": 25}, r"sweep\.csv: has 8 rows .*expected > 12; record a longer log"),
+        (200, {"skip": 1.0}, r"sweep\.csv: has 0 rows .*, skip = 1 s"),
+    ],
+)
+def test_a_log_of_which_little_is_left_is_one_clear_line(
+    folder: Path, cache: Path, rows: int, given: dict[str, Any], said: str
+) -> None:
+    table = pd.read_csv(folder / "sweep.csv")
+    table[:rows].to_csv(folder / "sweep.csv", index=False)
+    with pytest.raises(InputError, match=said):
+        read(folder, FMU, cache, period=PERIOD, **given)
 
 
 def test_stamps_in_another_unit_are_one_clear_line(

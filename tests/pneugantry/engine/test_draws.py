@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from pneugantry.engine.calibration.draws import KINDS, Source, _Odd, drawn
+from pneugantry.engine.plant import Data, Plant, Record
+from pneugantry.engine.views.synthetic import Nominal
 from pneugantry.plants.described import described_task
 
 MOTOR = Path(__file__).parents[3] / "examples" / "motor" / "plant.toml"
@@ -50,6 +52,25 @@ def test_all_kinds_are_drawn_and_their_causes_show(source: Source) -> None:
         assert bool(rig.what) == (rig.kind in ("unknown", "both"))
         assert set(rig.effects) <= set(source.catalogue)
         assert np.isfinite(rig.data.held_out.signals["w"]).all()
+
+
+def test_logs_of_unlike_channels_are_drawn(
+    cart: Plant, push: Record, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A log lacks the force, which is read coarsely: no discrepancy is in it or of it."""
+    full = Nominal(cart, ["f", "v"], cache).record(push)
+    bare = replace(full, name="bare", signals={"speed": full.signals["speed"]})
+    force, speed = cart.signals
+    coarse = replace(cart, signals=(replace(force, sigma=0.05, step=0.1), speed))
+    defaults = {"tau": 0.1, "K": 2.0, "m": 1.0, "c": 0.5}
+    rigs = Source(coarse, Data((full, bare), None), {}, defaults, cache)
+    monkeypatch.setattr("pneugantry.engine.calibration.draws.KINDS", {"unknown": 1.0})
+    for seed in range(6):
+        rig = drawn(rigs, seed)
+        assert "force" not in rig.what
+        assert [set(r.signals) for r in rig.data.fitted] == [{"force", "speed"}, {"speed"}]
+        cells = rig.data.fitted[0].signals["force"] / 0.1
+        np.testing.assert_allclose(cells, np.round(cells), atol=1e-9)
 
 
 def test_a_discrepancy_has_its_size(source: Source) -> None:

@@ -14,6 +14,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import run
 from pneugantry.engine.task import Task
 from pneugantry.engine.views.build import build_views
+from pneugantry.engine.views.model_parts import structure_of
 from pneugantry.plants.gantry.any_campaign import any_campaign
 from pneugantry.plants.gantry.describe import data_of
 from pneugantry.truth.setups import campaign_setups
@@ -36,6 +37,17 @@ def test_a_diagnosis_compiles_nothing_that_was_made_ahead(plant: Plant, tmp_path
     again = replace(task, views=build_views(plant, list(SIGMA), tmp_path, PERIOD, rules))
     assert run(again, rules).diagnosis.causes[0].key == "drag"
     assert sorted(tmp_path.glob(library)) == libraries
+
+
+def test_a_structure_that_a_stop_tore_is_found_again(plant: Plant, tmp_path: Path) -> None:
+    whole = structure_of(plant, tmp_path)
+    (file,) = tmp_path.iterdir()
+    text = file.read_text(encoding="utf-8")
+    for torn in (text[: len(text) // 2], "", "{}", "[1]"):
+        file.write_text(torn, encoding="utf-8")
+        assert structure_of(plant, tmp_path) == whole
+        assert file.read_text(encoding="utf-8") == text
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_the_parts_of_the_gantry_are_those_of_the_usual_experiments() -> None:

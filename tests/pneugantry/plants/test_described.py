@@ -343,6 +343,23 @@ def test_one_output_does_not_tell_who_is_late(
             "neutral = 3.0\nscale =",
             "effect.toml: offset: F_0: neutral is 3, but 0 is what the plant has without",
         ),
+        (
+            "scale =",
+            "relative = true\nscale =",
+            "effect.toml: offset: F_0: is relative, but 0 is what the plant has without the effect",
+        ),
+        (
+            "[form.parameters.F_0]",
+            "[form.settings]\nspring = 1.0\n[form.parameters.F_0]\nrelative = true",
+            "effect.toml: offset: F_0: is relative, but 0 is what the plant has without the effect",
+        ),
+        (
+            "[form.parameters.F_0]",
+            '[form.parameters."sensors.v.bias"]\nscale = 1.0\nlow = -1.0\nhigh = 1.0\n'
+            "relative = true\n[form.parameters.F_0]",
+            "effect.toml: offset: sensors.v.bias: is relative, but 0 is what the plant has",
+        ),
+        ("low = -50.0", "low = 0.1\npositive = true", "F_0.neutral: is 0, and the parameter pos"),
     ],
 )
 def test_a_catalogue_of_another_plant_is_refused(
