@@ -165,9 +165,10 @@ def signals_of(logs: Logs, records: Sequence[Record]) -> tuple[list[Signal], lis
 
 def per_log(top: Fields) -> dict[str, float]:
     """RMS by which parameters of each log are off; 0 is none."""
-    found = free(top, "per_log")
-    spreads = {name: found.number(name, low=0.0) for name in found.table}
-    return {name: spread for name, spread in spreads.items() if spread}
+    found = top.numbers("per_log")
+    for name in found:
+        free(top, "per_log").number(name, low=0.0)
+    return {name: spread for name, spread in found.items() if spread}
 
 
 def free(fields: Fields, key: str) -> Fields:

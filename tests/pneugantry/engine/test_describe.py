@@ -300,6 +300,7 @@ def test_what_is_off_by_nothing_is_known(folder: Path, cache: Path) -> None:
             '"sensors.force.bias" = 0.1',
             r"tolerance\.sensors\.force\.bias: is a share of a value that is 0",
         ),
+        ("[inputs]", "[per_log]\nc = [1]\n[inputs]", r"per_log\.c: is \[1\], expected a number"),
         ("[log.again]", "[per_log]\nc = -0.1\n[log.again]", r"per_log\.c: is -0\.1, expected >= 0"),
     ],
 )
