@@ -7,7 +7,7 @@ it bends, or find its place beside another: the two show from either of them alo
 from __future__ import annotations
 
 from pneugantry.engine.fitting.fit import Fit
-from pneugantry.engine.selection.contenders import contending, finalists
+from pneugantry.engine.selection.contenders import tried_beside
 from pneugantry.engine.selection.screening import Memory, screen
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import best_fit, best_of_each, main_forms, spent
@@ -32,10 +32,7 @@ def from_others(trail: Trail, best: Fit) -> Fit:
         forms = main_forms(fitter, trail.beside(base.keys))
         fitter.prepare_any(base.hypothesis, trail.offered.values())
         screened = screen(fitter, base, forms, {})
-        fits = trail.named(contending(fitter, base, screened, trail.bar, forms, Memory()), base)
-        finals = finalists(fitter, base, fits, trail.bar)
-        trail.tried += [*fits, *finals]
-        found += finals
+        found += tried_beside(trail, base, screened, forms, Memory())
     top = best_fit([best, *found]) or best
     better = best.evidence - top.evidence > fitter.rules.entry
     return trail.replaced(best, top) if better else best

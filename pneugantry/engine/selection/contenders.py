@@ -19,6 +19,7 @@ from pneugantry.engine.selection.screening import (
     nominal_values,
     usual,
 )
+from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import (
     added,
     best_fit,
@@ -32,10 +33,23 @@ from pneugantry.engine.selection.trials import (
     unbent_values,
 )
 
-__all__ = ["contending", "finalists"]
+__all__ = ["contending", "finalists", "tried_beside"]
 
 SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
 SCOUTED = 8  # effects that are tried in single views at once
+
+
+def tried_beside(
+    trail: Trail, base: Fit, screened: Sequence[Candidate], forms: Sequence[Offer], far: Memory
+) -> list[Fit]:
+    """What contends beside a base, the best of it fitted to the end; all that was fitted for it is
+    noted. far: as of `contending`.
+    """
+    fitter, bar = trail.fitter, trail.bar
+    fits = trail.named(contending(fitter, base, screened, bar, forms, far), base)
+    finals = finalists(fitter, base, fits, trail.bar)
+    trail.tried += [*fits, *finals]
+    return finals
 
 
 def contending(

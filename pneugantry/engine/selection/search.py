@@ -14,7 +14,7 @@ from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.selection.bases import from_others
-from pneugantry.engine.selection.contenders import contending, finalists
+from pneugantry.engine.selection.contenders import finalists, tried_beside
 from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.rivals import exchanged, reformed
 from pneugantry.engine.selection.screening import Candidate, Memory, screen, starts_of
@@ -117,9 +117,7 @@ def _gathered(trail: Trail, base: Fit, polished: bool = False) -> Fit:
         if best.keys:  # there are too many pairs to prepare each
             fitter.prepare_any(best.hypothesis, trail.offered.values())
         trail.screened = screen(fitter, best, forms, near.about(fitter, best))
-        fits = trail.named(contending(fitter, best, trail.screened, trail.bar, forms, far), best)
-        finals = finalists(fitter, best, fits, trail.bar)
-        trail.tried += [*fits, *finals]
+        finals = tried_beside(trail, best, trail.screened, forms, far)
         top = trail.foremost(finals, best)
         if top is not None:
             trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
