@@ -26,7 +26,7 @@ from modelica_fmu.frontend import flatten
 from modelica_fmu.hybrid import HybridSystem
 from modelica_fmu.initialisation import is_free_parameter
 from modelica_fmu.ir import FlatVariable
-from modelica_fmu.symbols import Scalar
+from modelica_fmu.symbols import Scalar, hidden
 from modelica_fmu.translation import build_system
 
 __all__ = ["Structure", "cut", "structure"]
@@ -275,7 +275,13 @@ def _bare(name: str) -> str:
 
 
 def _keep_equations(system: HybridSystem, part: _Needed) -> None:
-    """Leaves the equations and variables of a part, in place."""
+    """Leaves the equations and variables of a part, in place. The rate of a known state that other
+    equations hold, as those of a mass matrix do, is an unknown like any other.
+    """
+    for name, symbol in system.derivatives.items():
+        rate = f"der({name})"
+        if name in part.inputs and rate in part.names:
+            system.table.scalars[rate] = hidden(rate, "algebraic", symbol)
     system.residuals = [pair for i, pair in enumerate(system.residuals) if i in part.equations]
     system.derivatives = {
         n: s for n, s in system.derivatives.items() if n in part.names and n not in part.inputs

@@ -15,8 +15,7 @@ import casadi as ca
 
 from modelica_fmu.hybrid import HybridSystem
 from modelica_fmu.initialisation import is_fixed
-from modelica_fmu.ir import FlatVariable
-from modelica_fmu.symbols import TIME, Scalar
+from modelica_fmu.symbols import TIME, Scalar, hidden
 
 MOST_DIFFERENTIATIONS = 2000  # equations differentiated, before the model is called singular
 
@@ -252,16 +251,11 @@ def _rebuild(system: HybridSystem, structure: Structure, demoted: set[int]) -> N
             name = f"rate_of_{element.name[4:-1]}"
             while name in table.scalars:
                 name += "_"
-            made = _hidden(name, "state")
+            made = hidden(name, "state")
             table.scalars[made.name] = made
             system.derivatives[made.name] = rate
             system.residuals.append((element.symbol - made.symbol, None))
     known = {symbol.__hash__() for symbol in system.derivatives.values()}
     for element in structure.elements:
         if element.scalar is None and element.symbol.__hash__() not in known:
-            table.scalars[element.name] = _hidden(element.name, "algebraic", element.symbol)
-
-
-def _hidden(name: str, kind: str, symbol: ca.SX | None = None) -> Scalar:
-    about = FlatVariable(name, "Real", "Continuous", "", (), protected=True)
-    return Scalar(name, about, (), kind, symbol if symbol is not None else ca.SX.sym(name))
+            table.scalars[element.name] = hidden(element.name, "algebraic", element.symbol)

@@ -35,6 +35,12 @@ class Scalar:
         return self.variable.type != "Real"
 
 
+def hidden(name: str, kind: str, symbol: ca.SX | None = None) -> Scalar:
+    """A scalar that the model does not declare."""
+    about = FlatVariable(name, "Real", "Continuous", "", (), protected=True)
+    return Scalar(name, about, (), kind, symbol if symbol is not None else ca.SX.sym(name))
+
+
 @dataclass
 class Table:
     """All scalars, by name and by kind, and the arrays they form."""

@@ -298,11 +298,21 @@ def _check_names(top: Fields, signals: Sequence[Signal], source: _Model) -> None
     if "fmu" not in top.table:
         named += [(f"inputs.{n}", n) for n in free(top, "inputs").table]
         named += [(f"outputs.{s.name}", s.variable) for s in signals]
+        _check_fed(top, source)
     for field, name in named:
         if name not in source.variables and not name.startswith(PREFIX):
             near = difflib.get_close_matches(name, source.variables, n=1)
             hint = f"did you mean {near[0]}?" if near else f"name a variable of {source.what}"
             top.refuse(field, "no such variable in the model", hint)
+
+
+def _check_fed(top: Fields, source: _Model) -> None:
+    """Refuses an input of a Modelica model that nothing feeds; that of an FMU has its start."""
+    given = free(top, "inputs").table
+    for name, variable in source.variables.items():
+        if variable.causality == "input" and name not in given and not source.fmus:
+            hint = "name its column, or write a number"
+            top.refuse(f"inputs.{name}", "is an input of the model that nothing feeds", hint)
 
 
 def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) -> Plant:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Data", "Epoch", "Nuisance", "Plant", "Record", "Signal", "thinned"]
+__all__ = ["Array", "Data", "Epoch", "Nuisance", "Plant", "Record", "Signal", "straight", "thinned"]
 
 Array = NDArray[np.float64]
 
@@ -123,6 +123,7 @@ class Record:
     skip: float = 0.0  # s at the start that do not count
     epoch: Epoch | None = None  # the campaign that it is of, where there are two
     within: Mapping[str, Array] = field(default_factory=dict)  # inputs (rows, n) in n parts of rows
+    straight: frozenset[str] = frozenset()  # inputs that run straight to the next row; others hold
 
     @property
     def rows(self) -> int:
@@ -138,9 +139,11 @@ class Record:
         return dict(given) if self.epoch is None else self.epoch.read(given, self.parameters)
 
     def driving(self, name: str) -> Array | tuple[Array, Array]:
-        """An input as a simulation takes it: (rows,) held over rows, or at the rows and (rows, n)
-        within them, where it was recorded finer than these rows.
+        """An input as a simulation takes it: (rows,) held over rows, or at the rows and behind
+        them, where it runs straight; (rows, n) there, where it was recorded finer than these rows.
         """
+        if name in self.straight:
+            return straight(np.asarray(self.inputs[name], dtype=float))
         parts = self.within.get(name)
         if parts is None:
             return np.asarray(self.inputs[name], dtype=float)
@@ -198,7 +201,13 @@ def thinned(record: Record, every: int) -> Record:
             n: np.asarray(v, dtype=float)[: rows * every].reshape(rows, every)
             for n, v in record.inputs.items()
         },
+        record.straight,
     )
+
+
+def straight(values: Array) -> tuple[Array, Array]:
+    """A signal at the rows, and its means over the periods behind them."""
+    return values, np.append(0.5 * (values[:-1] + values[1:]), values[-1])
 
 
 def _behind(values: Array, every: int) -> Array:

@@ -257,3 +257,39 @@ def test_threads_compile_one_at_a_time_and_collect_no_garbage_meanwhile(
     assert most == 1
     assert gc.isenabled()
     assert all(m.sources for m in made)
+
+
+TROLLEY = """package Toy
+  model Trolley "A mass matrix: both equations hold both accelerations"
+    parameter Real M = 5;
+    parameter Real m = 1;
+    parameter Real l = 0.6;
+    input Real F;
+    output Real x(start = 0, fixed = true);
+    output Real q(start = 0.2, fixed = true);
+    output Real v(start = 0, fixed = true);
+    output Real w(start = 0, fixed = true);
+  equation
+    der(x) = v;
+    der(q) = w;
+    (M + m)*der(v) + m*l*cos(q)*der(w) = F - 4*v + m*l*w^2*sin(q);
+    m*l*cos(q)*der(v) + m*l^2*der(w) = -m*9.81*l*sin(q);
+  end Trolley;
+end Toy;
+"""
+
+
+@pytest.mark.usefixtures("unoptimised")
+def test_a_known_state_s_rate_that_equations_share_is_an_unknown(tmp_path: Path) -> None:
+    """The part of the trolley where the load is measured moves as the whole does."""
+    model, time = written(TROLLEY, tmp_path), 1e-3 * np.arange(3000)
+    everything, force = ["x", "v", "q", "w"], {"F": 5 * np.sin(2 * time)}
+    parts = [cut(model, "Toy.Trolley", everything), cut(model, "Toy.Trolley", ["x"], ["q", "w"])]
+    assert names(parts[1], "state") == {"x", "v"}
+    whole, own = (Subsystem(build_part(p, tmp_path, str(i))) for i, p in enumerate(parts))
+    true = whole.run([], np.zeros((1, 0)), Drive(force), everything, 1e-3)[0]
+    read = {n: true[:, everything.index(n)] for n in ("q", "w")}
+    known = {n: (r, np.append((r[:-1] + r[1:]) / 2, r[-1])) for n, r in read.items()}
+    found = own.run([], np.zeros((1, 0)), Drive({**force, **known}), ["x"], 1e-3)[0]
+    assert np.ptp(true[:, 0]) > 0.1
+    np.testing.assert_allclose(found[:, 0], true[:, 0], atol=1e-6)

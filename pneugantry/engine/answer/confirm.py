@@ -26,7 +26,7 @@ from pneugantry.engine.signals.commands import drives_of
 from pneugantry.engine.signals.sensors import PREFIX, sensed
 from pneugantry.engine.threads import THREADS, on_threads
 from pneugantry.engine.views.foreign import ForeignPlant, foreign_signals
-from pneugantry.engine.views.model_parts import part_of
+from pneugantry.engine.views.model_parts import longest_step, part_of
 
 __all__ = [
     "Gap",
@@ -143,7 +143,8 @@ def _simulated(
     outputs = list(dict.fromkeys(s.variable for s in signals))
     part = part_of(plant, outputs, (), cache)
     known = {v.name: v.start or 0.0 for v in part.variables if v.kind == "parameter"}
-    base = {**plant.settings, **plant.parameters, **record.parameters}
+    base = {"solver.max_step": longest_step(record.period), **plant.settings}
+    base |= {**plant.parameters, **record.parameters}
     own = [{k: v for k, v in {**base, **given}.items() if k in known} for given in values]
     names = sorted({n for given in own for n in given})
     table = np.array([[given.get(n, known[n]) for n in names] for given in own])

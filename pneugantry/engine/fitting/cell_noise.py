@@ -119,7 +119,7 @@ class CellNoise:
                 [w for (other, k), w in white.items() if (other[0], k) == (cell[0], c)]
                 for c in range(len(own))
             ]
-            sizes = [max(noise.spread(r), 1.0) for r in rows]
+            sizes = [max(noise.spread(r), 1.0) if r else 1.0 for r in rows]  # none: it failed
             found[cell] = tuple(
                 replace(w, sigma=w.sigma * size) for w, size in zip(own, sizes, strict=True)
             )

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from modelica_fmu.errors import RunError
 from pneugantry.engine.fitting.cell_noise import CellNoise
 from pneugantry.engine.fitting.descent import descend
 from pneugantry.engine.fitting.fit import (
@@ -206,13 +207,17 @@ class Fitter:
 
     def null(self) -> Fit:
         """Nuisances alone, under the tolerance that they show; not `again` thoroughly: few rigs
-        need it.
+        need it. Raises RunError where no view can be simulated over any record.
         """
         coordinates = self.coordinates(Hypothesis(), self.rules.tolerance)
         self.prepare([Hypothesis()])
         start = Point(coordinates, np.zeros(len(coordinates)), {})
         known, cells = prior(coordinates), tuple(self.simulation.cells)
         residuals, columns = self.simulation.linearised(start, cells, set(known.names), fine=False)
+        if not any(np.isfinite(r).all() for r in residuals.values()):
+            raise RunError(
+                "the model stops over every log: what drives it, or its starts, are wrong"
+            )
         solution = self._by_view([Solution(start, residuals, columns)], known, cells)
         solution = self._jointly(solution, known, cells)
         scale = self._tolerance(solution.point)

@@ -42,7 +42,7 @@ def lateness(name: str, values: Mapping[str, float]) -> Lateness:
 
 def acting(record: Record, name: str, late: Lateness) -> Held:
     """What an input does by the time it acts, over a record: held over rows, or at the rows and
-    over their parts. Before the record it was what it is at its start.
+    behind them, there in parts or as a mean. Before the record it was what it is at its start.
     """
     given = record.driving(name)
     if not any(late):
@@ -50,7 +50,11 @@ def acting(record: Record, name: str, late: Lateness) -> Held:
     held = given[1] if isinstance(given, tuple) else given
     period = record.period * len(held) / held.size
     made = _behind(shifted(held.ravel(), late[0] / period), late[1] / period).reshape(held.shape)
-    return (made[:, 0], made) if isinstance(given, tuple) else made
+    if not isinstance(given, tuple):
+        return made
+    if made.ndim == 2:
+        return made[:, 0], made
+    return np.append(made[0], 0.5 * (made[:-1] + made[1:])), made
 
 
 def drives_of(

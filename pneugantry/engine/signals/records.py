@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from pyfmi_runner.scenario import Fields
 __all__ = ["Logs", "free", "per_log", "signals_of", "variables_of"]
 
 COLUMN_KEYS = ("column", "unit", "recorded", "scale", "offset")
+BETWEEN = ("held", "straight")  # how an input runs from row to row
 OUTPUT_KEYS = ("sigma", "error", "lasting", "variable")
 MISSPELT = 0.5  # likeness from which on an unused column may be the one that is missing
 Source = Column | float
@@ -97,7 +99,8 @@ class Logs:
         wanted = {f"input {n}": s for n, s in driving.items()} | self.signals
         assert self.top.file is not None
         file = Path(self.top.file).parent / entry.table["file"]
-        held = {f"input {n}" for n in driving}
+        straight = frozenset(n for n, s in driving.items() if s.straight)
+        held = {f"input {n}" for n in driving if n not in straight}
         table = read_columns(file, wanted, set(self.signals), self.time, self.period, held)
         self.unused |= table.unused
         rows = _rows(table.columns, file)
@@ -107,7 +110,7 @@ class Logs:
         }
         signals = {n: table.columns[n] for n in self.signals if n in table.columns}
         own = {**self._starts(name, entry.numbers("parameters"))}
-        record = Record(name, table.period, inputs, signals, own, skip=self.skip)
+        record = Record(name, table.period, inputs, signals, own, skip=self.skip, straight=straight)
         return record, use == "held out", table.notes
 
     def _starts(self, log: str, parameters: dict[str, float]) -> dict[str, float]:
@@ -183,7 +186,11 @@ def _source(fields: Fields, name: str) -> Source:
     if isinstance(given, str):
         return Column(given)
     if isinstance(given, Mapping):
-        return _column(fields.sub(name, COLUMN_KEYS), name)
+        own = fields.sub(name, (*COLUMN_KEYS, "between"))
+        between = own.of_type("between", str, BETWEEN[0])
+        if between not in BETWEEN:
+            own.refuse("between", f"is {between!r}", f"write one of {', '.join(BETWEEN)}")
+        return replace(_column(own, name), straight=between == "straight")
     return float(fields.number(name))
 
 

@@ -32,6 +32,7 @@ class Column:
     name: str
     scale: float = 1.0
     offset: float = 0.0  # in the unit of the result
+    straight: bool = False  # between two rows; else it holds
 
 
 STAMPS = Column("time")  # s, looked for where a description tells neither stamps nor period

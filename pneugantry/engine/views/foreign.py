@@ -13,7 +13,7 @@ import numpy as np
 
 from modelica_fmu.batch import Drive, Part, PartVariable, Subsystem
 from modelica_fmu.errors import InputError, RunError
-from pneugantry.engine.plant import Array, Plant, Record
+from pneugantry.engine.plant import Array, Plant, Record, straight
 from pneugantry.engine.signals.commands import drives_of
 from pneugantry.engine.views.subsystem import SubsystemView
 from pyfmi_runner.driven import DrivenFmu
@@ -134,7 +134,7 @@ def _stage_runs(
         return stage.driven.run(names, values, inputs, stage.outputs, *clock)
     found = []
     for run in range(len(values)):
-        fed = {n: _held(made[signal][run]) for n, signal in stage.fed.items()}
+        fed = {n: straight(made[signal][run]) for n, signal in stage.fed.items()}
         row = values[run : run + 1]
         if all(np.isfinite(v[0]).all() for v in fed.values()):
             every = {**inputs, **fed}
@@ -142,11 +142,6 @@ def _stage_runs(
         else:  # the FMU before it failed
             found.append(np.full((clock[1], len(stage.outputs)), np.nan))
     return np.stack(found)
-
-
-def _held(values: Array) -> tuple[Array, Array]:
-    """A signal at the rows, and its means over the periods behind them."""
-    return values, np.append(0.5 * (values[:-1] + values[1:]), values[-1])
 
 
 def _own_name(fmu: ForeignFmu, name: str) -> str | None:

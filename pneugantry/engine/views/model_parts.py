@@ -12,7 +12,16 @@ from modelica_fmu.files import write_atomically
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.views.view import Values
 
-__all__ = ["known_variables", "part_of", "structure_of"]
+__all__ = ["known_variables", "longest_step", "part_of", "structure_of"]
+
+STEPS = 50  # within a row that the solver's longest step asks for, at most
+
+
+def longest_step(period: float, usual: float = 1e-3) -> float:
+    """Of the solver, s: its tolerance bounds the error, and rows of a slow plant hold many usual
+    steps. period: s, between rows.
+    """
+    return max(usual, period / STEPS)
 
 
 def part_of(

@@ -20,7 +20,7 @@ from pneugantry.engine.signals.commands import PREFIX as OF_INPUTS
 from pneugantry.engine.signals.commands import Lateness, acting, input_of, lateness, outside
 from pneugantry.engine.signals.readings import Readings
 from pneugantry.engine.signals.sensors import PREFIX, sensed, signal_of
-from pneugantry.engine.views.model_parts import part_of
+from pneugantry.engine.views.model_parts import longest_step, part_of
 from pneugantry.engine.views.pieces import Piece, Pieces
 from pneugantry.engine.views.view import Run, Values
 
@@ -186,7 +186,7 @@ class SubsystemView:
 
     def _base(self, record: Record) -> dict[str, float]:
         """Parameters of the part over a record, where nothing moves."""
-        longest = min(record.period, LONGEST_STEP)
+        longest = min(record.period, longest_step(record.period, LONGEST_STEP))
         base = {"solver.max_step": longest, **self.plant.settings}
         base |= {**self.plant.parameters, **record.parameters}
         return {k: v for k, v in base.items() if k in self._parameters}

@@ -12,7 +12,7 @@ import numpy as np
 from modelica_fmu.batch import Drive, Subsystem
 from modelica_fmu.errors import RunError
 from pneugantry.engine.plant import Array, Plant, Record
-from pneugantry.engine.views.model_parts import part_of
+from pneugantry.engine.views.model_parts import longest_step, part_of
 from pneugantry.engine.views.view import View
 
 __all__ = ["Nominal", "changes_of", "noisy"]
@@ -29,7 +29,8 @@ class Nominal:
     def run(self, record: Record) -> dict[str, Array]:
         """Variables (N,) by name. Raises RunError where the model cannot be simulated."""
         known = set(self.part.of("parameter"))
-        given = {**self.plant.settings, **self.plant.parameters, **record.parameters}
+        given: dict[str, float] = {"solver.max_step": longest_step(record.period)}
+        given |= {**self.plant.settings, **self.plant.parameters, **record.parameters}
         given = {k: v for k, v in given.items() if k in known}
         inputs = {n: record.driving(n) for n in self.part.of("input")}
         found = self._subsystem.run(
