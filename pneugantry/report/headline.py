@@ -28,6 +28,7 @@ __all__ = [
 
 CLAIMS = ("identified", "ambiguous")
 TINY = 1e-9
+LIKELY = 0.2  # probability of something unknown from which on the fitted logs leave more than noise
 LEFT = 2.0  # times the floor, from which on what is left of a gap is worth a word
 
 
@@ -189,7 +190,7 @@ def headline(found: dict[str, Any], summaries: dict[str, str] | None = None) -> 
     if verdict == "none":
         return (
             f"Nothing beyond tolerance and noise was found in these logs; with the tolerance "
-            f"fitted, {far}."
+            f"fitted, {far}.{_rest(found, 'tolerance')}"
         )
     if verdict == "unknown":
         unknown = found.get("unknown_probability") or math.nan
@@ -249,12 +250,20 @@ def _doubt(found: dict[str, Any]) -> str:
 
 
 def _rest(found: dict[str, Any], what: str) -> str:
-    """That an unseen log's gap stays large, where it does."""
+    """That an unseen log's gap stays large, where it does: of an answer whose fitted logs leave
+    noise, a replay of the inputs alone carries small errors on.
+    """
     gap = judged(found)
     if gap is None or not leaves(found):
         return ""
     left = number(gap["augmented"] / gap["floor"])
-    return f" What is left of it is {left} times the floor: {what} is not all."
+    said = f" What is left of it is {left} times the floor: "
+    if found["verdict"] == "unknown" or (found["unknown_probability"] or 0.0) > LIKELY:
+        return f"{said}{what} is not all."
+    return (
+        f"{said}its replay carries an error of its start, a missed event or what the fits leave "
+        f"open on, or {what} is not all; in the fitted logs no more than noise is left."
+    )
 
 
 def leaves(found: dict[str, Any]) -> bool:
