@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -20,6 +21,7 @@ POINTS = 41  # of a curve, at least
 OF_A_PERIOD = 24  # of one that repeats, at least
 MANY = 2001  # at most
 KNOTS = 11  # at which the free curve is told
+SHOWN = 90  # characters of the equation
 SCREENED = 8  # pairs of equation and variable that are told
 STEP = 1e-4  # of a difference quotient, in standard deviations
 
@@ -61,9 +63,10 @@ def sentence(learned: Learned) -> str:
     stands = "learnt" if learned.accepted else "not accepted"
     others = [t.term.formula() for t in learned.answers[1:]]
     told = f" (these logs do not tell it from {', '.join(others)})" if others else ""
+    equation = textwrap.shorten(term.point.text, SHOWN, placeholder=" ...")
     said = (
         f"missing term ({stands}): {term.formula()}{told} in {term.block}, added to "
-        f"{term.point.text[:70]}; {learned.why}"
+        f"{equation}; {learned.why}"
     )
     return said + (f"; next: {e.what}" if (e := learned.next_experiment) else "")
 

@@ -50,7 +50,8 @@ class Judge:
         if old is None or new is None or before.augmented is None or after.augmented is None:
             return False, "no log could be replayed: located, not explained"
         verb = "falls" if new.augmented < old.augmented else "goes"
-        fall = f"the gap of {new.record} {verb} from {old.augmented:.3g} to {new.augmented:.3g}"
+        fall = f"the gap of {new.record} {verb} from {old.augmented:.3g} without it "
+        fall += f"to {new.augmented:.3g}"
         falls = self.fits.loss(before.augmented) - self.fits.loss(after.augmented)
         better = noise.doubted(falls, self.fits.rules.doubt) > self.fits.rules.entry
         hangs = _hangs(old) or _hangs(new)
@@ -67,7 +68,7 @@ class Judge:
         left, gap = new.augmented**2 - floor, old.augmented**2 - floor
         by_replay = not hangs and left <= LEFT * gap
         if hangs:
-            fall += ", a replay that hangs on an event"
+            fall += ", by a replay that hangs on an event, met or missed"
         if not by_replay and _standing(after) > LEFT * _standing(before):  # then the views tell
             return False, f"{fall}, and more is left than explained: located, not explained"
         if not (by_replay or hangs):

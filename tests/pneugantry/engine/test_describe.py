@@ -86,6 +86,34 @@ def read(folder: Path, plant: str, cache: Path, body: str = BODY, **given: Any) 
     return described(folder / "plant.toml", cache)
 
 
+def test_an_input_may_run_straight_from_row_to_row(folder: Path, cache: Path) -> None:
+    """It is interpolated where its log is read at another rate; one that holds is not."""
+    straight = BODY.replace('u = "voltage"', 'u = { column = "voltage", between = "straight" }')
+    finer = {"time": '"t"', "period": PERIOD / 2}
+    held, run = (
+        read(folder, MODEL, cache, body, **finer).data.fitted[0] for body in (BODY, straight)
+    )
+    assert run.straight == {"u"}
+    assert not held.straight
+    own, mean = run.driving("u")
+    np.testing.assert_allclose(mean[:-1], (own[:-1] + own[1:]) / 2)
+    assert np.ptp(np.diff(held.inputs["u"])[::2]) == 0.0
+    assert np.ptp(np.diff(run.inputs["u"])[::2]) > 0.0
+    wrong = straight.replace('"straight"', '"linear"')
+    with pytest.raises(InputError, match="between: is 'linear'; write one of held, straight"):
+        read(folder, MODEL, cache, wrong, period=PERIOD)
+
+
+def test_an_input_that_nothing_feeds_is_refused(folder: Path, cache: Path) -> None:
+    model = folder / "Toy.mo"
+    text = model.read_text(encoding="utf-8")
+    assert "input Real u" in text
+    more = text.replace("input Real u", "input Real load;\n    input Real u", 1)
+    model.write_text(more, encoding="utf-8")
+    with pytest.raises(InputError, match=r"inputs\.load: is an input of the model that nothing"):
+        read(folder, MODEL, cache, period=PERIOD)
+
+
 def test_source_and_fmu_are_the_same_plant(folder: Path, cache: Path) -> None:
     """The FMU's view of a signal that alone is measured leaves what the cut leaves."""
     alone = BODY.replace('column = "F"', 'column = "none"')
