@@ -111,7 +111,7 @@ def simulation_errors(
     table = np.array([list(given.values())])
     q, v, a, u = fmu.run(list(given), table, inputs, ["q", "v", "a", "u"], record.period)[0].T
     fmu.close()
-    first = round(record.skip / record.period)
+    first = record.first
     pairs = {
         "position": (axis.position, q),
         "velocity": (axis.velocity, v),

@@ -153,7 +153,7 @@ def _decimation(top: Fields, own: Fields, records: Sequence[Record]) -> int:
         own.refuse("decimate", f"is {decimate}, expected >= 1", "write 1 to judge every row")
     assert top.file is not None
     for record in (r for r in records if r.signals):
-        judged = (record.rows - round(record.skip / record.period)) // decimate
+        judged = (record.rows - record.first) // decimate
         if judged <= LONGEST:
             raise InputError(
                 f"has {max(judged, 0)} rows that are judged (of {record.rows}, decimate = "

@@ -15,6 +15,7 @@ from modelica_fmu.errors import InputError
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.calibration.weights import FITTED, Calibration
 from pneugantry.engine.chances import Chances
+from pneugantry.engine.hypotheses.catalogue import catalogue_files
 from pyfmi_runner.scenario import parse_toml
 
 __all__ = [
@@ -103,7 +104,7 @@ def files_of(plant: Path, catalogue: Path | None = None) -> list[Path]:
     effects = named if catalogue is None else catalogue
     files = [plant, *files_named(table, plant.parent)]
     if effects is not None:
-        files += sorted(effects.glob("*.toml")) if effects.is_dir() else [effects]
+        files += catalogue_files(effects)
     return [file for file in files if file.is_file()]
 
 

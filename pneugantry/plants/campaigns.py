@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from modelica_fmu.errors import InputError
+from pneugantry.engine.hypotheses.catalogue import catalogue_files
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
 from pneugantry.jobs.job import Function, Job
@@ -185,16 +186,7 @@ def _campaign_hash(folder: Path) -> str:
 
 
 def _catalogue_hash(source: Path | None) -> str:
-    files = [
-        *sorted(FOLDER.glob("*.toml")),
-        *(
-            sorted(source.glob("*.toml"))
-            if source and source.is_dir()
-            else [source]
-            if source
-            else []
-        ),
-    ]
+    files = [*catalogue_files(FOLDER), *([] if source is None else catalogue_files(source))]
     own = model_of(source)
     return _hash_of([*files, *([] if own is None else [own])])
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import refuse_replacing
+from pneugantry.engine.hypotheses.catalogue import catalogue_files
 from pneugantry.plants.calibration_file import files_of
 from pneugantry.plants.gantry.catalogue import model_of
 from pyfmi_runner.build import default_model
@@ -59,8 +60,7 @@ class Targets:
         """
         model = model_of(effects) or default_model()
         files = [model, *read]
-        if effects is not None:
-            files += sorted(effects.glob("*.toml")) if effects.is_dir() else [effects]
+        files += [] if effects is None else catalogue_files(effects)
         self._check(model.name, DEFAULT_CLASS, files)
 
     def _check(self, model: str, class_name: str, read: Sequence[Path]) -> None:
@@ -70,5 +70,6 @@ class Targets:
             (self.augmented, AUGMENTED, (f"{made}.mo", f"{made}.fmu", *own)),
             (self.catalogue, CATALOGUE, ("effects.toml", *own)),
         ):
-            for name in names if folder is not None else ():
-                refuse_replacing(folder / name, read, field)  # type: ignore[operator]
+            if folder is not None:
+                for name in names:
+                    refuse_replacing(folder / name, read, field)

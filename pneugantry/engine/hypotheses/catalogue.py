@@ -30,7 +30,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.signals.commands import outside
 from pyfmi_runner.scenario import Fields, parse_toml
 
-__all__ = ["Effect", "Form", "Parameter", "check_nominal", "read_catalogue"]
+__all__ = ["Effect", "Form", "Parameter", "catalogue_files", "check_nominal", "read_catalogue"]
 
 EFFECT_KEYS = ("name", "block", "axes", "summary", "refines", "form")
 FORM_KEYS = ("name", "parameters", "settings")
@@ -99,6 +99,11 @@ class Effect:
         return all(outside(p.name) for f in self.forms for p in f.parameters)
 
 
+def catalogue_files(source: Path) -> list[Path]:
+    """The files of a catalogue: itself, or those in its folder."""
+    return sorted(source.glob("*.toml")) if source.is_dir() else [source]
+
+
 def read_catalogue(source: Path) -> dict[str, Effect]:
     """Effects by key from a TOML file, of one effect or of [[effect]] tables, or from a folder of
     such files.
@@ -106,7 +111,7 @@ def read_catalogue(source: Path) -> dict[str, Effect]:
     Raises InputError naming file, field and hint.
     """
     effects: dict[str, Effect] = {}
-    for path in sorted(source.glob("*.toml")) if source.is_dir() else [source]:
+    for path in catalogue_files(source):
         tables = parse_toml(path)
         effects.update(_effects(path, tables.get("effect", [tables])))
     if not effects:

@@ -14,7 +14,7 @@ from pneugantry.engine.views.view import Values
 
 __all__ = ["known_variables", "longest_step", "part_of", "structure_of"]
 
-STEPS = 50  # within a row that the solver's longest step asks for, at most
+STEPS = 50  # within a row that the solver's longest step asks for; a part gives up beyond 100
 
 
 def longest_step(period: float, usual: float = 1e-3) -> float:
