@@ -28,8 +28,8 @@ T = TypeVar("T")
 REFRESH = 1.0  # s, between two drawings of a stage's line
 WORTH = 2.0  # s, of a whole command below which its length is not remembered
 PAUSE = 30.0  # s, a longer gap between two ticks is a machine that slept, or a clock that jumped
-LONGEST = 6 * 3600.0  # s, a longer command is neither remembered nor foretold
-KEPT = 5  # last lengths of a command, of which the median is foretold
+LONGEST = 6 * 3600.0  # s, a longer command is neither remembered nor predicted
+KEPT = 5  # last lengths of a command, of which the median is predicted
 WIDTH = 24  # characters of a bar
 
 
@@ -143,7 +143,7 @@ class Stages:
         self.stage = stage
 
     def unusual(self) -> None:
-        """Once in a while more has to be done first: this length foretells no other."""
+        """Once in a while more has to be done first: this length predicts no other."""
         self.usually, self.usual = False, 0.0
 
     def __exit__(

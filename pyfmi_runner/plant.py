@@ -1,6 +1,4 @@
-"""How a set-up becomes parameters and inputs of the gantry FMU: the only place that knows the
-model's names.
-"""
+"""How a set-up becomes parameters and inputs of the gantry FMU, by the model's names."""
 
 from __future__ import annotations
 
@@ -17,6 +15,7 @@ __all__ = [
     "CLAMPS",
     "COMMANDS",
     "DEFAULT_CLASS",
+    "FINISH",
     "MANUAL",
     "OUTPUTS",
     "PROFILE",
@@ -42,8 +41,8 @@ SHAPES = {
     "incline_30": 2.0,
     "curved": 3.0,
 }  # Types.EdgeShape
-# m, amplitudes of the medium surface finish, docs/explanation/plant.md [A]
-FINISH = (0.20e-3, 0.08e-3, 0.03e-3)
+# Medium surface finish: amplitude m, wave length m, phase rad (docs/explanation/plant.md [A])
+FINISH = ((0.20e-3, 0.060, 0.3), (0.08e-3, 0.027, 1.1), (0.03e-3, 0.013, 2.0))
 
 
 class PlantSetup(Protocol):
@@ -72,7 +71,7 @@ def plant_parameters(setup: PlantSetup) -> dict[str, float]:
             float(setup.workpiece.removeprefix("incline_"))
         )
     if setup.surface_finish and own_profile(setup) is None:
-        parameters |= {f"workpiece.A[{i}]": a for i, a in enumerate(FINISH, start=1)}
+        parameters |= {f"workpiece.A[{i}]": a for i, (a, _, _) in enumerate(FINISH, start=1)}
     return parameters
 
 

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from modelica_fmu.errors import InputError
 from modelica_fmu.files import check_source
 from pyfmi_runner.log import parsed_numbers
+from pyfmi_runner.plant import FINISH
 
 __all__ = [
     "STANDOFF",
@@ -44,8 +45,6 @@ STANDOFF = {
 }
 WORKPIECES = tuple(STANDOFF)
 HIGHEST = 0.090  # m, where the highest point of a user's profile stands by default
-# Surface finish: amplitude m, wave length m, phase rad (docs/explanation/plant.md, assumption A)
-FINISH = ((0.20e-3, 0.060, 0.3), (0.08e-3, 0.027, 1.1), (0.03e-3, 0.013, 2.0))
 BUMPS = (
     (50.0, 0.78, 0.16),
     (-10.0, 0.52, 0.10),

@@ -26,6 +26,7 @@ from pneugantry.analysis.gantry_points import axis_contact, free_sliding
 from pneugantry.analysis.linearise import active_part, linearise, sampled
 from pneugantry.analysis.operating_point import OperatingPoint
 from pyfmi_runner.fmu import FmuFile
+from pyfmi_runner.log import PERIOD
 
 __all__ = [
     "LoopMargins",
@@ -43,7 +44,6 @@ DDFM = 3.0  # Types.FrictionLaw: a spring at rest
 LEVEL = 30.0  # N, contact force of the point
 DRIVE = 0.06  # m/s, speed asked for towards -x, at which the x command is off its lower limit
 STEP = 1e-3  # of the differences
-PERIOD = 1e-3  # s
 SETTLING, FOLLOWING = 1500, 0.01  # samples, share a sample of the actuator that follows
 FACTORS = np.geomspace(1.0, 30.0, 241)  # gains that are tried for the gain margin
 DRIFT = 1e-7  # a pole this near 1 is the free offset between spring and position of a stuck axis

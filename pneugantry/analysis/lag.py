@@ -29,6 +29,7 @@ from pneugantry.analysis.frequency import (
     stability_limit,
 )
 from pneugantry.analysis.root_locus import loop_with_pi, pi_block, thesis_gains
+from pyfmi_runner.log import PERIOD
 
 __all__ = [
     "PEAK",
@@ -52,7 +53,6 @@ FACTORS = np.geomspace(
     1.0, 200.0, 33
 )  # on the thesis' gains, that are tried with a Smith predictor
 HIGHEST = 10.0  # V/N, largest K_p that is tried
-PERIOD = 1e-3  # s
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from modelica_fmu.errors import InputError
 from pneugantry.commands.run import parse_settings
 from pneugantry.options import add_parameters, out_file
+from pyfmi_runner.log import PERIOD
 from pyfmi_runner.plant import COMMANDS, OUTPUTS, TASK
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ contact_sliding, free_sliding. A STATE.json holds {"states": {..}, "inputs": {..
 {..}} by the FMU's names; what it leaves out keeps the model's start value."""
 NAMES = ("axis_contact", "contact_stuck", "contact_sliding", "free_sliding")
 CLOSE = 1e-6  # relative, of the checks
-PERIOD = 1e-3  # s
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["Chances"]
+__all__ = ["UNEXPLAINED", "Chances"]
+
+# probability of something unknown from which on it is looked for, and the answer may not be all
+UNEXPLAINED = 0.2
 
 
 @dataclass(frozen=True)

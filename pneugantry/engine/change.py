@@ -196,7 +196,7 @@ def _chances(chances: Chances) -> Chances:
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class ReplayedRecord:
     """A record replayed without effects and with the answer's, and the gap of both."""
 
     nominal: Replay
@@ -204,7 +204,7 @@ class Told:
     gap: Gap
 
 
-def gap_on(found: Found, record: Record, rules: Rules) -> Told | None:
+def gap_on(found: Found, record: Record, rules: Rules) -> ReplayedRecord | None:
     """The gap of a record under the answer; None where the model stops or is not replayed."""
     plant, best = found.task.plant, found.decision.best
     own = [{}, values_on(best, record), *draws(best, record, unseen=found.unseen)]
@@ -216,7 +216,7 @@ def gap_on(found: Found, record: Record, rules: Rules) -> Told | None:
         return None
     floor = floor_of(noise_levels(plant, record, rules))
     gap = gap_of(nominal, augmented, rules, record.period, floor=floor, others=others)
-    return Told(nominal, augmented, gap)
+    return ReplayedRecord(nominal, augmented, gap)
 
 
 def with_changes(found: Found, gaps: Sequence[Gap]) -> Found:

@@ -14,7 +14,7 @@ from pneugantry.engine.answer.confirm import replays, values_on
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Array, Plant, Record
 
-__all__ = ["Experiment", "Rival", "telling", "variants"]
+__all__ = ["Rival", "TellingRun", "telling", "variants"]
 
 REST = 2.0  # s before a delayed run
 WEAKER = 0.6  # of the inputs' size
@@ -32,7 +32,7 @@ LARGEST = 1e9  # evidence; more is as good
 
 
 @dataclass(frozen=True)
-class Experiment:
+class TellingRun:
     """A run that tells two terms apart."""
 
     what: str
@@ -49,11 +49,11 @@ class Rival:
     fit: Fit
 
 
-def telling(a: Rival, b: Rival, records: Sequence[Record], cache: Path) -> Experiment | None:
+def telling(a: Rival, b: Rival, records: Sequence[Record], cache: Path) -> TellingRun | None:
     """The run of the largest expected evidence, whichever of both is right; None: none can be
     simulated. Runs are made of the shortest records, as long as their simulation is affordable.
     """
-    best: Experiment | None = None
+    best: TellingRun | None = None
     runs = sum(len(_moves(r.fit)) + 2 for r in (a, b)) * len(VARIANTS)
     left = SIMULATED
     for record in sorted(records, key=lambda r: r.rows):
@@ -63,7 +63,7 @@ def telling(a: Rival, b: Rival, records: Sequence[Record], cache: Path) -> Exper
         for what, varied in variants(record).items():
             evidence = min(_evidence(a, b, varied, cache), _evidence(b, a, varied, cache))
             if best is None or evidence > best.evidence:
-                best = Experiment(f"{record.name} {what}", (a.name, b.name), evidence)
+                best = TellingRun(f"{record.name} {what}", (a.name, b.name), evidence)
     return best if best is not None and best.evidence > 0 else None
 
 

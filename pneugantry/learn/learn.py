@@ -23,7 +23,7 @@ from pneugantry.engine.threads import on_threads, one_blas_thread
 from pneugantry.engine.views.foreign import ForeignPlant
 from pneugantry.learn.answer.read import with_readings, without_readings
 from pneugantry.learn.equations.points import Opened, Point, opened
-from pneugantry.learn.experiments import Experiment, Rival, telling
+from pneugantry.learn.experiments import Rival, TellingRun, telling
 from pneugantry.learn.fitting.joint import TermFits
 from pneugantry.learn.fitting.judge import Judge
 from pneugantry.learn.fitting.rivals import Rivals
@@ -46,7 +46,7 @@ from pneugantry.learn.wanted import wanted, whole
 
 __all__ = ["learn"]
 
-NOTHING = "no variable of any component foretells what is left of a log that its curve has not seen"
+NOTHING = "no variable of any component predicts what is left of a log that its curve has not seen"
 NO_FIT = "no term of any variable that was tried fits the logs clearly better than what is known"
 Say = Callable[[str], None]
 CLEARLY = 1.1  # times the gain of single variables, from which on products are fitted first
@@ -192,7 +192,7 @@ class _Learning:
         return every, _Told(answers, after, min(t.cost for t in every))
 
     def _first(self, fit: Fit, single: Screen, products: Screen) -> list[Tried]:
-        """Single variables, and products that may do as well; products alone, where they foretell
+        """Single variables, and products that may do as well; products alone, where they predict
         clearly more and are enough.
         """
         likely = self._worth(products)[:FINALISTS]
@@ -330,7 +330,7 @@ class _Learning:
             fitter.close()
         return sorted(found.values(), key=lambda f: f.evidence)
 
-    def _experiment(self, answers: Sequence[Tried]) -> Experiment | None:
+    def _experiment(self, answers: Sequence[Tried]) -> TellingRun | None:
         if len(answers) < 2:
             return None
         task = self.found.task

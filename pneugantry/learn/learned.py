@@ -10,7 +10,7 @@ from pneugantry.engine.answer.confirm import shrink_of
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Array, Nuisance
 from pneugantry.engine.run import Found
-from pneugantry.learn.experiments import Experiment
+from pneugantry.learn.experiments import TellingRun
 from pneugantry.learn.screening.regressors import TIME
 from pneugantry.learn.screening.screen import Candidate, Screen
 from pneugantry.learn.terms.forms import FreeCurve
@@ -73,7 +73,7 @@ class Learned:
     accepted: bool
     why: str  # one sentence
     seconds: float  # wall time
-    next_experiment: Experiment | None = None  # that tells the first two answers apart
+    next_experiment: TellingRun | None = None  # that tells the first two answers apart
     units: tuple[str, str] = ("", "")  # of the term's variable, and of what it adds
 
     @property

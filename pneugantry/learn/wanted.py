@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pneugantry.engine.chances import UNEXPLAINED
 from pneugantry.engine.plant import Record
 from pneugantry.engine.run import Found
 from pneugantry.engine.task import Task
@@ -9,15 +10,13 @@ from pneugantry.engine.views.foreign import ForeignPlant
 
 __all__ = ["wanted", "whole"]
 
-LIKELY = 0.2  # probability of what no catalogue has, from which on it is looked for
-
 
 def wanted(found: Found) -> bool:
     """Whether there may be something to learn: what no catalogue explains is likely enough. Where
     it only may be a curve of a known effect over another variable, nothing is left to learn from.
     """
     foreign, told = isinstance(found.task.plant, ForeignPlant), found.decision
-    likely = told.unknown - told.imitated >= LIKELY
+    likely = told.unknown - told.imitated >= UNEXPLAINED
     return likely and not foreign and bool(whole(found.task))
 
 

@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pneugantry.engine.chances import UNEXPLAINED
 from pneugantry.engine.signals.units import with_unit
 
 __all__ = [
@@ -28,7 +29,6 @@ __all__ = [
 
 CLAIMS = ("identified", "ambiguous")
 TINY = 1e-9
-LIKELY = 0.2  # probability of something unknown from which on the fitted logs leave more than noise
 LEFT = 2.0  # times the floor, from which on what is left of a gap is worth a word
 
 
@@ -258,7 +258,7 @@ def _rest(found: dict[str, Any], what: str) -> str:
         return ""
     left = number(gap["augmented"] / gap["floor"])
     said = f" What is left of it is {left} times the floor: "
-    if found["verdict"] == "unknown" or (found["unknown_probability"] or 0.0) > LIKELY:
+    if found["verdict"] == "unknown" or (found["unknown_probability"] or 0.0) >= UNEXPLAINED:
         return f"{said}{what} is not all."
     return (
         f"{said}its replay carries an error of its start, a missed event or what the fits leave "

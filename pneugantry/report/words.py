@@ -26,7 +26,7 @@ from pneugantry.report.headline import (
 __all__ = [
     "Deviation",
     "Left",
-    "Rival",
+    "Ranked",
     "label",
     "left_over",
     "made",
@@ -60,7 +60,7 @@ def summaries(found: Found) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Rival:
+class Ranked:
     """A hypothesis as the page lists it."""
 
     text: str
@@ -68,11 +68,11 @@ class Rival:
     gain: float | None  # evidence over tolerance alone
 
 
-def rivals(found: Found) -> list[Rival]:
+def rivals(found: Found) -> list[Ranked]:
     """Hypotheses that are worth a line, the likeliest first."""
     kept = [a for i, a in enumerate(found.decision.answers) if a.probability >= LEAST or i == 0]
     return [
-        Rival(label(a.keys), a.probability, None if a.fit is None else gain_of(found, a.fit))
+        Ranked(label(a.keys), a.probability, None if a.fit is None else gain_of(found, a.fit))
         for a in kept[:MOST]
     ]
 

@@ -17,12 +17,12 @@ from controllers.pi import barred_side
 from controllers.pid import PidState, pid_next, pid_output
 from controllers.valve import U_0X, U_0Z
 from pyfmi_runner.fmu import FmuFile, FmuSession
+from pyfmi_runner.log import PERIOD
 from pyfmi_runner.plant import CLAMPS, COMMANDS, OUTPUTS
 from pyfmi_runner.sensors import SensorParams, initial_state, noise_rows, sense
 
 __all__ = ["LOOPS", "PERIOD", "AxisLoop", "Driven", "drive", "drive_loops"]
 
-PERIOD = 1e-3  # s
 LOOPS = {"v_x": "x", "f_x": "x", "f_z": "z", "v_z": "z"}  # what a loop controls: its axis
 OFFSET = {"x": (U_0X, -1), "z": (U_0Z, 1)}  # V; du/dc
 Law = Callable[[float, Sense], Command]  # time [s], sample

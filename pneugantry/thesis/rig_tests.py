@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pneugantry.thesis.conditions import VDFM
 from pyfmi_runner.fmu import FmuFile, FmuSession
+from pyfmi_runner.log import PERIOD
 from pyfmi_runner.sensors import Channels, SensorParams, initial_state, noise_rows, sense
 
 __all__ = [
@@ -29,7 +30,7 @@ __all__ = [
 
 THRESHOLD = 0.01  # m/s, C.1.1: speed that counts as motion
 RAMPS = (0.1, 0.2, 0.3)  # V/s of the saw tooth; three, as in C.1.1, the rates not printed
-PERIOD, THINNED = 1e-3, 10  # s, samples between two rows of a course
+THINNED = 10  # samples between two rows of a course
 LONGEST = 60.0  # s, of a test
 CABLE, OFFSET = 5.0, {"x": 0.635, "z": 0.735}  # N, F_w; V, u_0
 GAIN = {"x": 186.0, "z": 100.0}  # N/V

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from pneugantry.engine.answer.confirm import Gap, Replay, gap_of, replays, values_on
 from pneugantry.engine.answer.decide import Evidence, decide
-from pneugantry.engine.answer.predict import Foretelling
+from pneugantry.engine.answer.predict import Predictor
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.rules import Rules
@@ -82,7 +82,7 @@ def _judged(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> 
     costs = before = _costs(fits, fitter.rules, task.chances.temper)
     judged: dict[Keys, float] = {(): 0.0}
     while new := [k for k in _rivals(costs, fitter.rules) if k not in judged]:
-        judged = _foretold(fitter, task, {k: fits[k] for k in (*judged, *new)}, null)
+        judged = _predicted_better(fitter, task, {k: fits[k] for k in (*judged, *new)}, null)
         costs = {k: before[k] - judged[_most(k, judged)] for k in before}
     return costs
 
@@ -96,16 +96,18 @@ def _turned(before: Mapping[Keys, float], after: Mapping[Keys, float]) -> list[t
     return [(k, more) for k in fewer if k and before[k] < before[more]]
 
 
-def _foretold(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> dict[Keys, float]:
-    """How much better each fit foretells the records that none saw than the nuisances alone."""
+def _predicted_better(
+    fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit
+) -> dict[Keys, float]:
+    """How much better each fit predicts the records that none saw than the nuisances alone."""
     found = dict.fromkeys(fits, 0.0)
     own = sorted((k for k in fits if k), key=lambda k: fits[k].evidence)
     for held in task.data.unseen if own else ():
-        foretelling = Foretelling(fitter, task.views, held)
+        predictor = Predictor(fitter, task.views, held)
         try:
-            gains = foretelling.gains([fits[k] for k in own], null)
+            gains = predictor.gains([fits[k] for k in own], null)
         finally:
-            foretelling.close()
+            predictor.close()
         for k, gain in zip(own, gains, strict=True):
             found[k] += gain
     return found

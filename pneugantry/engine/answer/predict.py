@@ -1,4 +1,4 @@
-"""How well fits foretell a record that they have not seen.
+"""How well fits predict a record that they have not seen.
 
 What a fit leaves of its parameters (their normal distribution) is the prior on the new record,
 and so is the rig's scatter of what belongs to one record alone. The evidence of the new record
@@ -6,7 +6,7 @@ under them counts whatever a fit has bent to its own records against it.
 
 A fit counts its rows as independent of each other and its plant as right, so that its distribution
 is too narrow where the plant is not quite right. By how much is the same for all rivals: by what
-lets the best of them foretell best. Each by its own would let a wrong one buy itself free.
+lets the best of them predict best. Each by its own would let a wrong one buy itself free.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Point
 from pneugantry.engine.views.view import View
 
-__all__ = ["Foretelling", "Foretold", "Told"]
+__all__ = ["Prediction", "PredictiveScore", "Predictor"]
 
 WIDER = tuple(float(w) for w in 10 ** (np.arange(7) / 2))  # times a fit's covariance
 WIDENED = 4  # at most
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class PredictiveScore:
     """What records that a fit has not seen say of it, in -2 log evidence."""
 
     price: float = 0.0  # prior with Occam's factor
@@ -48,19 +48,19 @@ class Told:
     def cost(self) -> float:
         return self.price + sum(float(s.sum()) for s in self.stretches.values())
 
-    def beside(self, other: Told) -> Told:
+    def beside(self, other: PredictiveScore) -> PredictiveScore:
         """Of two records."""
         stretches, sizes = {**self.stretches, **other.stretches}, {**self.sizes, **other.sizes}
-        return Told(self.price + other.price, stretches, sizes)
+        return PredictiveScore(self.price + other.price, stretches, sizes)
 
-    def fall(self, to: Told, rules: Rules) -> float:
+    def fall(self, to: PredictiveScore, rules: Rules) -> float:
         """To another fit's, less its doubt and what is immaterial."""
         sure = fallen(self.stretches, to.stretches, self.sizes, rules)
         return self.price - to.price + sure
 
 
 @dataclass(frozen=True, eq=False)
-class Foretold:
+class Prediction:
     """A record as a fit has it: where the parameters go, and what that costs."""
 
     fit: Fit
@@ -76,7 +76,7 @@ class Foretold:
         return self.misfit + self.price
 
 
-class Foretelling:
+class Predictor:
     """One record beside fits to others. plain: under noise of the sensors' own colour, not of what
     the first of them leaves.
     """
@@ -95,22 +95,22 @@ class Foretelling:
         against the base and the others against it, each fall less its doubt and what is immaterial:
         where it missed one event, that tells nothing of the others.
         """
-        found, of_views = self.foretold([base, *fits])
-        before, first, *others = (self._told(f, of_views) for f in found)
+        found, of_views = self.predictions([base, *fits])
+        before, first, *others = (self._score(f, of_views) for f in found)
         rules = self.fitter.rules
         gain = before.fall(first, rules)
         return [gain, *(gain + first.fall(other, rules) for other in others)]
 
-    def told(self, fit: Fit, of_views: Noise | None = None) -> tuple[Told, Noise]:
+    def score(self, fit: Fit, of_views: Noise | None = None) -> tuple[PredictiveScore, Noise]:
         """What the record says of one fit; and the noise under which it does, None: what it leaves
         itself.
         """
-        (found,), noise_of_views = self.foretold([fit], of_views)
-        return self._told(found, noise_of_views), noise_of_views
+        (found,), noise_of_views = self.predictions([fit], of_views)
+        return self._score(found, noise_of_views), noise_of_views
 
-    def foretold(
+    def predictions(
         self, fits: Sequence[Fit], of_views: Noise | None = None
-    ) -> tuple[list[Foretold], Noise]:
+    ) -> tuple[list[Prediction], Noise]:
         """Each fit's, equally wide, under the noise that the first leaves, if not another one."""
         self.fitter.prepare([f.hypothesis for f in fits])
         together = self.fitter.simulation.side_by_side
@@ -118,7 +118,7 @@ class Foretelling:
         noise_of = self.fitter.noise.plain if self.plain else self.fitter.noise.coloured
         of_views = of_views or noise_of(starts[0][1].residuals)
         told = [*zip(fits, starts, strict=True)]
-        found = together(lambda each: self._foretold(each[0], 1.0, each[1], of_views), told)
+        found = together(lambda each: self._predicted(each[0], 1.0, each[1], of_views), told)
         for _ in range(WIDENED):
             hoped = {w: min(self._on_paper(f, w) for f in found) for w in WIDER}
             wider, least = min(hoped, key=lambda w: hoped[w]), min(f.cost for f in found)
@@ -138,9 +138,9 @@ class Foretelling:
         start = Solution(point, *sim.linearised(point, cells, set(known.names)))
         return start, descend(Problem(sim, rules, cells, known), start, None, ROUGH)
 
-    def _foretold(
+    def _predicted(
         self, fit: Fit, wider: float, starts: Sequence[Solution], of_views: Noise
-    ) -> Foretold:
+    ) -> Prediction:
         sim, rules = self.fitter.simulation, self.fitter.rules
         _, known = self._known(fit, wider)
         problem, weighing = Problem(sim, rules, tuple(sim.cells), known), Weighing(of_views, rules)
@@ -152,13 +152,13 @@ class Foretelling:
         end = min(ends, key=lambda s: misfit(s) + known.cost(s.point.theta))
         normal, gradient = weighing.normal(end.point, end.residuals, end.columns)
         price = _price(end.point.theta, known, normal)
-        return Foretold(fit, wider, end, normal, gradient, misfit(end), price)
+        return Prediction(fit, wider, end, normal, gradient, misfit(end), price)
 
-    def _wider(self, wider: float, of_views: Noise, found: Foretold) -> Foretold:
+    def _wider(self, wider: float, of_views: Noise, found: Prediction) -> Prediction:
         """The same with another width, from where it ended."""
-        return self._foretold(found.fit, wider, [found.solution], of_views)
+        return self._predicted(found.fit, wider, [found.solution], of_views)
 
-    def _on_paper(self, found: Foretold, wider: float) -> float:
+    def _on_paper(self, found: Prediction, wider: float) -> float:
         """What it costs with another width, were it as straight as its columns."""
         _, known = self._known(found.fit, wider)
         point, normal, gradient = found.solution.point, found.normal, found.gradient
@@ -185,10 +185,10 @@ class Foretelling:
         point = Point(coordinates, theta, fit.hypothesis.settings)
         return point, Parabola(tuple(c.name for c in coordinates), square, square @ theta)
 
-    def _told(self, found: Foretold, of_views: Noise) -> Told:
+    def _score(self, found: Prediction, of_views: Noise) -> PredictiveScore:
         left = found.solution.residuals
         by_stretch = {c: self.fitter.noise.stretches(c, r, of_views[c]) for c, r in left.items()}
-        return Told(found.price, by_stretch, {c: r.size for c, r in left.items()})
+        return PredictiveScore(found.price, by_stretch, {c: r.size for c, r in left.items()})
 
 
 def _price(theta: Array, known: Parabola, normal: Array) -> float:

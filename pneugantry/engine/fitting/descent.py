@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pneugantry.engine.fitting.noise import Noise
-from pneugantry.engine.fitting.problem import Problem, Solution, foretold, inside, newton
+from pneugantry.engine.fitting.problem import Problem, Solution, inside, newton, predicted
 from pneugantry.engine.fitting.weighing import FAILED, Weighing, flat_noise
 from pneugantry.engine.plant import Array
 from pneugantry.engine.views.simulation import Cell, Columns, Point, Residuals, Simulation
@@ -143,7 +143,7 @@ def _missed(
     """
     points = [at.point.moved(at.point.theta + k * step) for k in (1.0, LONG)]
     found = sim.run({c: [p.values(c[1]) for p in points] for c in cells})
-    told = foretold(at, cells, step)
+    told = predicted(at, cells, step)
     off = []
     for cell in cells:
         if not all(np.isfinite(r).all() for r in found[cell]):
@@ -249,7 +249,7 @@ class _Ahead:
         """
         state, known = self.state, self.problem.prior
         theta = trial.point.theta
-        tried = trial.residuals | foretold(state, trial.left, theta - state.point.theta)
+        tried = trial.residuals | predicted(state, trial.left, theta - state.point.theta)
         if not all(np.isfinite(r).all() for r in tried.values()):
             return None
         _, slope = self.weighing.normal(trial.point, tried, state.columns)

@@ -29,9 +29,9 @@ from pneugantry.engine.fitting.problem import (
     Parabola,
     Problem,
     Solution,
-    foretold,
     inside,
     newton,
+    predicted,
     prior,
     standing,
 )
@@ -591,7 +591,7 @@ class Fitter:
         return solution
 
     def _with_columns(self, at: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """With columns by small steps in some cells. Those serve on that foretell from where they
+        """With columns by small steps in some cells. Those serve on that predict from where they
         were made what is there, to less than what all cells together may miss of a fall.
         """
         least = self.rules.converged / len(cells)
@@ -607,7 +607,7 @@ class Fitter:
             return math.inf
         moved = at.point.theta - theta_in(tangent.point, at.point.coordinates)
         there = replace(at, residuals={cell: tangent.residual})
-        missed = at.residuals[cell] - foretold(there, [cell], moved)[cell]
+        missed = at.residuals[cell] - predicted(there, [cell], moved)[cell]
         colour = self.noise.colour(cell, at.residuals[cell])
         white = np.concatenate([w(missed[:, i]) for i, w in enumerate(colour)])
         return float(white @ white)

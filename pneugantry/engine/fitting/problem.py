@@ -19,9 +19,9 @@ __all__ = [
     "Problem",
     "Solution",
     "Tangent",
-    "foretold",
     "inside",
     "newton",
+    "predicted",
     "prior",
     "standing",
 ]
@@ -89,7 +89,7 @@ class Solution:
     point: Point
     residuals: Residuals
     columns: Columns
-    settled: bool = False  # no step from this point led down, under columns that foretell it
+    settled: bool = False  # no step from this point led down, under columns that predict it
     tangents: Mapping[Cell, Tangent] = field(default_factory=dict)  # none: not by small steps
 
     def with_columns(self, made: Columns, cells: Collection[Cell], fine: bool) -> Solution:
@@ -134,7 +134,7 @@ def inside(point: Point) -> Point:
     return point.moved(theta)
 
 
-def foretold(state: Solution, cells: Sequence[Cell], made: Array) -> Residuals:
+def predicted(state: Solution, cells: Sequence[Cell], made: Array) -> Residuals:
     """Residuals of some cells after a step, as their columns tell."""
     found = {c: state.residuals[c].copy() for c in cells}
     for c, step in zip(state.point.coordinates, made, strict=True):

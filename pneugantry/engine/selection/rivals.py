@@ -11,7 +11,7 @@ from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.screening import Offer, screen, usual
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import (
-    Told,
+    Trial,
     added,
     best_of_each,
     explored,
@@ -122,7 +122,7 @@ def _in_place(trail: Trail, best: Fit) -> list[Fit]:
     return fits
 
 
-def _foremost(fitter: Fitter, base: Fit, told: Sequence[Told], cells: Sequence[Cell]) -> list[Fit]:
+def _foremost(fitter: Fitter, base: Fit, told: Sequence[Trial], cells: Sequence[Cell]) -> list[Fit]:
     """Of some hypotheses fits of those that come farthest below a base in some cells."""
     every = [h for h, _ in told]
     leads = fitter.together(lambda t: fitter.ahead(t[0], base, t[1], cells), told, every)

@@ -1,7 +1,7 @@
 """Which effects promise most: score tests of every start of every form about a fit.
 
 A test takes a column of the Jacobian, or the difference that a start itself makes, beside the
-nuisances' columns, and foretells what a step along them gains.
+nuisances' columns, and predicts what a step along them gains.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from pneugantry.engine.selection.screening import Candidate, Offer, starts_of
 
 __all__ = [
     "STARTS",
-    "Told",
+    "Trial",
     "added",
     "best_fit",
     "best_of_each",
@@ -32,7 +32,7 @@ __all__ = [
 
 NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
 STARTS = 2  # from which a form is fitted, beside the base
-Told = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and where it starts
+Trial = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and where it starts
 
 
 def spent(fitter: Fitter) -> float:
@@ -102,7 +102,7 @@ def added(
 def explored(
     fitter: Fitter,
     base: Fit,
-    tried: Sequence[Told],
+    tried: Sequence[Trial],
     ahead: Fit | None,
 ) -> list[Fit]:
     """Hypotheses near a base, each from some starts, side by side. Where the best so far leaves
@@ -113,7 +113,7 @@ def explored(
     best = min((f for f in (base, ahead) if f is not None), key=lambda f: f.evidence)
     fresh = FRESH if left_open(fitter, best) else 1
 
-    def one(each: Told) -> Fit:
+    def one(each: Trial) -> Fit:
         return fitter.explore(each[0], base, each[1], ahead, thorough=False, fresh=fresh)
 
     return fitter.together(one, tried, [h for h, _ in tried])

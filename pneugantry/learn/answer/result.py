@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from pneugantry.engine.answer.result import NORMAL
 from pneugantry.engine.answer.result import to_json as diagnosis_json
 from pneugantry.engine.plant import Array
 from pneugantry.learn.learned import Learned, Tried
 
 __all__ = ["band", "covered", "sentence", "to_json"]
 
-NORMAL = 1.96  # standard deviations of a 95 % interval
 POINTS = 41  # of a curve, at least
 OF_A_PERIOD = 24  # of one that repeats, at least
 MANY = 2001  # at most

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneugantry.engine.answer.confirm import Replay, values_on
-from pneugantry.engine.answer.predict import Foretelling, Told
+from pneugantry.engine.answer.predict import PredictiveScore, Predictor
 from pneugantry.engine.fitting import noise
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
@@ -108,14 +108,14 @@ class TermFits:
         return replace(tried, term=replace(term, places=places))
 
     @contextmanager
-    def foretelling(self, term: Term, record: Record) -> Iterator[Foretelling]:
+    def predictor(self, term: Term, record: Record) -> Iterator[Predictor]:
         """A record that no fit saw, beside fits with a term, under noise of the sensors' colour,
         for that of the residuals holds a term that repeats.
         """
         fitter = self.fitter(term)
         try:
             views = list(fitter.simulation.views.values())
-            made = Foretelling(fitter, views, term.within(record), plain=True)
+            made = Predictor(fitter, views, term.within(record), plain=True)
             try:
                 yield made
             finally:
@@ -123,16 +123,16 @@ class TermFits:
         finally:
             fitter.close()
 
-    def told(self, tried: Sequence[Tried]) -> dict[Tried, Told]:
+    def scores(self, tried: Sequence[Tried]) -> dict[Tried, PredictiveScore]:
         """What the records that no fit saw say of each term, by the views, under the noise that the
         first leaves: a whole replay hangs on single events (a carriage that breaks away).
         """
-        found = dict.fromkeys(tried, Told())
+        found = dict.fromkeys(tried, PredictiveScore())
         for record in self.task.data.unseen if len(tried) > 1 else ():
             of_views: Noise | None = None
             for t in tried:
-                with self.foretelling(t.term, record) as foretelling:
-                    one, of_views = foretelling.told(t.fit, of_views)
+                with self.predictor(t.term, record) as predictor:
+                    one, of_views = predictor.score(t.fit, of_views)
                 found[t] = found[t].beside(one)
         return found
 

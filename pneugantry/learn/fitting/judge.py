@@ -56,7 +56,7 @@ class Judge:
         better = noise.doubted(falls, self.fits.rules.doubt) > self.fits.rules.entry
         hangs = _hangs(old) or _hangs(new)
         if not better and (hangs or new.augmented < old.augmented):
-            better = self._foretells(best, self._plain)
+            better = self._predicts_better(best, self._plain)
         if not better and new.augmented < LEFT * old.augmented:
             return False, f"{fall}, in too few stretches to tell: located, not explained"
         if not better:
@@ -75,15 +75,15 @@ class Judge:
             fall += ", an error that a replay carries on"
         return True, fall
 
-    def _foretells(self, best: Tried, plain: Fit) -> bool:
-        """Whether the views foretell the record that no fit saw better with a term: a whole replay
+    def _predicts_better(self, best: Tried, plain: Fit) -> bool:
+        """Whether the views predict the record that no fit saw better with a term: a whole replay
         hangs on single events (a carriage that breaks away).
         """
         record = self.before.task.data.held_out
         if record is None:
             return False
-        with self.fits.foretelling(best.term, record) as foretelling:
-            (gain,) = foretelling.gains([best.fit], plain)
+        with self.fits.predictor(best.term, record) as predictor:
+            (gain,) = predictor.gains([best.fit], plain)
         return gain > self.fits.rules.effect
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneugantry.engine.answer.predict import Told
+from pneugantry.engine.answer.predict import PredictiveScore
 from pneugantry.engine.fitting import noise
 from pneugantry.engine.plant import Array
 from pneugantry.learn.equations.points import Point
@@ -44,7 +44,7 @@ class Rivals:
         rest = [self.fits.placed(self.fits.again(t)) for t in near]
         least = min(t.cost for t in rest)
         rest = [t for t in rest if t.cost < least + FAR]
-        told = self.fits.told(sorted(rest, key=lambda t: t.cost))
+        told = self.fits.scores(sorted(rest, key=lambda t: t.cost))
         likeliest = min(rest, key=lambda t: t.cost + told[t].cost)
         close = [t for t in rest if t is likeliest or not self._tells(likeliest, t, told)]
         total = {t: t.cost + told[t].cost for t in close}
@@ -74,12 +74,12 @@ class Rivals:
             and t.cost < best.cost + far
             and (
                 t.cost < best.cost + self.fits.rules.entry
-                or not self._tells(best, t, {best: Told(), t: Told()})
+                or not self._tells(best, t, {best: PredictiveScore(), t: PredictiveScore()})
             )
         ]
         return min(close, key=lambda t: (len(t.term.values), t.cost), default=best)
 
-    def _tells(self, a: Tried, b: Tried, told: Mapping[Tried, Told]) -> bool:
+    def _tells(self, a: Tried, b: Tried, told: Mapping[Tried, PredictiveScore]) -> bool:
         """Whether the records prefer a term to another by more than their noise."""
         fitted = [x - y for x, y in zip(_stretches(b), _stretches(a), strict=True)]
         unseen = [told[b].stretches[c] - own for c, own in told[a].stretches.items()]

@@ -19,8 +19,8 @@ from pneugantry.engine.views.simulation import Cell
 from pneugantry.learn.screening.reply import Reply, means
 
 __all__ = [
-    "Answer",
     "Base",
+    "Estimate",
     "Response",
     "Trial",
     "base_of",
@@ -115,8 +115,8 @@ class Base:
             found[left_out] = Kept(folds, factor, np.asarray(pull), cost)
         return found
 
-    def foretold(self, cost: Callable[[str], float]) -> float:
-        """-2 log density of each fold as foretold by the others, summed. cost: -2 log evidence by
+    def predicted(self, cost: Callable[[str], float]) -> float:
+        """-2 log density of each fold as predicted by the others, summed. cost: -2 log evidence by
         the fold that is left out.
         """
         whole = cost("")
@@ -125,7 +125,7 @@ class Base:
     @cached_property
     def plain(self) -> float:
         """The same without any term."""
-        return self.foretold(lambda left_out: self.kept[left_out].cost)
+        return self.predicted(lambda left_out: self.kept[left_out].cost)
 
 
 def base_of(fit: Fit, of_views: Noise, rules: Rules) -> Base:
@@ -163,7 +163,7 @@ def _folds(record: str, rows: int, signals: int, parts: int) -> Iterable[tuple[s
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class Estimate:
     """Coefficients of a term, what they are worth, and their covariance."""
 
     coefficients: Array
@@ -199,14 +199,14 @@ class Reduced:
     pull: Array
     cost: float
 
-    def solved(self, prior: Array) -> Answer:
+    def solved(self, prior: Array) -> Estimate:
         """Least squares under a prior; prior: precision of the coefficients (n, n)."""
         factor = _factor(self.square, prior)
         half = np.linalg.solve(factor, self.pull)
         inverse = np.linalg.solve(factor, np.eye(len(half)))
         occam = 2 * float(np.log(np.diag(factor)).sum()) - float(np.linalg.slogdet(prior)[1])
         covariance = inverse.T @ inverse
-        return Answer(inverse.T @ half, covariance, self.cost - float(half @ half) + occam)
+        return Estimate(inverse.T @ half, covariance, self.cost - float(half @ half) + occam)
 
 
 def _factor(square: Array, prior: Array) -> Array:
@@ -331,11 +331,11 @@ class Trial:
         size = np.diag(reduced.square)
         return np.asarray(np.where(size > 0, reduced.pull**2 / np.maximum(size, 1e-300), 0.0))
 
-    def solved(self, prior: Array, left_out: str = "") -> Answer:
+    def solved(self, prior: Array, left_out: str = "") -> Estimate:
         """Joint least squares with the fit's coordinates under priors; prior: precision (n, n)."""
         return self.reduced(left_out).solved(prior)
 
-    def best(self, priors: Sequence[Array]) -> tuple[int, Answer]:
+    def best(self, priors: Sequence[Array]) -> tuple[int, Estimate]:
         """The prior of the largest evidence."""
         reduced = self.reduced()
         answers = [reduced.solved(p) for p in priors]
@@ -343,8 +343,8 @@ class Trial:
         return index, answers[index]
 
     def gain(self, prior: Array) -> float:
-        """Fall of -2 log density of each fold as foretold by the others."""
-        return self.base.plain - self.base.foretold(lambda out: self.solved(prior, out).cost)
+        """Fall of -2 log density of each fold as predicted by the others."""
+        return self.base.plain - self.base.predicted(lambda out: self.solved(prior, out).cost)
 
 
 def trial_of(response: Response, series: Mapping[str, Array]) -> Trial:

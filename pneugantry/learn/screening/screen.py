@@ -1,5 +1,5 @@
 """Which equation lacks a term, and of what variable: every pair of both is tried, as a smooth curve
-beside all that was fitted. What a pair foretells of logs that its curve has not seen counts.
+beside all that was fitted. What a pair predicts of logs that its curve has not seen counts.
 
 How the residuals reply to an addend is simulated once for each equation (see `reply`); variables,
 curves and waves are then linear algebra.
@@ -23,8 +23,8 @@ from pneugantry.learn.curves.curve import SIZES, Basis, Wave, finer, knots_over,
 from pneugantry.learn.curves.memory import MEMORIES, Remembered, Walks
 from pneugantry.learn.equations.points import Opened, OpenedView, Point
 from pneugantry.learn.screening.linear import (
-    Answer,
     Base,
+    Estimate,
     Response,
     base_of,
     response_of,
@@ -87,7 +87,7 @@ class Candidate:
     point: Point
     regressor: Regressor
     basis: Basis | Remembered
-    answer: Answer  # coefficients of the curve: of the addend, or of what its factor is times
+    answer: Estimate  # coefficients of the curve: of the addend, or of what its factor is times
     gain: float  # of -2 log density of logs left out
     unit: float  # of the curve: the size that changes residuals by one noise level
     size: float  # of the curve's prior, in its own unit

@@ -18,14 +18,14 @@ from pneugantry.plants.gantry.timing import ControllerView
 from pyfmi_runner.build import build_fmu
 from pyfmi_runner.campaign import Campaign, LoggedRun, LogSetup
 from pyfmi_runner.fmu import FmuFile
-from pyfmi_runner.log import MEASURED, SIGMA
+from pyfmi_runner.log import MEASURED, SIGMA, STROKE_X, STROKE_Z
 from pyfmi_runner.scenario import Scenario, scenario_text
 from pyfmi_runner.sensors import SensorParams
 
 __all__ = ["case_of"]
 
 ELSEWHERE = (0.25, 0.75)  # shares of the stroke at which clamped pistons are tried
-STROKE = {"x": 1.0, "z": 0.1}  # m
+STROKE = {"x": STROKE_X, "z": STROKE_Z}
 FIRM = 50.0  # N, contact force from which on tracking an edge is tried
 STRONGER = 1.4  # times the commands of an open-loop log
 
@@ -99,7 +99,7 @@ def _varied(campaign: Campaign, rules: Rules) -> Iterator[Experiment]:
         kinds.add(kind)
         if set(setup.clamped) == {"x", "z"}:
             for share in ELSEWHERE:
-                at = {a: share * STROKE[a] for a in "xz"}
+                at = {a: round(share * STROKE[a], 3) for a in "xz"}
                 what = f"{name} with the pistons clamped at {at['x']:g} m and {at['z']:g} m"
                 moved = replace(setup, start_x=at["x"], start_z=at["z"])
                 yield Experiment(what, _commanded(what, run, moved, 1.0, rules))

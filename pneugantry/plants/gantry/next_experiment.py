@@ -31,8 +31,8 @@ from pyfmi_runner.scenario import Scenario, scenario_text, short_phases
 from pyfmi_runner.sensors import SensorParams
 
 __all__ = [
-    "Candidate",
-    "Rival",
+    "FittedEffects",
+    "Proposal",
     "candidates",
     "for_a_curve",
     "next_experiment",
@@ -41,8 +41,9 @@ __all__ = [
     "simulated",
 ]
 
-Answer = dict[str, Any]  # what, scenario, separates, ...
-Rival = tuple[tuple[str, ...], Mapping[str, float]]  # effects of a hypothesis, fitted values
+Proposed = dict[str, Any]  # what, scenario, separates, ...
+# effects of a hypothesis, fitted values
+FittedEffects = tuple[tuple[str, ...], Mapping[str, float]]
 
 MOST_FORCE = 150.0  # N, contact force that the rig may see
 OPEN = 8.0  # s
@@ -56,7 +57,7 @@ DECISIVE = 30.0  # expected -2 log evidence from which on one tells a curve from
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Proposal:
     """An experiment that the rig can do."""
 
     what: str  # in words
@@ -64,18 +65,18 @@ class Candidate:
     tracks: bool = False  # an edge
 
 
-def proposed(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) -> Answer | None:
+def proposed(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) -> Proposed | None:
     """What tells the likeliest answer from the next: another one of the catalogue, or something
     unknown that imitates one of its curves.
     """
     pair, decision = rivals(found.decision), found.decision
     second = [a.probability for a in decision.answers if len(pair) > 1 and a.keys == pair[1][0]]
 
-    def curve() -> Answer | None:
+    def curve() -> Proposed | None:
         likely = decision.imitated > UNLIKELY
         return for_a_curve(found, campaign, fmu, rules) if likely else None
 
-    def plants() -> Answer | None:
+    def plants() -> Proposed | None:
         return next_experiment(found.task, campaign, fmu, pair)
 
     if decision.imitated > max(second, default=0.0):
@@ -84,8 +85,8 @@ def proposed(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) -> An
 
 
 def next_experiment(
-    task: Task, campaign: Campaign, fmu: FmuFile, pair: Sequence[Rival]
-) -> Answer | None:
+    task: Task, campaign: Campaign, fmu: FmuFile, pair: Sequence[FittedEffects]
+) -> Proposed | None:
     """The candidate in which the plants of two hypotheses differ most (docs/reference/gap.md); None
     where there are no two, or none of the candidates tells.
 
@@ -95,7 +96,7 @@ def next_experiment(
     if len(pair) < 2:
         return None
     values = [fitted for _, fitted in pair]
-    best: tuple[float, Candidate] | None = None
+    best: tuple[float, Proposal] | None = None
     for candidate in candidates(campaign):
         separation = _separation(task, fmu, candidate.scenario, values)
         if separation is not None and (best is None or separation > best[0]):
@@ -114,7 +115,7 @@ def next_experiment(
 
 
 @one_blas_thread()
-def for_a_curve(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) -> Answer | None:
+def for_a_curve(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) -> Proposed | None:
     """The candidate that tells an effect's curve best from the same over another variable, of those
     that track an edge with the campaign's own force; None where none does.
     """
@@ -122,7 +123,7 @@ def for_a_curve(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) ->
     if not has_curves(fit):
         return None
     plant = dict(augmented_of(fmu, found.values).plant)
-    best: tuple[int, float, Candidate, Imitation] | None = None
+    best: tuple[int, float, Proposal, Imitation] | None = None
     for candidate in candidates(campaign):
         if not candidate.tracks or candidate.scenario.f_nd != own:
             continue
@@ -150,28 +151,28 @@ def for_a_curve(found: Found, campaign: Campaign, fmu: FmuFile, rules: Rules) ->
     }
 
 
-def rivals(decision: Decision) -> list[Rival]:
+def rivals(decision: Decision) -> list[FittedEffects]:
     """The two likeliest hypotheses within the catalogue; one, where all else is unlikely."""
     likely = (a for a in decision.answers if a.probability > UNLIKELY)
     known = [a for a in likely if UNKNOWN not in a.keys and a.fit is not None]
     return [(a.keys, a.fit.values(None)) for a in known[:2] if a.fit is not None]
 
 
-def candidates(campaign: Campaign) -> Iterator[Candidate]:
+def candidates(campaign: Campaign) -> Iterator[Proposal]:
     """With the controller and gains of the campaign's own closed-loop logs."""
     base = replace(_base(campaign), name="next")
     for workpiece in ("straight", "incline_16", "incline_30", "curved"):
         edge = replace(base, workpiece=workpiece, standoff=None, phases=short_phases(workpiece))
         for force, speed in ((base.f_nd, base.v_td), (60.0, -0.06), (12.0, -0.03)):
             what = f"track the {workpiece} edge with {force:g} N at {abs(1e3 * speed):g} mm/s"
-            yield Candidate(what, replace(edge, f_nd=force, v_td=speed), tracks=True)
+            yield Proposal(what, replace(edge, f_nd=force, v_td=speed), tracks=True)
         if workpiece == "straight":
             what = f"track the straight edge from x = {ELSEWHERE:g} m with {base.f_nd:g} N"
-            yield Candidate(what, replace(edge, start_x=ELSEWHERE), tracks=True)
+            yield Proposal(what, replace(edge, start_x=ELSEWHERE), tracks=True)
     yield from _open_loop(base)
 
 
-def _open_loop(base: Scenario) -> Iterator[Candidate]:
+def _open_loop(base: Scenario) -> Iterator[Proposal]:
     """Steps of the commands, with the pistons clamped and without a workpiece."""
     phases = {
         "approach": (0.0, OPEN),
@@ -183,12 +184,12 @@ def _open_loop(base: Scenario) -> Iterator[Candidate]:
             base, workpiece="straight", phases=phases, approach_u_x=u_x, approach_u_z=u_z
         )
         held = replace(step, clamped=("x", "z"), start_x=0.5, start_z=0.05, standoff=0.09)
-        yield Candidate(
+        yield Proposal(
             f"with both pistons clamped, step the commands from 0 to {u_x:g} V (x) and "
             f"{u_z:g} V (z) for {OPEN:g} s",
             held,
         )
-        yield Candidate(
+        yield Proposal(
             f"without a workpiece, let both axes run free at {u_x:g} V (x) and {u_z:g} V (z) "
             f"for {OPEN:g} s",
             replace(step, clamped=(), standoff=STROKE_Z),

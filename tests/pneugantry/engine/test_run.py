@@ -14,7 +14,7 @@ from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, recor
 from pneugantry.engine.answer.confirm import Gap
 from pneugantry.engine.answer.decide import Decision, Evidence, decide, outstanding
 from pneugantry.engine.answer.evidence import _compared, _costs, _turned, evidence_of, vouched
-from pneugantry.engine.answer.predict import Foretelling
+from pneugantry.engine.answer.predict import Predictor
 from pneugantry.engine.answer.result import to_json
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.autoregression import quoted
@@ -85,7 +85,7 @@ def test_a_record_that_no_fit_saw_speaks_for_the_effect_that_is_there(
             fitter.explore(null.hypothesis.plus(effect, effect.forms[0]), null)
         )
     views = list(fitter.simulation.views.values())
-    held = Foretelling(fitter, views, record("held", 3, drag=2.0))
+    held = Predictor(fitter, views, record("held", 3, drag=2.0))
     gains = dict(zip(named, held.gains(list(named.values()), null), strict=True))
     held.close()
     fitter.close()
@@ -102,11 +102,11 @@ def test_what_is_too_sure_of_itself_foretells_as_widely_as_the_best_of_all(
     sigma = np.sqrt(np.diag(null.covariance))
     off = replace(null.point, theta=null.point.theta + 3 * sigma)
     views = list(fitter.simulation.views.values())
-    held = Foretelling(fitter, views, record("held", 3))
+    held = Predictor(fitter, views, record("held", 3))
     narrow = replace(null, covariance=null.covariance / 1000, point=off)
-    honest, _ = held.foretold([null])
-    alone, _ = held.foretold([narrow])
-    beside, _ = held.foretold([null, narrow])
+    honest, _ = held.predictions([null])
+    alone, _ = held.predictions([narrow])
+    beside, _ = held.predictions([null, narrow])
     held.close()
     fitter.close()
     assert honest[0].wider == 1.0
@@ -115,17 +115,17 @@ def test_what_is_too_sure_of_itself_foretells_as_widely_as_the_best_of_all(
     assert beside[1].cost > beside[0].cost + 10
 
 
-class Told:
+class Costed:
     """A fit of some evidence; the more it falls, the more of that is doubted."""
 
     def __init__(self, evidence: float) -> None:
         self.evidence = evidence
 
-    def gain(self, base: Told, rules: Rules) -> float:
+    def gain(self, base: Costed, rules: Rules) -> float:
         fall = base.evidence - self.evidence
         return fall - 0.2 * abs(fall)
 
-    def ahead(self, rival: Told, temper: float) -> float:
+    def ahead(self, rival: Costed, temper: float) -> float:
         return 0.9 * (rival.evidence - self.evidence)
 
 
@@ -158,7 +158,7 @@ def test_a_rival_is_as_likely_as_in_the_mean_over_other_stretches(falls: list[fl
 
 def test_rivals_are_held_against_each_other_not_each_against_what_leaves_most() -> None:
     told = {(): 0.0, ("a",): -1000.0, ("b",): -300.0, ("a", "c"): -1800.0, ("b", "c"): -1900.0}
-    fits = {k: cast(Fit, Told(e)) for k, e in told.items()}
+    fits = {k: cast(Fit, Costed(e)) for k, e in told.items()}
     costs = _costs(fits, Rules(), 6.0)
     assert costs["b", "c"] < costs["a", "c"]  # though over ("a",) it would be -1440 and -1520
     assert costs["a",] == pytest.approx(-800.0)
@@ -166,7 +166,7 @@ def test_rivals_are_held_against_each_other_not_each_against_what_leaves_most() 
     assert costs["a", "c"] - costs["b", "c"] == pytest.approx(90.0)
 
 
-class Rough(Told):
+class Rough(Costed):
     """A fit of some effects, of all views together or not."""
 
     hypothesis = None
@@ -436,7 +436,7 @@ def test_an_effect_that_does_nothing_brings_nothing_on_a_record_that_no_fit_saw(
     idle = CATALOGUE["leak"]
     same = fitter.explore(null.hypothesis.plus(idle, idle.forms[0]), null)
     views = list(fitter.simulation.views.values())
-    held = Foretelling(fitter, views, record("held", 3, drag=2.0))
+    held = Predictor(fitter, views, record("held", 3, drag=2.0))
     (gain,) = held.gains([same], null)
     held.close()
     fitter.close()

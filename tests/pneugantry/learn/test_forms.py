@@ -15,7 +15,7 @@ from pneugantry.engine.views.model_parts import part_of
 from pneugantry.learn.curves.curve import Knots, knots_over
 from pneugantry.learn.equations.points import Point, written
 from pneugantry.learn.equations.sources import EquationText, equations_of
-from pneugantry.learn.screening.linear import Answer, Base, Response
+from pneugantry.learn.screening.linear import Base, Estimate, Response
 from pneugantry.learn.screening.regressors import TIME, Regressor, products_of
 from pneugantry.learn.screening.screen import Candidate, Course
 from pneugantry.learn.terms.forms import FORMS, LINE, FormLaw, distilled, free_curve, line_of
@@ -44,7 +44,7 @@ def curve_of(form: FormLaw, values: tuple[float, ...]) -> np.ndarray:
 
 
 def candidate(curve: np.ndarray, sigma: float) -> Candidate:
-    answer = Answer(curve, sigma**2 * np.eye(len(curve)), 0.0)
+    answer = Estimate(curve, sigma**2 * np.eye(len(curve)), 0.0)
     base, course = cast(Base, None), Course({}, None)  # of no plant
     response, u = Response(base, {}, {}), Regressor("", "u")
     return Candidate(HERE, u, KNOTS, answer, 100.0, 1.0, 1.0, 1.0, response, course)
