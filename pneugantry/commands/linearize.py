@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from modelica_fmu.errors import InputError
 from pneugantry.commands.run import parse_settings
 from pneugantry.options import add_parameters, out_file
-from pyfmi_runner.log import PERIOD
 from pyfmi_runner.plant import COMMANDS, OUTPUTS, TASK
 
 if TYPE_CHECKING:
@@ -89,6 +88,7 @@ def execute(options: argparse.Namespace) -> tuple[dict[str, Any], int]:
     )  # python-control loads only when something is linearised
     from pneugantry.analysis.point_file import point_table, write_point
     from pneugantry.api.inputs import fmu_from
+    from pyfmi_runner.log import PERIOD
 
     if not 0.0 <= options.delay <= 1.0:
         raise InputError(
