@@ -39,7 +39,6 @@ from pneugantry.learn.screening.candidates import (
 )
 from pneugantry.learn.screening.regressors import Regressor
 from pneugantry.learn.screening.screen import Candidate, Screen, Screening
-from pneugantry.learn.terms.calibrated import calibrated, read_by
 from pneugantry.learn.terms.composite import composites
 from pneugantry.learn.terms.term import Term, with_term
 from pneugantry.learn.wanted import wanted, whole
@@ -363,10 +362,10 @@ class _Learning:
 
     def _calibrated(self, term: Term) -> Data | None:
         """The records without a sensor's error; None: the term is none, or cannot be taken out."""
-        data, signal = self.found.task.data, read_by(self.found.task.plant, term)
-        if signal is None:
+        data, misread = self.found.task.data, self.fits.misreading(term)
+        if misread is None:
             return None
-        each = {r: calibrated(r, signal, term) for r in (*data.fitted, *data.unseen)}
+        each = {r: misread.corrected(r) for r in (*data.fitted, *data.unseen)}
         if any(r is None for r in each.values()):
             return None
         return data.each(lambda r: each[r] or r)

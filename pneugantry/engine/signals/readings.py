@@ -45,6 +45,11 @@ class Readings:
         """Per s."""
         return self._course("rate", signal, record, errors)
 
+    def forget(self) -> None:
+        """Drops what is kept of records."""
+        self._filtered.clear()
+        self._made.clear()
+
     def _course(self, what: str, signal: str, record: Record, errors: Errors) -> Course:
         """Made once for all sets of errors that agree in the signal's own and those of the speed
         that it is smoothed with.

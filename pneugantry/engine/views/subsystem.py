@@ -119,6 +119,11 @@ class SubsystemView:
         given = {*self.plant.parameters, *self.plant.settings, *moving}
         self._pieces.prepare(given, settings)
 
+    def forget(self) -> None:
+        """Drops what is kept of records that are not shown again."""
+        self._drives.clear()
+        self._readings.forget()
+
     def residuals(self, runs: Sequence[Run]) -> list[Array]:
         own = [(r, {k: given[k] for k in self._own(given)}) for r, given in runs]
         made = zip(own, self.simulate(own), strict=True)

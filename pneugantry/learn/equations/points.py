@@ -62,7 +62,8 @@ class Point:
     declared: Declared | None = None  # its component, where a class of the file declares it
     fed: tuple[tuple[str, str], ...] = field(default=(), compare=False)  # measured states that the
     # class that declares its component has and the component has not: in the whole plant, and as
-    # that class calls them; of one of several components with a common cause none
+    # that class calls them; of one of several components with a common cause none; of a sensor what
+    # others read
 
     @property
     def name(self) -> str:
@@ -198,9 +199,23 @@ class Opened:
         return point.variable in self.deciders.get(variable, ())
 
     def readers(self, point: Point) -> list[OpenedView]:
-        """Views that an addend reaches."""
+        """Views that an addend reaches; of a sensor's error those that take its readings as known,
+        too.
+        """
+        signal = self.signal(point)
+        if signal:
+            return [v for v in self.views if v.depends_on(f"{PREFIX}{signal}.bias")]
+        return self.fed(point)
+
+    def fed(self, point: Point) -> list[OpenedView]:
+        """Views whose equations have an addend."""
         own = {p.variable for p in point.members}
         return [v for v in self.views if own.intersection(v.part.of("input"))]
+
+    def signal(self, point: Point) -> str:
+        """The one whose sensor's error an addend is; "": it is none."""
+        signals = self.plant.signals if point.sensor else ()
+        return next((s.name for s in signals if s.variable == point.equation.left), "")
 
     def block(self, point: Point) -> str:
         """Block of the answer that a point lies in."""
@@ -338,7 +353,8 @@ def _points(plant: Plant, shape: Structure) -> list[Point]:
             if _computes(e, component, shape):
                 found.append(Point(component, e, declared=place, fed=fed))
             elif not component and e.left in read and named_again(e):
-                found.append(Point(component, e, sensor=True))
+                sensor = Point(component, e, sensor=True)
+                found.append(replace(sensor, fed=_elsewhere(plant, shape, sensor.scope)))
     return found
 
 
@@ -351,6 +367,15 @@ def _fed(plant: Plant, shape: Structure, component: str) -> tuple[tuple[str, str
     lacked = [s.variable for s in plant.signals if "[" not in s.variable]
     lacked = [n for n in lacked if shape.roots[n] in shape.states - own.keys()]
     return tuple((n, around[shape.roots[n]]) for n in lacked if shape.roots[n] in around)
+
+
+def _elsewhere(plant: Plant, shape: Structure, scope: str) -> tuple[tuple[str, str], ...]:
+    """What other sensors read outside of a component: one may leak into another."""
+    if not scope:  # all is inside
+        return ()
+    own = {root for name, root in shape.roots.items() if name.startswith(f"{scope}.")}
+    read = [s.variable for s in plant.signals if "[" not in s.variable]
+    return tuple((n, n) for n in read if shape.roots[n] not in own)
 
 
 def _roots_of(shape: Structure, path: str) -> dict[str, str]:

@@ -15,6 +15,7 @@ from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.noise import Noise
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record
+from pneugantry.engine.recent import Recent
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.task import Task
@@ -23,7 +24,7 @@ from pneugantry.engine.views.view import View
 from pneugantry.learn.curves.places import place_of
 from pneugantry.learn.equations.points import Opened, recut
 from pneugantry.learn.learned import Tried
-from pneugantry.learn.terms.calibrated import Calibrated, read_by
+from pneugantry.learn.terms.calibrated import KEPT, Calibrated, Misreading, misreading
 from pneugantry.learn.terms.term import Term, with_term
 
 __all__ = ["TermFits"]
@@ -46,15 +47,27 @@ class TermFits:
 
     def joint(self, base: Fit, term: Term, starts: Mapping[str, float] | None = None) -> Tried:
         """A term beside the effects of a fit; starts: of parameters of effects, and of others that
-        are one for all records, where not as fitted.
+        are one for all records, where not as fitted. A sensor's error starts where its own view has
+        it, too, which is near a straight line in it: others may pass events.
         """
-        fitter, effect = self.fitter(term), term.effect
+        beside = starts or {}
+        first = [{**beside, **term.starts}]
+        if self.misreading(term) is not None:
+            alone = self._explored(self._of_plant(term), base, term, first)
+            first.append({**beside, **self.tried(term, alone).term.starts})
+        fit = self._explored(self.fitter(term), base, term, first)
+        return replace(self.tried(term, fit), base=base)
+
+    def _explored(
+        self, fitter: Fitter, base: Fit, term: Term, starts: Sequence[Mapping[str, float]]
+    ) -> Fit:
+        """A term beside a fit; closes the fitter."""
+        effect = term.effect
         try:
             hypothesis = base.hypothesis.plus(effect, effect.forms[0])
-            fit = fitter.explore(hypothesis, base, [{**(starts or {}), **term.starts}])
+            return fitter.explore(hypothesis, base, starts)
         finally:
             fitter.close()
-        return replace(self.tried(term, fit), base=base)
 
     def tried(self, term: Term, fit: Fit) -> Tried:
         """The term with the values that a fit gave it; its cost has a price for each effect."""
@@ -65,12 +78,10 @@ class TermFits:
         return Tried(made, fit, fit.evidence + price)
 
     def again(self, tried: Tried) -> Tried:
-        """The same term with all views fitted together; of a sensor's error all see the readings
-        without it.
-        """
+        """The same term with all views fitted together."""
         if tried.fit.whole:
             return tried
-        fitter = self.calibrated(tried.term) or self.fitter(tried.term)
+        fitter = self.fitter(tried.term)
         try:
             start = replace(tried.fit, settled=False, tangents={})
             made = self.tried(tried.term, fitter.again(start))
@@ -78,16 +89,9 @@ class TermFits:
             fitter.close()
         return replace(tried, term=made.term, fit=made.fit, cost=made.cost)
 
-    def behind(self, tried: Tried) -> Tried:
-        """A sensor's error as all views tell it that see the readings without it; others as they
-        are.
-        """
-        return tried if read_by(self.task.plant, tried.term) is None else self.again(tried)
-
     def loud(self, tried: Tried) -> list[str]:
         """Views in which a term leaves more than noise."""
-        behind = self.calibrated(tried.term) if tried.fit.whole else None
-        fitter = behind or self.fitter(tried.term)
+        fitter = self.fitter(tried.term)
         try:
             return fitter.loud(tried.fit)
         finally:
@@ -144,20 +148,30 @@ class TermFits:
         return np.array([float(part.sum()) for part in np.array_split(terms, count)])
 
     def fitter(self, term: Term) -> Fitter:
-        """Of the plant with a term; to be closed."""
+        """Of the plant with a term; of a sensor's error of the plant as it is, whose views are
+        shown readings without it. To be closed.
+        """
+        misread = self.misreading(term)
+        return self._of_plant(term) if misread is None else self._corrected(misread)
+
+    def _of_plant(self, term: Term) -> Fitter:
         plant, views = self.plant_with(term)
         records = [term.within(r) for r in self.task.data.fitted]
         return Fitter(plant, views, records, self.rules, self.level)
 
-    def calibrated(self, term: Term) -> Fitter | None:
-        """Of the plant, whose views are shown readings without a term; None: it is no error of a
-        sensor. To be closed.
+    def misreading(self, term: Term) -> Misreading | None:
+        """What a sensor's error is a function of; None: the term is none that can be taken out of
+        all records.
         """
-        task, signal = self.task, read_by(self.task.plant, term)
-        if signal is None:
-            return None
-        error = f"{PREFIX}{signal}.bias"  # of that sensor: who reads it feels this
-        views = [Calibrated(v, signal, term) if v.depends_on(error) else v for v in task.views]
+        task, data = self.task, self.task.data
+        found = misreading(task.plant, term, self.apart.shape.roots)
+        whole = found is not None and all(map(found.told, (*data.fitted, *data.unseen)))
+        return found if whole else None
+
+    def _corrected(self, misread: Misreading) -> Fitter:
+        task, error = self.task, f"{PREFIX}{misread.signal}.bias"  # who reads it feels this
+        kept: Recent[Record | None] = Recent(KEPT)
+        views = [Calibrated(v, misread, kept) if v.depends_on(error) else v for v in task.views]
         return Fitter(task.plant, views, task.data.fitted, self.rules, self.level)
 
     def plant_with(self, term: Term) -> tuple[Plant, list[View]]:
@@ -172,11 +186,11 @@ class TermFits:
         return plant, self.recut(plant, term)
 
     def recut(self, plant: Plant, term: Term) -> list[View]:
-        """Views of the plant with a term: those that it does not reach stay as they are."""
-        reached = self.reached(term)
+        """Views of the plant with a term: those that do not have it stay as they are."""
+        fed = [v.name for v in self.apart.fed(term.point)]
         return [
             recut(view, plant, self.task.cache)
-            if isinstance(view, SubsystemView) and view.name in reached
+            if isinstance(view, SubsystemView) and view.name in fed
             else view
             for view in self.task.views
         ]

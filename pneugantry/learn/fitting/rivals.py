@@ -32,9 +32,9 @@ class Rivals:
         """The likeliest term, and the best one of each other pair of equation and variable that
         neither the fitted records nor the one that no fit saw tell from it. Of these a function
         of time comes last: it is none of the plant, and any state that all records pass at the
-        same time looks like one; before it what has been travelled, what another component has, and
-        what turns round with a speed, which says more. What is fed to the plant comes first: what
-        follows from it does the same.
+        same time looks like one; before it what has been travelled, what another component has
+        (last what it does to a sensor), and what turns round with a speed, which says more. What
+        is fed to the plant comes first: what follows from it does the same.
         """
         pairs: dict[tuple[Point, Regressor], Tried] = {}
         for t in tried:
@@ -50,14 +50,14 @@ class Rivals:
         total = {t: t.cost + told[t].cost for t in close}
 
         roots = self.fits.apart.shape.roots
-        fed = {roots.get(name, name) for name in self.fits.task.plant.inputs}
+        inputs = {roots.get(name, name) for name in self.fits.task.plant.inputs}
 
         def rank(t: Tried) -> tuple[float, ...]:
             own = t.term.regressor
-            follows = roots.get(own.plain.label) not in fed
+            follows = roots.get(own.plain.label) not in inputs
             turned = bool(own.speed) or bool(own.times)
-            beside = len(t.fit.keys)
-            return own.name == TIME, beside, own.travelled, own.fed, turned, follows, total[t]
+            beside, fed = len(t.fit.keys), own.fed * (1 + t.term.point.sensor)
+            return own.name == TIME, beside, own.travelled, fed, turned, follows, total[t]
 
         return tuple(sorted(close, key=rank))
 

@@ -52,9 +52,7 @@ class Shaping:
         for t in first:
             if t.free is not None and base.evidence - t.fit.evidence > NEARLY * fall:
                 found += self._forms(base, t)
-        formed = [t for t in found if t.free is None]
-        best = min(formed, key=lambda t: t.cost, default=None)
-        return [self.fits.behind(t) if t is best else t for t in found]
+        return found
 
     def term(self, candidate: Candidate, d: Distilled) -> Term:
         """A candidate in a form, from where its curve has it."""

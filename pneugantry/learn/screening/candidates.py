@@ -71,7 +71,7 @@ def shaped(screen: Screen, worth: Sequence[Candidate], rules: Rules) -> list[Can
     with narrow features the smooth one, which a fit bends more easily. Of a sensor also those of
     what it reads: its errors are functions of that.
     """
-    found = {(c.point, c.regressor, kind(c)): c for c in worth}
+    found = {(c.point, c.regressor, _each(c)): c for c in worth}
     pairs = {(c.point, c.regressor) for c in worth}
     fine = {(c.point, c.regressor) for c in worth if isinstance(c.basis, FineKnots)}
     pairs |= {
@@ -85,7 +85,7 @@ def shaped(screen: Screen, worth: Sequence[Candidate], rules: Rules) -> list[Can
         if isinstance(c.basis, FineKnots) or c.gain <= rules.entry:
             continue
         if pair in (fine if smooth else pairs):
-            found.setdefault((*pair, "smooth curve" if smooth else kind(c)), c)
+            found.setdefault((*pair, "smooth curve" if smooth else _each(c)), c)
     return list(found.values())
 
 
@@ -105,6 +105,16 @@ def kind(candidate: Candidate) -> str:
     if isinstance(basis, Remembered):
         return basis.memory.name
     return "wave" if isinstance(basis, Wave) else "curve"
+
+
+def _each(candidate: Candidate) -> str:
+    """Its kind; of a sensor's waves the period, too: what its own view asks for may not be what
+    others seem to, to whom its error is none of a straight line.
+    """
+    basis = candidate.basis
+    if isinstance(basis, Wave) and candidate.point.sensor:
+        return f"wave {basis.period:g}"
+    return kind(candidate)
 
 
 def _unlikely(candidate: Candidate) -> tuple[bool, bool]:

@@ -257,7 +257,7 @@ class Screening:
                         if product not in ratios:
                             ratios[product] = self._ratio(own, course.factors)
                         headed = replace(headed, unit=headed.unit * ratios[product])
-                    bases = self._bases(own, regressor, course)
+                    bases = self._bases(head, own, regressor, course)
                     pair = headed, own, regressor
                     found += [self._candidate(*pair, b, course) for b in bases]
         return found
@@ -372,11 +372,8 @@ class Screening:
         self, view: OpenedView, record: Record, point: Point
     ) -> Callable[[Sequence[Array]], Array]:
         """Changes of a view's residual (n, rows, signals) with series of an addend."""
-        quiet, own, cell = (
-            self.quiet[record.name],
-            self.values[record.name],
-            (view.name, record.name),
-        )
+        quiet, own = self.quiet[record.name], self.values[record.name]
+        cell, signal = (view.name, record.name), self.opened.signal(point)
         if cell not in self._zero:
             self._zero[cell] = view.answers(quiet, own, [{}])[0]
 
@@ -384,7 +381,16 @@ class Screening:
             fed = [{point.variable: s} for s in series]
             return np.asarray(view.answers(quiet, own, fed) - self._zero[cell])
 
-        return answer
+        def misread(series: Sequence[Array]) -> Array:
+            read = quiet.signals
+            true = [{**read, signal: read[signal] - s} for s in series]
+            # a view tells records by their names
+            runs = [(replace(quiet, name=f"{k}", signals=t), own) for k, t in enumerate(true)]
+            changes = np.stack(view.residuals(runs)) - self._zero[cell]
+            view.forget()
+            return changes
+
+        return misread if signal else answer
 
     def _reply(self, group: _Group, view: OpenedView, record: Record) -> Reply | None:
         cell, block = (view.name, record.name), blocks_of(view, record)
@@ -398,7 +404,7 @@ class Screening:
     # -- variables
 
     def _bases(
-        self, response: Response, regressor: Regressor, course: Course
+        self, point: Point, response: Response, regressor: Regressor, course: Course
     ) -> list[Basis | Remembered]:
         """Curves of a variable in an equation: smooth, and along a state or time also with narrow
         features, and waves; and what memories make of it.
@@ -415,7 +421,7 @@ class Screening:
             bases.append(finer(knots))
         elif not (regressor.times or regressor.fed) and self._moves(regressor):
             bases.append(finer(knots))
-            bases += [Wave(p) for p in self._lines(response, course)]
+            bases += [Wave(p) for p in self._lines(point, response, course)]
         return bases
 
     def _memories(
@@ -447,9 +453,9 @@ class Screening:
         shape = self.opened.shape
         return not regressor.speed and shape.roots.get(regressor.label) in shape.states
 
-    def _lines(self, response: Response, course: Course) -> list[float]:
-        """The period of a variable along which residuals repeat most, many of which lie in its
-        range; it is one that blocks of rows resolve.
+    def _lines(self, point: Point, response: Response, course: Course) -> list[float]:
+        """The periods of a variable along which residuals repeat most, of a sensor also those of
+        its own view: many of one lie in its range, and blocks of rows resolve it.
         """
         values = list(course.values.values())
         low, high = np.quantile(np.concatenate(values), (0.005, 0.995))
@@ -461,9 +467,17 @@ class Screening:
         if most <= FEWEST:
             return []
         rough = np.arange(FEWEST, most, 0.5)
-        best = float(rough[np.argmax(_powers(response, over, span / rough))])
-        near = np.arange(best - 0.5, best + 0.5 + FINE, FINE)
-        return [span / float(near[np.argmax(_powers(response, over, span / near))])]
+        every, signal = {c[0] for c in over}, self.opened.signal(point)
+        of_sensor = {v for v in every if signal in self.of_name[v].signals}
+        found: dict[float, float] = {}
+        for own in [every, of_sensor] if of_sensor and of_sensor < every else [every]:
+            cells = {c: p for c, p in response.products.items() if c[0] in own}
+            told = replace(response, products=cells)
+            best = float(rough[np.argmax(_powers(told, over, span / rough))])
+            near = np.arange(best - 0.5, best + 0.5 + FINE, FINE)
+            period = span / float(near[np.argmax(_powers(told, over, span / near))])
+            found.setdefault(best, period)
+        return list(found.values())
 
     def _candidate(
         self,

@@ -11,47 +11,112 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
 from pneugantry.engine.views.view import Run, View
+from pneugantry.learn.screening.regressors import TIME
 from pneugantry.learn.terms.term import Term
 
-__all__ = ["Calibrated", "calibrated", "read_by"]
+__all__ = ["KEPT", "Calibrated", "Misreading", "misreading"]
 
-KEPT = 256  # records that a view keeps
+KEPT = 256  # records that are kept
 ROUNDS = 60  # steps of the inversion, at most
 FLAT = 1e-3  # slope that counts as none
 EXACT = 1e-3  # of an error's size, left by the last one
 
 
-def read_by(plant: Plant, term: Term) -> str | None:
-    """The signal whose error a term is, as a function of what that sensor reads; None: none's."""
-    if not (term.regressor.alone and term.point.is_read(term.variable)):
+@dataclass(frozen=True)
+class Misreading:
+    """What a sensor's error is a function of: its own readings, another one's, or time."""
+
+    signal: str  # whose error it is
+    over: str  # signal, or `TIME`
+    term: Term
+
+    @property
+    def of_itself(self) -> bool:
+        return self.over == self.signal
+
+    def at(self, values: Sequence[float]) -> Misreading:
+        """The same with other values of the term's parameters."""
+        return replace(self, term=self.term.at(values))
+
+    def told(self, record: Record) -> bool:
+        """Whether a record has what the error is a function of, or is not touched by it."""
+        return self.signal not in record.signals or self.over in (TIME, *record.signals)
+
+    def corrected(self, record: Record) -> Record | None:
+        """A record without the error in the signal's readings; None: they have no single origin."""
+        if self.signal not in record.signals:
+            return record
+        read = np.asarray(record.signals[self.signal], dtype=float)
+        if not self.of_itself:
+            true = read - self._error(self._known(record), record.period)
+            return replace(record, signals={**record.signals, self.signal: true})
+        true = read
+        for _ in range(ROUNDS):
+            with np.errstate(over="ignore", invalid="ignore"):  # it may grow faster than that
+                error = self._error(true, record.period)
+                moved = float(np.abs(read - error - true).max())
+            if not math.isfinite(moved):
+                break
+            true = read - error
+            if moved <= EXACT * float(np.abs(error).max()):
+                return replace(record, signals={**record.signals, self.signal: true})
         return None
-    left = term.point.equation.left
-    return next((s.name for s in plant.signals if s.variable == left), None)
+
+    def slope(self, record: Record, sigma: float) -> float:
+        """Slope of readings of that noise by what they stand for, with what came before: a
+        geometric mean.
+        """
+        if not self.of_itself:
+            return 1.0
+        term = self.term
+        true, law = np.asarray(record.signals[self.signal], dtype=float), term.law
+        if law.memory is None:
+            ends = [law.law(true + sign * sigma, term.values) for sign in (1, -1)]
+            slope = (ends[0] - ends[1]) / (2 * sigma)
+        else:
+            size, *rest = term.values
+            off = law.memory.walk(true, record.period, rest)
+            slope = size * np.asarray(law.memory.slope(off, record.period, rest))
+        return float(np.exp(np.mean(np.log(np.abs(1 + slope) + FLAT))))
+
+    def _known(self, record: Record) -> Array:
+        """What the error is a function of, where that is not what it changes."""
+        if self.over == TIME:
+            return np.asarray(np.arange(record.rows) * record.period, dtype=np.float64)
+        return np.asarray(record.signals[self.over], dtype=float)
+
+    def _error(self, over: Array, period: float) -> Array:
+        term = self.term
+        memory = term.law.memory
+        if memory is not None:
+            return np.asarray(term.values[0] * memory.walk(over, period, term.values[1:]))
+        return np.asarray(term.law.law(over, term.values), dtype=float)
 
 
-def calibrated(record: Record, signal: str, term: Term) -> Record | None:
-    """A record without the term in a signal's readings; None: they have no single origin."""
-    if signal not in record.signals:
-        return record
-    read = np.asarray(record.signals[signal], dtype=float)
-    true = read
-    for _ in range(ROUNDS):
-        with np.errstate(over="ignore", invalid="ignore"):  # an error that grows faster than that
-            error = _error(true, record.period, term)
-            moved = float(np.abs(read - error - true).max())
-        if not math.isfinite(moved):
-            break
-        true = read - error
-        if moved <= EXACT * float(np.abs(error).max()):
-            return replace(record, signals={**record.signals, signal: true})
-    return None
+def misreading(plant: Plant, term: Term, roots: Mapping[str, str]) -> Misreading | None:
+    """What a sensor's error is a function of; None: the term is no error of a sensor, or one of
+    what is not measured. roots: of the plant's variables, those that are one have the same.
+    """
+    own, point = term.regressor, term.point
+    if not (own.alone and point.sensor) or term.places:
+        return None
+    signal = next((s.name for s in plant.signals if s.variable == point.equation.left), None)
+    if signal is None:
+        return None
+    if own.name == TIME:
+        return Misreading(signal, TIME, term)
+    if point.is_read(own.name):
+        return Misreading(signal, signal, term)
+    measured = {roots.get(s.variable, s.variable): s.name for s in plant.signals}
+    over = measured.get(roots.get(own.label, own.label))
+    return None if over is None else Misreading(signal, over, term)
 
 
 @dataclass(eq=False)
@@ -61,14 +126,16 @@ class Calibrated:
     """
 
     view: View
-    signal: str
-    term: Term
+    misread: Misreading
+    # of records without the error, by record and values; views may share it
+    kept: Recent[Record | None] = field(default_factory=lambda: Recent(KEPT))
 
     def __post_init__(self) -> None:
         view = self.view
         self.name, self.signals, self.blocks = view.name, view.signals, view.blocks
         self.sigmas, self.decimation = view.sigmas, view.decimation
-        self._records: Recent[Record | None] = Recent(KEPT)
+        self.term = self.misread.term
+        self._neutral = self.term.neutral
         self._slopes: Recent[float] = Recent(KEPT)
 
     @property
@@ -92,8 +159,7 @@ class Calibrated:
         """NaN where the readings have no single origin."""
         alike: dict[tuple[float, ...], list[int]] = {}
         for i, (_, given) in enumerate(runs):
-            own = zip(self.term.parameters, self.term.values, strict=True)
-            alike.setdefault(tuple(given.get(n, v) for n, v in own), []).append(i)
+            alike.setdefault(tuple(given.get(n, v) for n, v in self._neutral.items()), []).append(i)
         found: list[Array] = [np.zeros((0, 0))] * len(runs)
         for values, members in alike.items():
             shown = [self._record(runs[i][0], values) for i in members]
@@ -108,34 +174,12 @@ class Calibrated:
         readings by what they stand for, row by row; the geometric one, as densities have it.
         """
         found = np.ones(len(self.signals))
-        if self.signal in self.signals:
-            column, term = self.signals.index(self.signal), self.term.at(values)
+        if self.misread.signal in self.signals:
+            column, misread = self.signals.index(self.misread.signal), self.misread.at(values)
             sigma = self.sigmas[column] * math.sqrt(self.decimation)
-            found[column] = self._slopes.of(
-                (record, values), lambda: _steep(record, sigma, self.signal, term)
-            )
+            found[column] = self._slopes.of((record, values), lambda: misread.slope(record, sigma))
         return found
 
     def _record(self, record: Record, values: tuple[float, ...]) -> Record | None:
-        term = self.term.at(values)
-        return self._records.of((record, values), lambda: calibrated(record, self.signal, term))
-
-
-def _steep(record: Record, sigma: float, signal: str, term: Term) -> float:
-    """Slope of readings by what they stand for, with what came before: a geometric mean."""
-    true, law = np.asarray(record.signals[signal], dtype=float), term.law
-    if law.memory is None:
-        ends = [law.law(true + sign * sigma, term.values) for sign in (1, -1)]
-        slope = (ends[0] - ends[1]) / (2 * sigma)
-    else:
-        size, *rest = term.values
-        off = law.memory.walk(true, record.period, rest)
-        slope = size * np.asarray(law.memory.slope(off, record.period, rest))
-    return float(np.exp(np.mean(np.log(np.abs(1 + slope) + FLAT))))
-
-
-def _error(true: Array, period: float, term: Term) -> Array:
-    memory = term.law.memory
-    if memory is not None:
-        return np.asarray(term.values[0] * memory.walk(true, period, term.values[1:]))
-    return np.asarray(term.law.law(true, term.values), dtype=float)
+        misread = self.misread.at(values)
+        return self.kept.of((record, values), lambda: misread.corrected(record))

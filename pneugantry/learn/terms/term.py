@@ -80,6 +80,11 @@ class Term:
         return unit, known.get(point.prefix + point.equation.left.strip(), "")
 
     @property
+    def _given(self) -> bool:
+        """Whether the class around its component gives it what it is a function of."""
+        return self.regressor.fed and not self.point.sensor
+
+    @property
     def _shown(self) -> str:
         """The regressor in a formula."""
         named = "t" if self.variable == TIME else self._spelt
@@ -136,7 +141,7 @@ class Term:
         members have, declared there; by the class around it a variable that it gives to it.
         """
         shared, own = self.point.shared, [f"{self._owner}p{k + 1}" for k in range(len(values))]
-        if self.regressor.fed and self.point.declared is not None:
+        if self._given and self.point.declared is not None:
             given = f"{self.point.name}(z = {self.point.given(self.variable)})"
             return (self.point.declared.with_modifier(given),)
         if shared is None:
@@ -158,7 +163,7 @@ class Term:
                 f"  initial equation\n    s = z;\n  equation\n{memory.rates}"
             )
         if not self.regressor.travelled:
-            unbound = " = 0" if self.regressor.fed else ""  # in other components of the class
+            unbound = " = 0" if self._given else ""  # in other components of the class
             return f"    input Real z{unbound};\n    output Real y;\n  equation\n"
         return (
             "    input Real speed;\n    output Real y;\n    Real z(start = 0, fixed = true);\n"
@@ -167,7 +172,7 @@ class Term:
 
     def _fed(self) -> str:
         """What the block is fed within its class."""
-        if self.regressor.fed:
+        if self._given:
             return ""
         own = "speed" if self.regressor.travelled else "z"
         return f"    {self.point.name}.{own} = {self._spelt};"
@@ -237,6 +242,11 @@ class Term:
         summary = f"learnt: {self.name}"
         form = Form(self.law.name, tuple(made), self.settings)
         return Effect(NAME, "", self.block, summary, (form,))
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """Its parameters, of a size of 0."""
+        return {n: 0.0 if self._is_size(k) else v for k, (n, v) in enumerate(self.starts.items())}
 
     @property
     def starts(self) -> dict[str, float]:

@@ -20,7 +20,7 @@ from pneugantry.engine.views.view import Run
 from pneugantry.learn.equations.points import Point
 from pneugantry.learn.equations.sources import equations_of
 from pneugantry.learn.screening.regressors import Regressor
-from pneugantry.learn.terms.calibrated import Calibrated, calibrated, read_by
+from pneugantry.learn.terms.calibrated import Calibrated, Misreading, misreading
 from pneugantry.learn.terms.forms import FORMS, REMEMBERING
 from pneugantry.learn.terms.term import Term
 
@@ -101,14 +101,15 @@ def _term(folder: Path, name: str, values: tuple[float, ...]) -> tuple[Plant, Te
 )
 def test_an_error_is_taken_out(tmp_path: Path, name: str, values: tuple[float, ...]) -> None:
     plant, term = _term(tmp_path, name, values)
-    assert read_by(plant, term) == "x"
+    misread = misreading(plant, term, {})
+    assert misread == Misreading("x", "x", term)
     true = np.sin(3 * T) + 0.3 * T
     memory = term.law.memory
     if memory is None:
         error = term.law.law(true, values)
     else:
         error = values[0] * memory.walk(true, PERIOD, values[1:])
-    found = calibrated(Record("run", PERIOD, {}, {"x": true + error, "f": true}, {}), "x", term)
+    found = misread.corrected(Record("run", PERIOD, {}, {"x": true + error, "f": true}, {}))
     assert found is not None
     assert found.signals["x"] == pytest.approx(true, abs=2e-3 * np.abs(error).max())
     assert found.signals["f"] is true
@@ -118,22 +119,22 @@ def test_where_nothing_moves_an_error_is_taken_out_as_well(tmp_path: Path) -> No
     _, term = _term(tmp_path, "sine", (0.5, 4.0, 0.0))
     true = 0.9 + 0.001 * np.sin(3 * T)  # far less than its error
     read = true + term.law.law(true, term.values)
-    found = calibrated(Record("run", PERIOD, {}, {"x": read}, {}), "x", term)
+    found = Misreading("x", "x", term).corrected(Record("run", PERIOD, {}, {"x": read}, {}))
     assert found is not None
     assert found.signals["x"] == pytest.approx(true, abs=1e-3)
 
 
 def test_a_reading_without_a_single_origin_is_left(tmp_path: Path) -> None:
     plant, term = _term(tmp_path, "sine", (1.0, 0.5, 0.0))
-    assert calibrated(Record("run", PERIOD, {}, {"x": np.sin(3 * T)}, {}), "x", term) is None
+    record = Record("run", PERIOD, {}, {"x": np.sin(3 * T)}, {})
+    assert Misreading("x", "x", term).corrected(record) is None
     with warnings.catch_warnings():  # an error that grows without end is no news to a user
         warnings.simplefilter("error")
         _, steep = _term(tmp_path, "cube", (50.0,))
-        assert (
-            calibrated(Record("run", PERIOD, {}, {"x": 9 * np.sin(3 * T)}, {}), "x", steep) is None
-        )
+        far = Record("run", PERIOD, {}, {"x": 9 * np.sin(3 * T)}, {})
+        assert Misreading("x", "x", steep).corrected(far) is None
     other = Term(term.point, Regressor("", "u"), term.law, (1.0,), (), "sensors")
-    assert read_by(plant, other) is None
+    assert misreading(plant, other, {}) is None  # u is not measured
 
 
 class _Reader:
@@ -168,7 +169,7 @@ def test_a_view_is_shown_readings_without_the_error_that_is_asked(tmp_path: Path
     true = np.sin(3 * T)
     record = Record("run", PERIOD, {}, {"x": true + term.law.law(true, term.values)}, {})
     reader = _Reader(true)
-    view = Calibrated(reader, "x", term)
+    view = Calibrated(reader, Misreading("x", "x", term))
     size, period, place = term.parameters
     own = {size: 0.05, period: 0.7, place: 0.1}
     right, stiffer, without, absurd = view.residuals(
@@ -205,7 +206,7 @@ def test_an_error_that_smooths_a_sensor_s_noise_is_not_the_likelier_for_it(
     noise = 1e-3 * np.random.default_rng(3).standard_normal(ROWS)
     reader = _Reader(np.zeros(ROWS))
     reader.signals, reader.sigmas = ("x",), (1e-3,)
-    (found,) = Calibrated(reader, "x", term).residuals(
+    (found,) = Calibrated(reader, Misreading("x", "x", term)).residuals(
         [(Record("run", PERIOD, {}, {"x": noise}, {}), {"k": 1.0})]
     )
     assert np.std(found) > 0.99 * np.std(noise)
@@ -286,6 +287,39 @@ def test_all_views_tell_a_scale_s_error(tmp_path: Path) -> None:
     learned = json.loads(told.read_text(encoding="utf-8"))["learned"]
     assert learned["accepted"]
     assert learned["term"]["equation"] == "s_read = s"
+
+
+@pytest.mark.usefixtures("unoptimised")
+def test_what_leaks_from_one_sensor_into_another_is_told(tmp_path: Path) -> None:
+    """The force's own view by itself has a damper beside the springs instead; the carriage's view
+    takes the force as known.
+    """
+    leak = 3.0  # N.s/m
+    model = MODEL.replace("  Real v(start", "  output Real v(start")
+    plant = PLANT.replace("[tolerance]", '[outputs.v]\ncolumn = "v"\nsigma = 0.005\n[tolerance]')
+    rng = np.random.default_rng(11)
+    for log, slow, fast in (("swings", 1.7, 4.1), ("sweeps", 0.8, 2.9), ("other", 1.2, 5.3)):
+        t = 0.01 * T[:1200] / PERIOD
+        u = np.round(14 * np.sin(slow * t) + 8 * np.sin(fast * t + 1), 3)
+        s = _travel(u, 1.97, 4.1, 206.0)
+        v = np.gradient(s, 0.01)
+        f = 206.0 * s + leak * v
+        read = {
+            n: c + e * rng.standard_normal(1200)
+            for n, c, e in (("x", s, 3e-4), ("f", f, 0.05), ("v", v, 0.005))
+        }
+        pd.DataFrame({"u": u, **read}).to_csv(tmp_path / f"{log}.csv", index=False)
+    for name, text in (("Slide.mo", model), ("effects.toml", EFFECT), ("plant.toml", plant)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    told = tmp_path / "out.json"
+    assert main(["diagnose", str(tmp_path / "plant.toml"), "--json", str(told)]) == 0
+    found = json.loads(told.read_text(encoding="utf-8"))
+    term = found["learned"]["term"]
+    assert found["learned"]["accepted"], found["learned"]["why"]
+    assert (term["block"], term["equation"], term["regressor"]) == ("sensors", "f_read = f", "v")
+    (size,) = term["parameters"].values()
+    assert size["ci95"][0] < leak < size["ci95"][1]
+    assert found["learned"]["causes"] == []
 
 
 def _travel(u: Array, mass: float, damping: float, stiffness: float) -> Array:
