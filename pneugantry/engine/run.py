@@ -22,7 +22,7 @@ from pneugantry.engine.answer.confirm import (
     values_on,
 )
 from pneugantry.engine.answer.decide import Decision, Evidence, decide, outstanding
-from pneugantry.engine.answer.evidence import evidence_of, likeliest, vouched
+from pneugantry.engine.answer.evidence import evidence_of, left_by, likeliest, settled, vouched
 from pneugantry.engine.answer.imitation import imitators
 from pneugantry.engine.answer.location import where
 from pneugantry.engine.answer.result import Diagnosis, answer_set, causes_of
@@ -30,7 +30,7 @@ from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.selection.excess import Excess, excess_of, floors_of
+from pneugantry.engine.selection.excess import Excess
 from pneugantry.engine.selection.search import Search, resumed, search
 from pneugantry.engine.task import Task
 from pneugantry.engine.threads import one_blas_thread
@@ -95,7 +95,13 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
         if confirmed.lost and (more := vouched(fitter, task, found, evidence, confirmed.pair)):
             evidence = [*evidence, *more]
             confirmed = _confirmed(fitter, task, found.null, likeliest(evidence, task))
-        return _answer(fitter, task, found, evidence, confirmed, clock)
+        left = left_by(fitter, task, likeliest(evidence, task))
+        if more := settled(fitter, task, found, evidence, left):
+            evidence = [*evidence, *more]
+            best = likeliest(evidence, task)
+            confirmed = _confirmed(fitter, task, found.null, best)
+            left = left_by(fitter, task, best)
+        return _answer(fitter, task, found, _Judged(tuple(evidence), confirmed, left), clock)
     finally:
         fitter.close()
 
@@ -130,19 +136,12 @@ class _Clock:
         return time.perf_counter() - self.start
 
 
-def _answer(
-    fitter: Fitter,
-    task: Task,
-    found: Search,
-    evidence: Sequence[Evidence],
-    c: _Confirmed,
-    clock: _Clock,
-) -> Found:
+def _answer(fitter: Fitter, task: Task, found: Search, judged: _Judged, clock: _Clock) -> Found:
+    evidence, c, excess = judged.evidence, judged.confirmed, judged.left[0]
     best = likeliest(evidence, task)
-    excess = excess_of(fitter, best, floors_of(fitter, best))
     worse = bool(best.keys) and c.gap is not None and _worse(c.gap, c.plain)
     seen = c.gap if task.data.held_out else None
-    left = outstanding(excess, task.chances, seen, best)
+    left = outstanding(judged.left, task.chances, seen, best)
     doubtful = _read_by(fitter, evidence, None if worse or not left.channel else left.channel[0])
     others, doubts = imitators(fitter, evidence, task.chances)
     decision = decide(
@@ -176,7 +175,7 @@ def _answer(
         task,
         diagnosis,
         found,
-        tuple(evidence),
+        evidence,
         decision,
         excess,
         c.nominal,
@@ -222,6 +221,15 @@ class _Confirmed:
         """
         gap = self.gap
         return gap is not None and gap.parted is not None and gap.leaving >= 1
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """What was weighed, and what the likeliest of it leaves."""
+
+    evidence: tuple[Evidence, ...]
+    confirmed: _Confirmed
+    left: tuple[Excess, ...]  # as of `left_by`
 
 
 def _worse(gap: Gap, plain: Replay | None) -> bool:

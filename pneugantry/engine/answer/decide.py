@@ -22,6 +22,7 @@ from pneugantry.engine.plant import Array
 from pneugantry.engine.selection.excess import Channel, Excess
 
 __all__ = [
+    "SURE",
     "UNKNOWN",
     "Belief",
     "Decision",
@@ -32,6 +33,7 @@ __all__ = [
     "decide",
     "outstanding",
     "shares",
+    "stands_out",
 ]
 
 UNKNOWN = "unknown"
@@ -69,23 +71,25 @@ class Outstanding:
 
 
 def outstanding(
-    excess: Excess, chances: Chances, gap: Gap | None = None, fit: Fit | None = None
+    left: Sequence[Excess], chances: Chances, gap: Gap | None = None, fit: Fit | None = None
 ) -> Outstanding:
-    """How far the channel that stands out most does so: log of its ratio to the usual one. Or how
-    far the replay of a record that no fit saw does, under the luckiest of the values that the fit
-    leaves open and beyond how far these differ, where it hangs on no event that was missed. Or how
-    far beyond tolerance a fit without effects has bent a parameter (beside an effect it may be the
-    effect's other side).
+    """How far the channel that stands out most does so, in the fitted records or in one that no fit
+    saw: log of its ratio to the usual one. Or how far the replay of that record does, under the
+    luckiest of the values that the fit leaves open and beyond how far these differ, where it hangs
+    on no event that was missed (one that it has caught up with counts as far as `MISSED` has it).
+    Or how far beyond tolerance a fit without effects has bent a parameter (beside an effect it may
+    be the effect's other side).
     """
     usual = chances.usual or {}
     found = [
         Outstanding(math.log(max(excess.ratio(c), 1e-9) / usual.get(c, 1.0)), c)
+        for excess in left
         for c in excess.whole
     ]
     if gap is not None and gap.parted is None and not gap.bifurcates:
-        least = min(gap.augmented, gap.spread[0] if gap.spread else gap.augmented)
-        left = least / math.hypot(max(gap.floor, 1e-9), gap.open) / chances.replayed
-        found.append(Outstanding(chances.replay * math.log(max(left, 1e-9)), None))
+        least = min(gap.steady, gap.augmented, gap.spread[0] if gap.spread else math.inf)
+        far = least / math.hypot(max(gap.floor, 1e-9), gap.open) / chances.replayed
+        found.append(Outstanding(chances.replay * math.log(max(far, 1e-9)), None))
     if fit is not None and not fit.keys:
         largest = max((abs(x) for x in deviations(fit.point).values()), default=0.0)
         found.append(Outstanding(chances.bent * (largest - chances.bent_from), None))
@@ -102,7 +106,7 @@ def shares(weighed: Sequence[Weighed], chances: Chances) -> Array:
     return np.asarray(weights / weights.sum())
 
 
-def _stands_out(score: float, chances: Chances, beside: bool) -> float:
+def stands_out(score: float, chances: Chances, beside: bool) -> float:
     """Probability that what stands out by `score` (see `outstanding`) is something that the
     catalogue lacks; beside: besides an effect that it has, of which a part may be left.
     """
@@ -129,7 +133,7 @@ def beliefs(
     """
     among = shares(weighed, chances)
     likeliest = weighed[int(np.argmax(among))][0]
-    out = max(_stands_out(score, chances, bool(likeliest)), least)
+    out = max(stands_out(score, chances, bool(likeliest)), least)
     found: dict[Belief, float] = {}
     for (named, _), share in zip(weighed, map(float, among), strict=True):
         keys = frozenset(named) - {UNKNOWN}

@@ -7,15 +7,17 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from pneugantry.engine.answer.confirm import Gap, Replay, gap_of, replays, values_on
-from pneugantry.engine.answer.decide import Evidence, decide
+from pneugantry.engine.answer.decide import SURE, Evidence, decide, outstanding, stands_out
 from pneugantry.engine.answer.predict import Predictor
+from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.selection.excess import Excess, excess_of, floors_of
 from pneugantry.engine.selection.search import Search
 from pneugantry.engine.task import Task
 
-__all__ = ["evidence_of", "likeliest", "vouched"]
+__all__ = ["evidence_of", "left_by", "likeliest", "settled", "vouched"]
 
 Keys = tuple[str, ...]  # effects of a hypothesis, sorted
 RIVALS = 4  # likeliest hypotheses that are also judged by the record that no fit saw
@@ -175,6 +177,47 @@ def vouched(
         if own and own.parted is None and own.augmented < as_well:
             kept.append(Evidence(fit, cost - (answer.evidence - fit.evidence)))
     return kept
+
+
+def left_by(fitter: Fitter, task: Task, fit: Fit) -> tuple[Excess, ...]:
+    """What a fit leaves in the views: of the records that were fitted, then of each other one."""
+    found = [excess_of(fitter, fit, floors_of(fitter, fit))]
+    for record in task.data.unseen:
+        predictor = Predictor(fitter, task.views, record)
+        try:
+            found.append(predictor.excess(fit, found[0].level))
+        finally:
+            predictor.close()
+    return tuple(found)
+
+
+def settled(
+    fitter: Fitter,
+    task: Task,
+    found: Search,
+    evidence: Sequence[Evidence],
+    left: Sequence[Excess],
+) -> list[Evidence]:
+    """Where the answer leaves what stands out of noise (left: see `left_by`): what was tried,
+    brings enough but for its doubt, and leaves nothing that does. What few stretches carry is
+    doubted, for all may be noise there; here it is not.
+    """
+    answer = likeliest(evidence, task)
+    if not _stands_out(left, answer, task.chances):
+        return []
+    few = _whole(fitter, _doubted(found, answer, fitter.rules)[:RIVALS])
+    leave = [left_by(fitter, task, f) for f in few]
+    cost = next(e.cost for e in evidence if e.fit is answer)
+    return [
+        Evidence(fit, cost - (answer.evidence - fit.evidence))
+        for fit, own in zip(few, leave, strict=True)
+        if not _stands_out(own, fit, task.chances)
+    ]
+
+
+def _stands_out(left: Sequence[Excess], fit: Fit, chances: Chances) -> bool:
+    """Whether what a fit leaves in the views is rather something unknown than noise."""
+    return stands_out(outstanding(left, chances, fit=fit).score, chances, bool(fit.keys)) > SURE
 
 
 def _doubted(found: Search, answer: Fit, rules: Rules) -> list[Fit]:

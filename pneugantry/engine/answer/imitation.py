@@ -132,6 +132,20 @@ class _Line:
 
 
 @dataclass(frozen=True, eq=False)
+class _Told:
+    """-2 log evidence of a curve over a variable."""
+
+    stretches: Array  # its likelihood's
+    bend: float  # what of it is prior, and views that do not show the curve
+    factor: float = 0.0  # Occam's
+
+    def behind(self, other: _Told, doubt: float) -> float:
+        """Rise from another one to here, that of the likelihood less its doubt."""
+        rise = noise.doubted(self.stretches - other.stretches, doubt)
+        return rise + self.bend - other.bend + self.factor - other.factor
+
+
+@dataclass(frozen=True, eq=False)
 class _Curve:
     """A curve of a fit, in the cells that show it; all but the curve may move beside it."""
 
@@ -175,20 +189,31 @@ class _Curve:
             at = np.interp(np.linspace(0.0, 1.0, rows), np.linspace(0.0, 1.0, len(at)), at)
             return {("", k): h for k, h in enumerate(hats(at, nodes).T)}
 
-        own, price = self._evidence({c: over("", c) for c in self.cells})
-        doubt, found = self.fitter.rules.doubt, dict[str, float]()
-        if noise.doubted(own - self._left(), doubt) > self.fitter.rules.hopeless:
+        own = self._evidence({c: over("", c) for c in self.cells})
+        rules, found = self.fitter.rules, dict[str, float]()
+        if own.behind(self._itself(), rules.doubt) - own.factor > rules.hopeless:
             return found
         for name in OTHERS:
-            left, other = self._evidence({c: over(name, c) for c in self.cells})
-            found[name] = noise.doubted(left - own, doubt) + other - price
+            other = self._evidence({c: over(name, c) for c in self.cells})
+            found[name] = other.behind(own, rules.doubt)
         return found
 
-    def _left(self) -> Array:
-        """-2 log likelihood of the fit itself, by stretch."""
+    def _itself(self) -> _Told:
+        """The same of the fit, without an Occam factor."""
         weighing, tails = Weighing(self.fit.noise, self.fitter.rules), self.fitter.rules.tails
         left = {c: weighing.of_residual(c, self.fit.residuals[c]) for c in self.cells}
-        return np.concatenate([self._by_stretch(c, noise.loss(e, tails)) for c, e in left.items()])
+        stretches = [self._by_stretch(c, noise.loss(e, tails)) for c, e in left.items()]
+        point = zip(self.fit.point.coordinates, self.fit.point.theta, strict=True)
+        at = {c.name: float(t) - c.none * (c.name in self.nodes) for c, t in point}
+        rest, curve = (np.array([at[n] for n in own]) for own in (self.known.names, self.nodes))
+        bend = self.known.cost(rest) + self._precision * float(curve @ curve)
+        return _Told(np.concatenate(stretches), bend)
+
+    @property
+    def _precision(self) -> float:
+        """Of the prior of a curve's nodes."""
+        spreads = [c.spread for c in self.fit.point.coordinates if c.name in self.nodes]
+        return float(np.mean(spreads)) ** -2.0
 
     def _places(self) -> dict[str, Array]:
         """Of each record the place on the curve (rows,), in nodes from the first one, by the cell
@@ -203,13 +228,12 @@ class _Curve:
                 shown[record] = total, told
         return {record: _centre(told) for record, (_, told) in shown.items()}
 
-    def _evidence(self, bases: Mapping[Cell, _Basis]) -> tuple[Array, float]:
-        """-2 log likelihood by stretch, and the price of what is fitted: the curve over a basis in
-        place of its own, as far as its columns and those of all else are straight.
+    def _evidence(self, bases: Mapping[Cell, _Basis]) -> _Told:
+        """With the curve over a basis in place of its own, as far as its columns and those of all
+        else are straight.
         """
         tails, curve = self.fitter.rules.tails, _nodes(bases)
-        spreads = [c.spread for c in self.fit.point.coordinates if c.name in self.nodes]
-        precision, free = float(np.mean(spreads)) ** -2.0, len(self.known.names)
+        precision, free = self._precision, len(self.known.names)
         square = np.diag(np.full(free + len(curve), precision))
         square[:free, :free] = self.known.square
         pull = np.concatenate([self.known.pull, np.zeros(len(curve))])
@@ -226,9 +250,9 @@ class _Curve:
             left = [line.rest + theta[line.index] @ line.columns for line in lines]
         pairs = zip(self.cells, left, strict=True)
         stretches = [self._by_stretch(c, noise.loss(e, tails)) for c, e in pairs]
-        price = float(theta @ square @ theta - 2 * pull @ theta)
-        price += float(np.linalg.slogdet(normal)[1]) - len(curve) * math.log(precision)
-        return np.concatenate(stretches), price
+        bend = float(theta @ square @ theta - 2 * pull @ theta)
+        factor = float(np.linalg.slogdet(normal)[1]) - len(curve) * math.log(precision)
+        return _Told(np.concatenate(stretches), bend, factor)
 
     def _line(self, cell: Cell, basis: _Basis, curve: Sequence[tuple[str, int]]) -> _Line:
         """A cell without the curve, and all that moves it."""

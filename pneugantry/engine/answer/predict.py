@@ -12,7 +12,7 @@ lets the best of them predict best. Each by its own would let a wrong one buy it
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -27,6 +27,7 @@ from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.selection.excess import Excess, excess_of, floors_of
 from pneugantry.engine.views.simulation import Cell, Point
 from pneugantry.engine.views.view import View
 
@@ -107,6 +108,15 @@ class Predictor:
         """
         (found,), noise_of_views = self.predictions([fit], of_views)
         return self._score(found, noise_of_views), noise_of_views
+
+    def excess(self, fit: Fit, level: float) -> Excess:
+        """What a fit leaves in the views of the record, as far as it may move there. level: as of
+        `Excess`.
+        """
+        (found,), _ = self.predictions([fit])
+        left = {c: r for c, r in found.solution.residuals.items() if np.isfinite(r).all()}
+        there = replace(fit, point=found.solution.point, residuals=left)
+        return excess_of(self.fitter, there, floors_of(self.fitter, there), level)
 
     def predictions(
         self, fits: Sequence[Fit], of_views: Noise | None = None

@@ -65,18 +65,6 @@ class Fit:
         """-2 log evidence; smaller is better."""
         return sum(float(s.sum()) for s in self.stretches.values()) + self.cost
 
-    def negligible(self, rules: Rules) -> list[str]:
-        """Effects of a size that is none, whatever evidence it brings: where noise enters a view
-        with its inputs, the best size of an effect that averages them is not nothing.
-        """
-        pairs = zip(self.point.coordinates, self.point.theta, strict=True)
-        at = {c.parameter: abs(float(t) - c.none) for c, t in pairs if c.effect}
-        return [
-            e.key
-            for e, form in self.hypothesis.effects
-            if not form.settings and all(at[p.name] < rules.negligible for p in form.parameters)
-        ]
-
     def gain(self, base: Fit, rules: Rules) -> float:
         """Fall of -2 log evidence from `base` to here, that of the likelihood `doubted`: changes
         of a stretch that are immaterial count as none; no more than the evidence itself falls.

@@ -154,6 +154,22 @@ class Fitter:
         """Coordinates that a fit has bent far beyond tolerance."""
         return {n for n, off in deviations(fit.point).items() if abs(off) > FAR_OFF}
 
+    def negligible(self, fit: Fit) -> list[str]:
+        """Effects of a size that is none, whatever evidence they bring: where noise enters a view
+        with its inputs, the best size of an effect that averages them is not nothing. What every
+        rig has off makes no effect beside what it alone has.
+        """
+        usual = {n.parameter for n in self.plant.nuisances}
+        pairs = zip(fit.point.coordinates, fit.point.theta, strict=True)
+        at = {c.parameter: abs(float(t) - c.none) for c, t in pairs if c.effect}
+        found = []
+        for e, form in fit.hypothesis.effects:
+            names = [p.name for p in form.parameters]
+            own = [n for n in names if n not in usual] or names
+            if not form.settings and all(at[n] < self.rules.negligible for n in own):
+                found.append(e.key)
+        return found
+
     def bent(self, fit: Fit) -> set[str]:
         """Views that read a parameter that a fit has bent far beyond tolerance."""
         far, views = self.far_off(fit), self.simulation.views

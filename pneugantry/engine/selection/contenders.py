@@ -156,7 +156,7 @@ def _idle(fitter: Fitter, fit: Fit) -> bool:
     """Whether the effect that came last is of a size that is none; an older one may be so because
     the last is what it stood in for.
     """
-    return fit.keys[-1] in fit.negligible(fitter.rules)
+    return fit.keys[-1] in fitter.negligible(fit)
 
 
 def _in_main_form(fitter: Fitter, base: Fit, fit: Fit) -> Hypothesis:

@@ -98,7 +98,7 @@ def _ended(trail: Trail, best: Fit) -> Search:
     other = from_others(trail, best)
     if other is not best:
         best = _gathered(trail, other, polished=True)
-    tried = tuple(f for f in trail.tried if not f.negligible(fitter.rules))
+    tried = tuple(f for f in trail.tried if not fitter.negligible(f))
     cut = spent(fitter) >= 1 and bool(unexplained(fitter, best))
     return Search(trail.null, best, tuple(trail.steps), tried, tuple(trail.screened), cut)
 

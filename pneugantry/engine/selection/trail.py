@@ -118,7 +118,7 @@ def _pruned(trail: Trail, fit: Fit) -> Fit:
         trail.tried.append(fit)
         drops = without(fitter, fit, fit.keys)
         trail.tried += drops
-        idle = fit.negligible(fitter.rules)
+        idle = fitter.negligible(fit)
         least = min((d for d in drops if not set(d.keys) & set(idle[:1])), key=lambda f: f.evidence)
         if not idle and least.evidence - fit.evidence > trail.bar:
             return fit

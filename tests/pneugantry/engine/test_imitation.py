@@ -111,6 +111,19 @@ def test_nothing_is_said_where_columns_do_not_tell_the_place() -> None:
     assert behind(FORTH_AND_BACK, told=False) == {}
 
 
+def test_nothing_is_said_where_only_a_bent_parameter_stands_in_for_the_curve() -> None:
+    """Its place is not told; a parameter that does what the whole curve does is bent by 40."""
+    fitter, fit = curve_of(FORTH_AND_BACK, told=False)
+    own = dict(zip((c.name for c in fit.point.coordinates), fit.point.theta, strict=True))
+    columns = dict(fit.columns)
+    for cell in fit.residuals:
+        whole = sum(columns[cell, n] * t for n, t in own.items())
+        columns[cell, "level"] = whole / 40.0
+    level = Coordinate("level", 0.0, 1.0, effect=False, spread=1.0)
+    point = Point((*fit.point.coordinates, level), np.append(fit.point.theta, 0.0), {})
+    assert imitations(fitter, Fit(**{**vars(fit), "columns": columns, "point": point})) == []
+
+
 def test_forms_without_a_curve_have_no_other_variable() -> None:
     fitter, fit = curve_of(ONE_WAY)
     effect = fit.hypothesis.effects[0][0]

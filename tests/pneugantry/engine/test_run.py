@@ -13,7 +13,15 @@ from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, recor
 
 from pneugantry.engine.answer.confirm import Gap
 from pneugantry.engine.answer.decide import Decision, Evidence, decide, outstanding
-from pneugantry.engine.answer.evidence import _compared, _costs, _turned, evidence_of, vouched
+from pneugantry.engine.answer.evidence import (
+    _compared,
+    _costs,
+    _turned,
+    evidence_of,
+    left_by,
+    settled,
+    vouched,
+)
 from pneugantry.engine.answer.predict import Predictor
 from pneugantry.engine.answer.result import to_json
 from pneugantry.engine.chances import Chances
@@ -313,7 +321,7 @@ def test_a_parameter_bent_far_beyond_tolerance_counts_for_unknown() -> None:
     bent = {}
     for theta in (3.0, 12.0):
         fit = replace(fit_of(0.0).fit, point=Point((mass,), np.array([theta]), {}))
-        bent[theta] = outstanding(quiet, chances, fit=fit).score
+        bent[theta] = outstanding([quiet], chances, fit=fit).score
     assert bent[3.0] == 0.0
     assert bent[12.0] > chances.unknown_at
 
@@ -328,8 +336,10 @@ def test_what_a_replay_leaves_counts_where_no_missed_event_explains_it(
     quiet = Excess(1.0, {}, {("view", "v"): 1.0}, {})
     gap = Gap(100.0, 8.0, 1.0, 0.99, (0.98, 0.99), "held", {}, spread, parted)
     chances = Chances()
-    assert (outstanding(quiet, chances, gap).score > chances.unknown_at) == stands_out
-    assert outstanding(quiet, chances).score == 0.0
+    assert (outstanding([quiet], chances, gap).score > chances.unknown_at) == stands_out
+    assert outstanding([quiet], chances).score == 0.0
+    caught = replace(gap, steady=1.4)  # what is left of it without one event that it has caught up
+    assert outstanding([quiet], chances, caught).score < chances.unknown_at
 
 
 @pytest.mark.parametrize(
@@ -363,6 +373,31 @@ def test_what_is_doubted_counts_where_it_alone_keeps_the_unseen_record(
     fitter.close()
     assert [v.fit.keys for v in kept][:1] == ([("drag",)] if keeps else [])
     assert all(v.cost < -fitter.rules.effect for v in kept)
+
+
+@pytest.mark.parametrize(("leak", "explained"), [(0.0, True), (0.3, False)])
+def test_what_is_doubted_counts_where_it_explains_all_that_stands_out(
+    plant: Plant, parts: Path, leak: float, explained: bool
+) -> None:
+    """The answer is made to be none, as if few stretches told of drag; a leak is not known."""
+    known = {k: e for k, e in CATALOGUE.items() if k not in ("leak", "slow_current")}
+    fitter = fitter_of(plant, parts, drag=2.0, leak=leak)
+    data = Data(tuple(fitter.simulation.records.values()), None)
+    task = Task(plant, list(fitter.simulation.views.values()), data, known, parts)
+    found = search(fitter, fitter.null(), known)
+    left = left_by(fitter, task, found.null)
+    kept = settled(fitter, task, found, [Evidence(found.null, 0.0)], left)
+    assert [e.fit.keys for e in kept] == ([("drag",)] if explained else [])
+    assert all(e.cost == e.fit.evidence - found.null.evidence for e in kept)
+
+
+def test_nothing_doubted_counts_where_nothing_stands_out(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    data = Data(tuple(fitter.simulation.records.values()), None)
+    task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
+    found = search(fitter, fitter.null(), CATALOGUE)
+    left = left_by(fitter, task, found.best)
+    assert settled(fitter, task, found, [Evidence(found.best, 0.0)], left) == []
 
 
 def test_effects_that_share_a_parameter_fit_it_once(plant: Plant, parts: Path) -> None:

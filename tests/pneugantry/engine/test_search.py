@@ -341,8 +341,24 @@ def test_a_hundredth_of_the_usual_size_is_no_effect(plant: Plant, parts: Path) -
     fitter.close()
     theta = fit.point.theta.copy()
     theta[[c.name for c in fit.point.coordinates].index("drag")] = -0.01
-    assert fit.negligible(fitter.rules) == []
-    assert replace(fit, point=fit.point.moved(theta)).negligible(fitter.rules) == ["drag"]
+    assert fitter.negligible(fit) == []
+    assert fitter.negligible(replace(fit, point=fit.point.moved(theta))) == ["drag"]
+
+
+def test_what_every_rig_has_off_makes_no_effect_of_one_of_no_size(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, known = fitter.null(), CATALOGUE["drag"].forms[0]
+    form = Form("drag of another mass", (*known.parameters, Parameter("m", 2.0, 0.2, 0.1, 9.0)))
+    own = replace(CATALOGUE["drag"], forms=(form,))
+    fit = fitter.explore(null.hypothesis.plus(own, form), null)
+    fitter.close()
+    theta, names = fit.point.theta.copy(), [c.name for c in fit.point.coordinates]
+    theta[names.index("m")] = 1.0
+    assert fitter.negligible(replace(fit, point=fit.point.moved(theta))) == []
+    theta[names.index("drag")] = -0.01
+    assert fitter.negligible(replace(fit, point=fit.point.moved(theta))) == ["drag"]
 
 
 def test_an_effect_that_the_description_has_is_none_where_it_is_as_described(
@@ -360,8 +376,8 @@ def test_an_effect_that_the_description_has_is_none_where_it_is_as_described(
     fitter.close()
     assert found.keys == ("drag",)
     assert found.values(None)["drag"] == pytest.approx(0.0, abs=0.1)
-    assert found.negligible(fitter.rules) == []
-    assert replace(found, point=found.point.moved(theta)).negligible(fitter.rules) == ["drag"]
+    assert fitter.negligible(found) == []
+    assert fitter.negligible(replace(found, point=found.point.moved(theta))) == ["drag"]
 
 
 def test_what_makes_an_older_effect_nothing_is_no_idle_fit(plant: Plant, parts: Path) -> None:
@@ -373,7 +389,7 @@ def test_what_makes_an_older_effect_nothing_is_no_idle_fit(plant: Plant, parts: 
     theta, names = fit.point.theta.copy(), [c.name for c in fit.point.coordinates]
     theta[names.index("leak")] = 0.01
     older = replace(fit, point=fit.point.moved(theta))
-    assert older.negligible(fitter.rules) == ["leak"]
+    assert fitter.negligible(older) == ["leak"]
     assert finalists(fitter, null, [older], 30.0)
     theta[names.index("drag")] = 0.01
     idle = replace(fit, point=fit.point.moved(theta))
