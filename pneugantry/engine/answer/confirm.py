@@ -44,7 +44,6 @@ __all__ = [
 Values = Mapping[str, float]
 BOOTSTRAPS = 400
 NOTHING = 0.05  # mean square beyond the floor's, below which there is no gap to shrink
-MISSED = 10.0  # times the floor beyond which a stretch counts no further: one event decides it
 PARTED = 10.0  # times the misfit so far by which a stretch and all later ones have parted
 DRAWS = 15  # replays with parameters drawn from what a fit leaves open
 LEAKS = 6  # rounds until readings that leak into each other agree
@@ -105,8 +104,6 @@ class Gap:
     open: float = 0.0  # RMS distance of the draws' replays from the augmented one, as the gaps
     early: Gap | None = None  # of the record up to there
     leaving: float = 0.0  # share of the draws' replays that leave the record for good, too
-    steady: float = math.inf  # the augmented one, or 5 % of the draws where that is less, with no
-    # stretch further off than `MISSED` has it
 
     @property
     def bifurcates(self) -> bool:
@@ -229,9 +226,8 @@ def _gap_of(
 ) -> Gap:
     """length: rows that are drawn together."""
     before, after = nominal.squares, augmented.squares
-    told = [r for r in others if r is not None]
-    ends = np.quantile([r.gap for r in told], (0.05, 0.95)) if told else None
-    bounded = [_bounded(r.squares, length, floor) for r in (augmented, *told)]
+    told = [r.gap for r in others if r is not None]
+    ends = np.quantile(told, (0.05, 0.95)) if told else None
     start = int(np.isnan(augmented.residuals).any(axis=1).sum())
     at = _parted(after, length, floor)
     by = nominal.by_signal, augmented.by_signal
@@ -245,17 +241,9 @@ def _gap_of(
         {n: (by[0][n], by[1][n]) for n in augmented.signals},
         None if ends is None else (float(ends[0]), float(ends[1])),
         None if at is None else (start + at) * period,
-        _apart(augmented, told),
-        leaving=_leaving(told, length, floor),
-        steady=min(bounded[0], float(np.quantile(bounded[1:] or bounded, 0.05))),
+        _apart(augmented, [r for r in others if r is not None]),
+        leaving=_leaving([r for r in others if r is not None], length, floor),
     )
-
-
-def _bounded(squares: Array, length: int, floor: float) -> float:
-    """RMS of a replay in which no stretch counts more than `MISSED` has it."""
-    parts = np.array_split(squares, max(len(squares) // length, 1))
-    most = (MISSED * floor) ** 2
-    return math.sqrt(sum(min(float(p.mean()), most) * len(p) for p in parts) / len(squares))
 
 
 def _leaving(others: Sequence[Replay], length: int, floor: float) -> float:

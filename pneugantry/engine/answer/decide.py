@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -73,26 +73,34 @@ class Outstanding:
 def outstanding(
     left: Sequence[Excess], chances: Chances, gap: Gap | None = None, fit: Fit | None = None
 ) -> Outstanding:
-    """How far the channel that stands out most does so, in the fitted records or in one that no fit
-    saw: log of its ratio to the usual one. Or how far the replay of that record does, under the
-    luckiest of the values that the fit leaves open and beyond how far these differ, where it hangs
-    on no event that was missed (one that it has caught up with counts as far as `MISSED` has it).
-    Or how far beyond tolerance a fit without effects has bent a parameter (beside an effect it may
-    be the effect's other side).
+    """How far the channel that stands out most does so: log of its ratio to the usual one. left: of
+    the fitted records, then of others. Or how far the replay of a record that no fit saw does, as
+    far as a view of such a record does, too (else it has missed an event), under the luckiest of
+    the values that the fit leaves open and beyond how far these differ. Or how far beyond tolerance
+    a fit without effects has bent a parameter (beside an effect it may be the effect's other side).
     """
+    fitted, *others = left
+    found = [_loudest([fitted], chances)]
+    if gap is not None and gap.parted is None and not gap.bifurcates:
+        least = min(gap.augmented, gap.spread[0] if gap.spread else gap.augmented)
+        far = least / math.hypot(max(gap.floor, 1e-9), gap.open) / chances.replayed
+        replayed = chances.replay * math.log(max(far, 1e-9))
+        shown = _loudest(others, chances)
+        found.append(replace(shown, score=min(replayed, shown.score)))
+    if fit is not None and not fit.keys:
+        largest = max((abs(x) for x in deviations(fit.point).values()), default=0.0)
+        found.append(Outstanding(chances.bent * (largest - chances.bent_from), None))
+    return max(found, key=lambda o: o.score)
+
+
+def _loudest(left: Sequence[Excess], chances: Chances) -> Outstanding:
+    """The channel that stands out most."""
     usual = chances.usual or {}
     found = [
         Outstanding(math.log(max(excess.ratio(c), 1e-9) / usual.get(c, 1.0)), c)
         for excess in left
         for c in excess.whole
     ]
-    if gap is not None and gap.parted is None and not gap.bifurcates:
-        least = min(gap.steady, gap.augmented, gap.spread[0] if gap.spread else math.inf)
-        far = least / math.hypot(max(gap.floor, 1e-9), gap.open) / chances.replayed
-        found.append(Outstanding(chances.replay * math.log(max(far, 1e-9)), None))
-    if fit is not None and not fit.keys:
-        largest = max((abs(x) for x in deviations(fit.point).values()), default=0.0)
-        found.append(Outstanding(chances.bent * (largest - chances.bent_from), None))
     return max(found, key=lambda o: o.score, default=Outstanding(0.0, None))
 
 

@@ -192,21 +192,17 @@ def left_by(fitter: Fitter, task: Task, fit: Fit) -> tuple[Excess, ...]:
 
 
 def settled(
-    fitter: Fitter,
-    task: Task,
-    found: Search,
-    evidence: Sequence[Evidence],
-    left: Sequence[Excess],
+    fitter: Fitter, task: Task, found: Search, evidence: Sequence[Evidence], left: Excess
 ) -> list[Evidence]:
-    """Where the answer leaves what stands out of noise (left: see `left_by`): what was tried,
-    brings enough but for its doubt, and leaves nothing that does. What few stretches carry is
-    doubted, for all may be noise there; here it is not.
+    """Where the answer leaves what stands out of noise (left: in the views): what was tried, brings
+    enough but for its doubt, and leaves nothing that does. What few stretches carry is doubted, for
+    all may be noise there; here it is not.
     """
     answer = likeliest(evidence, task)
     if not _stands_out(left, answer, task.chances):
         return []
     few = _whole(fitter, _doubted(found, answer, fitter.rules)[:RIVALS])
-    leave = [left_by(fitter, task, f) for f in few]
+    leave = [excess_of(fitter, f, floors_of(fitter, f)) for f in few]
     cost = next(e.cost for e in evidence if e.fit is answer)
     return [
         Evidence(fit, cost - (answer.evidence - fit.evidence))
@@ -215,9 +211,9 @@ def settled(
     ]
 
 
-def _stands_out(left: Sequence[Excess], fit: Fit, chances: Chances) -> bool:
+def _stands_out(left: Excess, fit: Fit, chances: Chances) -> bool:
     """Whether what a fit leaves in the views is rather something unknown than noise."""
-    return stands_out(outstanding(left, chances, fit=fit).score, chances, bool(fit.keys)) > SURE
+    return stands_out(outstanding([left], chances, fit=fit).score, chances, bool(fit.keys)) > SURE
 
 
 def _doubted(found: Search, answer: Fit, rules: Rules) -> list[Fit]:

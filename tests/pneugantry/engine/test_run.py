@@ -336,10 +336,12 @@ def test_what_a_replay_leaves_counts_where_no_missed_event_explains_it(
     quiet = Excess(1.0, {}, {("view", "v"): 1.0}, {})
     gap = Gap(100.0, 8.0, 1.0, 0.99, (0.98, 0.99), "held", {}, spread, parted)
     chances = Chances()
-    assert (outstanding([quiet], chances, gap).score > chances.unknown_at) == stands_out
-    assert outstanding([quiet], chances).score == 0.0
-    caught = replace(gap, steady=1.4)  # what is left of it without one event that it has caught up
-    assert outstanding([quiet], chances, caught).score < chances.unknown_at
+    there = replace(quiet, whole={("view", "v"): 2.0})  # in a view of the record, too
+    found = outstanding([quiet, there], chances, gap)
+    assert (found.score > chances.unknown_at) == stands_out
+    assert found.channel == ("view", "v")
+    assert outstanding([quiet, there], chances).score == 0.0
+    assert outstanding([quiet, quiet], chances, gap).score == 0.0  # it has missed an event
 
 
 @pytest.mark.parametrize(
@@ -385,7 +387,7 @@ def test_what_is_doubted_counts_where_it_explains_all_that_stands_out(
     data = Data(tuple(fitter.simulation.records.values()), None)
     task = Task(plant, list(fitter.simulation.views.values()), data, known, parts)
     found = search(fitter, fitter.null(), known)
-    left = left_by(fitter, task, found.null)
+    left = left_by(fitter, task, found.null)[0]
     kept = settled(fitter, task, found, [Evidence(found.null, 0.0)], left)
     assert [e.fit.keys for e in kept] == ([("drag",)] if explained else [])
     assert all(e.cost == e.fit.evidence - found.null.evidence for e in kept)
@@ -396,7 +398,7 @@ def test_nothing_doubted_counts_where_nothing_stands_out(plant: Plant, parts: Pa
     data = Data(tuple(fitter.simulation.records.values()), None)
     task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
     found = search(fitter, fitter.null(), CATALOGUE)
-    left = left_by(fitter, task, found.best)
+    left = left_by(fitter, task, found.best)[0]
     assert settled(fitter, task, found, [Evidence(found.best, 0.0)], left) == []
 
 
