@@ -149,7 +149,7 @@ def newton(point: Point, square: Array, slope: Array) -> Point:
     step, free = np.zeros(len(slope)), np.full(len(slope), True)
     while True:
         pull = slope[free] + square[np.ix_(free, ~free)] @ step[~free]
-        step[free] = -np.linalg.solve(square[np.ix_(free, free)], pull)
+        step[free] = -_solved(square[np.ix_(free, free)], pull)
         wanted = point.theta + step
         reached = inside(point.moved(wanted))
         stopped = free & (reached.theta != wanted)
@@ -157,3 +157,11 @@ def newton(point: Point, square: Array, slope: Array) -> Point:
             return reached
         step[stopped] = (reached.theta - point.theta)[stopped]
         free &= ~stopped
+
+
+def _solved(square: Array, pull: Array) -> Array:
+    """The least step where columns of very different size leave no other."""
+    try:
+        return np.asarray(np.linalg.solve(square, pull))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(square, pull)[0])

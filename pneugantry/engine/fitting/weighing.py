@@ -45,7 +45,7 @@ class Weighing:
         if len(kept) != len(own) or any(a is not b for a, b in zip(kept, own, strict=True)):
             white = self.innovations(cell, np.stack(own))
             if not np.isfinite(white).all():
-                white = np.nan_to_num(white)
+                white = np.nan_to_num(white, posinf=0.0, neginf=0.0)
             self._white[cell] = own, white
         return white
 
@@ -68,7 +68,9 @@ class Weighing:
         return total
 
     def normal(self, point: Point, residuals: Residuals, columns: Columns) -> tuple[Array, Array]:
-        """J'WJ and J'Wr over all cells."""
+        """J'WJ and J'Wr over all cells but those that failed, or whose columns are beyond all
+        numbers: what grows without bound tells no step.
+        """
         names = [c.name for c in point.coordinates]
         normal, gradient = np.zeros((len(names), len(names))), np.zeros(len(names))
         for cell, r in residuals.items():
@@ -77,8 +79,11 @@ class Weighing:
                 w = self.of_residual(cell, r)
                 root = np.sqrt(noise.weights(w, self.freedom))
                 j = self.whitened(columns, cell, [names[i] for i in index]) * root
-                normal[np.ix_(index, index)] += j @ j.T
-                gradient[index] += j @ (w * root)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    square, slope = j @ j.T, j @ (w * root)
+                if np.isfinite(square).all() and np.isfinite(slope).all():
+                    normal[np.ix_(index, index)] += square
+                    gradient[index] += slope
         return normal, gradient
 
 

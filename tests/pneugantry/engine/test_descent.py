@@ -11,7 +11,7 @@ import numpy as np
 
 from pneugantry.engine.fitting.descent import _Ahead, _along_valley, descend
 from pneugantry.engine.fitting.noise import Whitener
-from pneugantry.engine.fitting.problem import Problem, Solution, Tangent, prior
+from pneugantry.engine.fitting.problem import Problem, Solution, Tangent, newton, prior
 from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array
@@ -137,3 +137,28 @@ def test_columns_of_another_point_are_made_anew_where_a_step_by_them_fails() -> 
     costs = [sum(weighing.costs(s.residuals).values()) for s in (wrong, *led)]
     assert costs[2] < costs[1] - 10  # nothing told the first that its columns may be wrong
     assert led[1].elsewhere(CELLS) == set()
+
+
+def test_columns_beyond_all_numbers_tell_no_step() -> None:
+    """A reading without an error that grows with itself may be as large as it likes."""
+    cells = (("view", "wild"), ("view", "quiet"))
+    weighing = Weighing({c: (Whitener(np.zeros(0), 1.0),) for c in cells}, Rules())
+    point = Point(tuple(Coordinate(n, 0.0, 1.0) for n in "ab"), np.zeros(2), {})
+    residuals = {c: np.ones((50, 1)) for c in cells}
+    columns = {
+        (c, n): np.full((50, 1), size)
+        for c, size in zip(cells, (1e200, 1.0), strict=True)
+        for n in "ab"
+    }
+    normal, gradient = weighing.normal(point, residuals, columns)
+    quiet, slope = weighing.normal(point, {cells[1]: residuals[cells[1]]}, columns)
+    np.testing.assert_array_equal(normal, quiet)
+    np.testing.assert_array_equal(gradient, slope)
+    endless = {**columns, (cells[0], "a"): np.full((50, 1), np.inf)}
+    assert np.isfinite(weighing.normal(point, residuals, endless)[0]).all()
+
+
+def test_a_step_is_the_least_where_no_other_is_told() -> None:
+    point = Point(tuple(Coordinate(n, 0.0, 1.0) for n in "ab"), np.zeros(2), {})
+    alike = np.array([[1e40, 1e40], [1e40, 1e40]])
+    np.testing.assert_allclose(newton(point, alike, np.full(2, -2e40)).theta, [1.0, 1.0])
