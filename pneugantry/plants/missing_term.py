@@ -6,6 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from modelica_fmu.errors import RunError
 from pneugantry.engine.answer.result import to_json as diagnosis_json
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found
@@ -27,7 +30,7 @@ def with_missing_term(
 ) -> tuple[Found, Learned | None]:
     """The answer with the term that the plant's equations lack, looked for where what no catalogue
     has is likely enough; else as it was, and None. campaign: of the gantry, as it was read. say:
-    told the name of each stage.
+    told the name of each stage. Where the looking fails, a note says so and the answer stands.
     """
     if found.task.epoch is not None or not wanted(found):
         return found, None
@@ -38,12 +41,20 @@ def with_missing_term(
     def finish(other: Found) -> Found:
         return other if campaign is None else finished(other, campaign, rules)
 
-    learned = learn(found, rules, say, finish)
+    try:
+        learned = learn(found, rules, say, finish)
+    except (RunError, np.linalg.LinAlgError) as error:
+        return _noted(found, f"the missing term was looked for, and that failed: {error}"), None
     made = answered(learned, rules)
     stages = {**found.diagnosis.stages, "missing term": learned.seconds}
     seconds = found.diagnosis.seconds + learned.seconds
     told = replace(made.diagnosis, stages=stages, seconds=seconds)
     return replace(made, diagnosis=told), learned
+
+
+def _noted(found: Found, note: str) -> Found:
+    diagnosis = found.diagnosis
+    return replace(found, diagnosis=replace(diagnosis, notes=(*diagnosis.notes, note)))
 
 
 def to_json(found: Found, learned: Learned | None) -> dict[str, Any]:
