@@ -33,7 +33,17 @@ from pneugantry.learn.equations.sources import (
     with_additions,
 )
 
-__all__ = ["Opened", "Point", "Shared", "named_again", "opened", "recut", "stored", "written"]
+__all__ = [
+    "Opened",
+    "Point",
+    "Shared",
+    "named_again",
+    "opened",
+    "recut",
+    "signal_at",
+    "stored",
+    "written",
+]
 
 Values = Mapping[str, float]
 Series = Mapping[str, Array]
@@ -214,8 +224,7 @@ class Opened:
 
     def signal(self, point: Point) -> str:
         """The one whose sensor's error an addend is; "": it is none."""
-        signals = self.plant.signals if point.sensor else ()
-        return next((s.name for s in signals if s.variable == point.equation.left), "")
+        return signal_at(self.plant, point)
 
     def block(self, point: Point) -> str:
         """Block of the answer that a point lies in."""
@@ -367,6 +376,12 @@ def _fed(plant: Plant, shape: Structure, component: str) -> tuple[tuple[str, str
     lacked = [s.variable for s in plant.signals if "[" not in s.variable]
     lacked = [n for n in lacked if shape.roots[n] in shape.states - own.keys()]
     return tuple((n, around[shape.roots[n]]) for n in lacked if shape.roots[n] in around)
+
+
+def signal_at(plant: Plant, point: Point) -> str:
+    """The one whose sensor's error an addend is; "": it is none."""
+    signals = plant.signals if point.sensor else ()
+    return next((s.name for s in signals if s.variable == point.equation.left), "")
 
 
 def _elsewhere(plant: Plant, shape: Structure, scope: str) -> tuple[tuple[str, str], ...]:

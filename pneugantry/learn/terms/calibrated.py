@@ -18,6 +18,7 @@ import numpy as np
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
 from pneugantry.engine.views.view import Run, View
+from pneugantry.learn.equations.points import signal_at
 from pneugantry.learn.screening.regressors import TIME
 from pneugantry.learn.terms.term import Term
 
@@ -104,11 +105,8 @@ def misreading(plant: Plant, term: Term, roots: Mapping[str, str]) -> Misreading
     """What a sensor's error is a function of; None: the term is no error of a sensor, or one of
     what is not measured. roots: of the plant's variables, those that are one have the same.
     """
-    own, point = term.regressor, term.point
-    if not (own.alone and point.sensor) or term.places:
-        return None
-    signal = next((s.name for s in plant.signals if s.variable == point.equation.left), None)
-    if signal is None:
+    own, point, signal = term.regressor, term.point, signal_at(plant, term.point)
+    if not (own.alone and signal) or term.places:
         return None
     if own.name == TIME:
         return Misreading(signal, TIME, term)
