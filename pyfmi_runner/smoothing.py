@@ -54,15 +54,15 @@ def _filter(s: Array, v: Array, dt: float, q: Array, r: float) -> tuple[Array, A
     return smoothed, innovation, variance
 
 
-def jumps(speed: Array, sigma: float) -> Array:
+def jumps(speed: Array, sigma: float, apart: int = 1) -> Array:
     """By how much a speed (N,) jumps within the step from each row to the next (N - 1,), both in
-    m/s: how much more it changes there than in the steps before and after; 0 where noise (sigma,
+    m/s: how much more it changes there than `apart` steps before and after; 0 where noise (sigma,
     RMS) or a steady motion may do that.
     """
     change = np.abs(np.diff(np.asarray(speed, float)))
     beside = np.zeros(len(change))
-    beside[1:] = change[:-1]
-    beside[:-1] = np.maximum(beside[:-1], change[1:])
+    beside[apart:] = change[:-apart]
+    beside[:-apart] = np.maximum(beside[:-apart], change[apart:])
     excess = change - beside
     return np.where(excess > STANDS_OUT * sigma, excess, 0.0)
 

@@ -51,7 +51,7 @@ class Rules:
     doubt: float = 2.0  # standard errors over stretches by which a gain is lowered (field)
     material: float = 0.2  # change of a residual, in noise levels, below which it is none (design)
     negligible: float = 0.02  # usual sizes below which an effect is none (0131)
-    effort: float = 2500.0  # of a view over all records, spent on what nothing predicts (0149)
+    effort: float = 2500.0  # of a view over all records, on an effect that nothing predicts (0167)
     rounds: int = 6  # steps of the search, at most
     block: float = 0.5  # s of a record that are drawn together in a bootstrap
     stretches: int = 8  # of a record, at least: fewer tell no scatter between them (0162)

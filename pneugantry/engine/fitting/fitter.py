@@ -81,6 +81,7 @@ class Fitter:
         self.nominal = _nominal(plant, views)
         self.noise = CellNoise(plant, self.simulation, rules, level)
         self.surveys = Surveys(self.simulation, self.noise, rules)
+        self.since = 0.0  # evaluations that the effects took which have been found
 
     def close(self) -> None:
         self.simulation.close()

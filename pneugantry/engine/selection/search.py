@@ -26,11 +26,12 @@ from pneugantry.engine.selection.trials import (
     main_forms,
     other_forms,
     spent,
+    spent_in_all,
 )
 
 __all__ = ["Search", "resumed", "search"]
 
-LAST = 4.0  # times `Rules.effort` from which on no further effect is looked for (0150)
+LAST = 6.0  # times `Rules.effort` from which on no further effect is looked for (0150, 0167)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ def resumed(fitter: Fitter, found: Search, catalogue: Mapping[str, Effect]) -> S
     tells of them, and where all views are quiet they have not been tried. What brings too little
     by itself is still weighed; `found` where none brings any, or all has been spent.
     """
-    if spent(fitter) >= LAST:
+    if spent_in_all(fitter) >= LAST:
         return found
     offered, best = _offered(fitter, catalogue), found.best
     trail = Trail(fitter, offered, [*found.tried], [*found.steps], [*found.screened])
@@ -125,11 +126,13 @@ def _gathered(trail: Trail, base: Fit, polished: bool = False) -> Fit:
             break
         before, thorough = best, True  # whose own best optimum may still be elsewhere
         best = trail.polished(top or best)
+        if top is not None:
+            fitter.since = fitter.simulation.evaluations
         before = fitter.under(before, best.scale)
         if top is not None and unexplained(fitter, best):
             best = reformed(trail, best, best.hypothesis.effects)
         least = fitter.rules.entry if top is None else trail.bar
-        if spent(fitter) >= LAST:
+        if spent_in_all(fitter) >= LAST:
             break
         if set(best.keys) == set(before.keys) and before.evidence - best.evidence < least:
             best = min(before, best, key=lambda f: f.evidence)

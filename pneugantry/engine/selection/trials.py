@@ -25,6 +25,7 @@ __all__ = [
     "other_forms",
     "predicted",
     "spent",
+    "spent_in_all",
     "told_of",
     "unbent_values",
     "without",
@@ -36,7 +37,12 @@ Trial = tuple[Hypothesis, Sequence[Mapping[str, float]]]  # a hypothesis, and wh
 
 
 def spent(fitter: Fitter) -> float:
-    """Of what a search may spend, a share."""
+    """Of what a search may spend on one more effect, a share."""
+    return (fitter.simulation.evaluations - fitter.since) / fitter.rules.effort
+
+
+def spent_in_all(fitter: Fitter) -> float:
+    """The same of all effects."""
     return fitter.simulation.evaluations / fitter.rules.effort
 
 

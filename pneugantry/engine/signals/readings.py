@@ -16,13 +16,14 @@ import numpy as np
 from modelica_fmu.batch import Course
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.recent import Recent
-from pneugantry.engine.signals.sensors import affine, signal_of, slope, true_signal
-from pneugantry.engine.signals.smooth import Widest, savgol, widest
+from pneugantry.engine.signals.sensors import affine, signal_of, true_signal
+from pneugantry.engine.signals.smooth import Widest, savgol, widest, widest_slope
 from pyfmi_runner.smoothing import jumps, smooth_axis, within_jumps
 
 __all__ = ["Readings"]
 
 SMOOTH = 3  # rows over which an input of a part with states is smoothed
+JUMP = 2  # rows over which a sensor may spread a jump
 KEPT = 64  # signals of records that are kept, each as filtered and less its errors
 Errors = Mapping[str, float]
 
@@ -62,7 +63,9 @@ class Readings:
     def _over_periods(self, what: str, signal: str, record: Record, errors: Errors) -> Course:
         """Over a period, where the view has states, halfway between its ends."""
         if what == "rate":
-            values = slope(true_signal(signal, record, errors), record.period)
+            true = true_signal(signal, record, errors)
+            values = widest_slope(_steady(true, self.sigmas[signal]), self.sigmas[signal])
+            values = values / record.period
         else:
             values = self._value(signal, record, errors)
         if not self.averaging:
@@ -136,3 +139,12 @@ class Readings:
         if len(filtered) > 1:
             result = result + (filtered[1] - speed[1] * filtered[2]) / speed[0]
         return np.asarray(result)
+
+
+def _steady(values: Array, sigma: float) -> Array:
+    """Values (N,) without what they jump by: an end stop, which a model's rate of change leaves
+    out.
+    """
+    change = np.diff(values)
+    jumped = np.copysign(jumps(values, sigma, JUMP), change)
+    return values - np.append(0.0, np.cumsum(jumped))

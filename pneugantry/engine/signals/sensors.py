@@ -2,7 +2,8 @@
 that a reading stands for.
 
 Parameters "sensors.SIGNAL.WHAT": scale (1), bias, drift (per s), lag (s, first order), delay (s),
-curve (share by which a reading of `CURVED_AT` times its spread is more), from.OTHER (share of
+window (s: the reading is the mean of as long before it, as that of a speed from a way travelled),
+curve (share by which a reading as large as its spread is more), from.OTHER (share of
 another signal's reading that leaks in).
 """
 
@@ -20,8 +21,7 @@ from pyfmi_runner.first_order import first_order
 __all__ = ["PREFIX", "affine", "neutral", "sensed", "shifted", "signal_of", "true_signal"]
 
 PREFIX = "sensors."
-SLOPE = 9  # rows over which a slope is taken
-STEEP = (17, 3)  # rows and degree of that behind a lag: as noisy, and right for cubics (0151)
+STEEP = (17, 3)  # rows and degree of the slope behind a lag: right for cubics (0151)
 
 
 def neutral(name: str) -> float:
@@ -47,6 +47,8 @@ def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]
         result = _lagged(result, lag / record.period)
     if delay := own.get("delay", 0.0):
         result = shifted(result, delay / record.period)
+    if window := own.get("window", 0.0):
+        result = _averaged(result, window / record.period)
     if drift := own.get("drift", 0.0):
         result = result + drift * record.period * np.arange(len(result))
     if curve := own.get("curve", 0.0):
@@ -67,6 +69,8 @@ def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Arr
         result = straight
     if drift := own.get("drift", 0.0):
         result = result - drift * record.period * np.arange(len(result))
+    if window := own.get("window", 0.0):
+        result = _sharpened(result, window / record.period)
     if delay := own.get("delay", 0.0):
         result = shifted(result, -delay / record.period)
     if lag := own.get("lag", 0.0):
@@ -82,11 +86,6 @@ def affine(signal: str, values: Mapping[str, float]) -> tuple[float, float] | No
     if own.keys() <= {"scale", "bias"}:
         return own.get("scale", 1.0), own.get("bias", 0.0)
     return None
-
-
-def slope(values: Array, period: float, window: int = SLOPE) -> Array:
-    """Rate of change (N,) of a noisy signal."""
-    return savgol(values, window, 2, derivative=1) / period
 
 
 def _own(signal: str, values: Mapping[str, float]) -> dict[str, float]:
@@ -126,6 +125,29 @@ def _lagged(values: Array, rows: float) -> Array:
     off = values - values[0]
     driven = ahead * off + (1 - keep - ahead) * np.append(0.0, off[:-1])
     return np.asarray(values[0] + first_order(driven, 1.0, keep))
+
+
+def _averaged(values: Array, rows: float) -> Array:
+    """Means (N,) of values over the last so many rows, straight from one to the next; at rest
+    before the first.
+    """
+    ahead = np.append(values[1:], values[-1])
+    area = np.append(0.0, np.cumsum(0.5 * (values[:-1] + values[1:])))
+    began = np.maximum(np.arange(len(values)) - rows, 0.0)
+    row = began.astype(int)
+    part = began - row
+    before = area[row] + part * (values[row] + 0.5 * part * (ahead - values)[row])
+    rested = np.maximum(rows - np.arange(len(values)), 0.0)  # of the window, before the first row
+    return np.asarray((area - before + rested * values[0]) / rows)
+
+
+def _sharpened(values: Array, rows: float) -> Array:
+    """What means over so many rows are of, but for what moves faster: half a window earlier, and
+    less what a mean adds to a parabola.
+    """
+    middle = shifted(values, -0.5 * rows)
+    width = max(STEEP[0], int(rows) | 1)
+    return np.asarray(middle - rows**2 / 24 * savgol(middle, width, STEEP[1], derivative=2))
 
 
 def _spread(signal: str, record: Record) -> float:

@@ -7,6 +7,7 @@ rest; a diagnosis filters thousands of short signals.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from pneugantry.engine.plant import Array
 
-__all__ = ["Widest", "savgol", "widest"]
+__all__ = ["Widest", "savgol", "widest", "widest_slope"]
 
 WIDTHS = (5, 9, 17, 33, 65)  # rows of a window
 APART = 4.5  # standard deviations by which estimates may differ: by chance once in 150,000 rows
@@ -69,16 +70,32 @@ def widest(values: Array, sigma: float) -> Widest:
     those of all narrower ones: standstill is smoothed more than motion. sigma: of the signal's
     white noise. (Intersection of confidence intervals: Goldenshluger and Nemirovski, 1997.)
     """
-    chosen = np.asarray(values, dtype=float)
-    low, high = chosen - APART * sigma, chosen + APART * sigma
+    values = np.asarray(values, dtype=float)
+    chosen, agree = _agreeing(values, sigma, 0)
+    if len(values) < WIDTHS[-1]:
+        return Widest(chosen, np.full(len(values), np.nan), 0.0)
+    means = np.where(agree, savgol(values, WIDTHS[-1], 1), np.nan)
+    return Widest(chosen, means, APART * sigma / WIDTHS[-1] ** 0.5)
+
+
+def widest_slope(values: Array, sigma: float) -> Array:
+    """The same of their slopes, per row (N,)."""
+    return _agreeing(np.asarray(values, dtype=float), sigma, 1)[0]
+
+
+def _agreeing(values: Array, sigma: float, derivative: int) -> tuple[Array, Array]:
+    """Of each row (N,) a parabola's value or derivative over the widest window that agrees, and
+    whether that is the widest of all.
+    """
+    chosen = np.zeros(len(values)) if derivative else values
+    reach = math.inf if derivative else APART * sigma
+    low, high = chosen - reach, chosen + reach
     agree = np.ones(len(values), dtype=bool)
-    for width in WIDTHS:
-        if width > len(values):
-            return Widest(chosen, np.full(len(values), np.nan), 0.0)
-        tried = savgol(values, width, 2)
-        reach = APART * sigma * float(np.sqrt((_ends(width, 2, 0)[width // 2] ** 2).sum()))
+    for width in (w for w in WIDTHS if w <= len(values)):
+        tried = savgol(values, width, 2, derivative)
+        of_rows = _ends(width, 2, derivative)[width // 2]
+        reach = APART * sigma * float(np.sqrt((of_rows**2).sum()))
         low, high = np.maximum(low, tried - reach), np.minimum(high, tried + reach)
         agree &= low <= high
         chosen = np.where(agree, tried, chosen)
-    means = np.where(agree, savgol(values, WIDTHS[-1], 1), np.nan)
-    return Widest(chosen, means, APART * sigma / WIDTHS[-1] ** 0.5)
+    return chosen, agree

@@ -37,3 +37,22 @@ def test_the_position_tells_when_a_speed_jumped(every: int) -> None:
     noise = SIGMA_V * PERIOD * np.sqrt(2000)  # of the readings' sum
     assert np.sqrt(np.mean(np.square(off))) < np.hypot(0.16 * 0.5 * PERIOD, noise)
     # half a row at most, evenly: 0.29 of a row, where the readings of the speed are all there is
+
+
+@pytest.mark.parametrize("spread", [1, 2])
+def test_the_rate_of_a_speed_leaves_out_what_it_jumps_by(spread: int) -> None:
+    """An axis that slows down at 2 m/s2 and meets its end, read in one row or over two: the model's
+    rate of change knows no jump; about it the steady rates stay what they are.
+    """
+    rng = np.random.default_rng(0)
+    rows = np.arange(2000)
+    true = np.where(rows <= 700, 1.9 - 2.0 * PERIOD * rows, 0.0)
+    if spread == 2:
+        true[701] = 0.3
+    record = Record("r", PERIOD, {}, {"v": true + SIGMA_V * rng.standard_normal(2000)}, {})
+    readings = Readings({"v": SIGMA_V}, {}, frozenset(), averaging=True)
+    found = readings.rate("v", record, {}).over
+    assert found[50:690] == pytest.approx(-2.0, abs=0.2)
+    assert found[690:712].min() > -2.5
+    assert found[690:712].max() < 1.0
+    assert found[715:1950] == pytest.approx(0.0, abs=0.2)

@@ -23,7 +23,7 @@ from pneugantry.engine.selection.rivals import _joined, _replacing, reformed
 from pneugantry.engine.selection.screening import Candidate, Memory, screen
 from pneugantry.engine.selection.search import resumed, search
 from pneugantry.engine.selection.trail import Trail
-from pneugantry.engine.selection.trials import main_forms, other_forms
+from pneugantry.engine.selection.trials import main_forms, other_forms, spent, spent_in_all
 from pneugantry.engine.views.build import build_views
 from pneugantry.engine.views.cuts import sharp_views
 from pneugantry.engine.views.simulation import Cell
@@ -496,6 +496,19 @@ def test_what_is_predicted_is_added_after_the_effort_is_spent(plant: Plant, part
     found = search(fitter, null, CATALOGUE)
     fitter.close()
     assert set(found.best.keys) == {"drag", "leak"}
+
+
+def test_what_may_be_spent_is_counted_anew_for_each_effect(plant: Plant, parts: Path) -> None:
+    """Of a sound rig all is spent on the first one, of one with two effects little on the third."""
+    shares = []
+    for values in ({}, {"drag": 2.0, "leak": 0.1}):
+        fitter = fitter_of(plant, parts, **values)
+        found = search(fitter, fitter.null(), CATALOGUE)
+        shares.append(spent(fitter) / spent_in_all(fitter))
+        fitter.close()
+        assert set(found.best.keys) == set(values)
+    assert shares[0] == 1.0
+    assert shares[1] < 0.5
 
 
 def test_a_fit_that_is_worse_with_all_views_together_is_looked_at_closely(

@@ -108,7 +108,9 @@ def test_a_signal_of_no_variable_is_one_clear_line(cart: Plant, cache: Path) -> 
         views(wrong, cache)
 
 
-@pytest.mark.parametrize("error", ["scale", "bias", "drift", "lag", "delay", "curve", "from.other"])
+@pytest.mark.parametrize(
+    "error", ["scale", "bias", "drift", "lag", "delay", "window", "curve", "from.other"]
+)
 def test_what_a_sensor_says_is_led_back_to_the_true_signal(error: str) -> None:
     time = 1e-3 * np.arange(3000)
     true, other = np.sin(5 * time), np.cos(3 * time)
@@ -134,6 +136,19 @@ def test_a_lag_is_that_of_the_line_through_the_rows(period: float) -> None:
     _, expected, _ = lsim(([1.0], [0.02, 1.0]), true - true[0], time)
     said = sensed("own", true, record, {"sensors.own.lag": 0.02})
     np.testing.assert_allclose(said, true[0] + expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("window", [0.4e-3, 1e-3, 7.3e-3, 0.15])
+def test_a_mean_is_that_of_the_line_through_the_rows(window: float) -> None:
+    """As of rows a thousand times as fine."""
+    true = np.random.default_rng(0).standard_normal(120).cumsum()
+    record = Record("r", 1e-3, {}, {"own": true}, {})
+    said = sensed("own", true, record, {"sensors.own.window": window})
+    points = 1000 * int(np.ceil(window / 1e-3))
+    fine = (np.arange(points) + 0.5) / points * window / 1e-3
+    at = np.arange(len(true))
+    expected = [np.interp(k - fine, at, true).mean() for k in at]
+    np.testing.assert_allclose(said, expected, atol=1e-5)
 
 
 def test_a_lag_of_next_to_nothing_changes_next_to_nothing() -> None:
