@@ -15,7 +15,7 @@ from pneugantry.engine.fitting.noise import Noise
 from pneugantry.engine.fitting.problem import Problem, Solution, inside, newton, predicted
 from pneugantry.engine.fitting.weighing import FAILED, Weighing, flat_noise
 from pneugantry.engine.plant import Array
-from pneugantry.engine.views.simulation import Cell, Columns, Point, Residuals, Simulation
+from pneugantry.engine.views.simulation import Cell, Point, Residuals, Simulation
 
 __all__ = ["descend"]
 
@@ -62,15 +62,19 @@ def descend(
             break
         weighing = known or Weighing(flat_noise(sim, state.residuals), rules)
         ahead = _Ahead(problem, state, weighing)
-        if ahead.towards(np.full(len(names), LEAST), 1.0).predicted < HOPED * converged:
-            break
-        step = _step(ahead, damping, converged)
-        failed = problem.fine and (step is None or step.short)
+        hoped = ahead.towards(np.full(len(names), LEAST), 1.0).predicted
+        over = hoped < HOPED * converged
+        step = None if over else _step(ahead, damping, converged)
+        failed = problem.fine and not over and (step is None or step.short)
         if failed and not (old or kept) and state.point is not renewed:
             renewed, along = state.point, _along_valley(ahead)
             if along is not None:
                 state, damping[:] = along, LEAST
                 continue
+        if problem.fine and (step is None or step.short or step.fall < converged):
+            step = _past_event(ahead, hoped) or step
+        if over and step is None:
+            break
         if step is None:
             if not (old or kept):
                 break
@@ -87,6 +91,23 @@ def descend(
             state = state.with_columns(made, cells, problem.fine)
             old -= stale
     return state
+
+
+def _past_event(ahead: _Ahead, hoped: float) -> _Step | None:
+    """A step as if nothing were known of the cell without which most is hoped for: what its columns
+    tell may be an event's, which any small step of one parameter brings and this one does not. None
+    where it lowers the cost no further than what is hoped with that cell.
+    """
+    state, least = ahead.state, hoped + ahead.problem.rules.entry
+    trials = [ahead.without(cell) for cell in ahead.by_cell]
+    trial = max(trials, key=lambda t: t.predicted)
+    if trial.predicted < least:
+        return None
+    trial = ahead.run(trial, ahead.costs, least)
+    if trial.fall < max(least, TAKEN * trial.predicted):
+        return None
+    end = Solution(trial.point, trial.residuals, state.columns, tangents=state.tangents)
+    return _Step(end, trial.fall, frozenset(ahead.costs), True)
 
 
 def _along_valley(ahead: _Ahead) -> Solution | None:
@@ -190,7 +211,13 @@ class _Ahead:
         self.problem, self.state, self.weighing = problem, state, weighing
         known, theta = problem.prior, state.point.theta
         self.costs = weighing.costs(state.residuals)
-        self.parts = {v: weighing.normal(state.point, *_of(state, v)) for v in self.costs}
+        self.by_cell = {
+            c: weighing.normal(state.point, {c: r}, state.columns)
+            for c, r in state.residuals.items()
+        }
+        self.parts = {
+            v: _summed([p for c, p in self.by_cell.items() if c[0] == v]) for v in self.costs
+        }
         self.curved = sum((n for n, _ in self.parts.values()), np.zeros_like(known.square))
         self.normal = known.square + self.curved
         self.gradient = known.square @ theta - known.pull + sum(g for _, g in self.parts.values())
@@ -204,9 +231,18 @@ class _Ahead:
         end = newton(point, self.damped(damping), self.gradient)
         if share < 1:
             end = inside(point.moved(point.theta + share * (end.theta - point.theta)))
-        made = end.theta - point.theta
+        return self._trial(end, self.normal, self.gradient)
+
+    def without(self, cell: Cell) -> _Trial:
+        """The step of all but one cell, which is taken to change nothing there."""
+        normal, gradient = self.by_cell[cell]
+        normal, gradient = self.normal - normal, self.gradient - gradient
+        return self._trial(newton(self.state.point, normal, gradient), normal, gradient)
+
+    def _trial(self, end: Point, normal: Array, gradient: Array) -> _Trial:
+        made = end.theta - self.state.point.theta
         by_view = {v: -float(made @ (2 * g + n @ made)) for v, (n, g) in self.parts.items()}
-        return _Trial(end, -float(made @ (2 * self.gradient + self.normal @ made)), by_view)
+        return _Trial(end, -float(made @ (2 * gradient + normal @ made)), by_view)
 
     def run(self, trial: _Trial, first: Collection[str], least: float) -> _Trial:
         """A trial with what it leaves. first: views that are run first; where the cost falls by no
@@ -298,9 +334,7 @@ def _step(ahead: _Ahead, damping: Array, converged: float) -> _Step | None:
     return best
 
 
-def _of(state: Solution, view: str) -> tuple[Residuals, Columns]:
-    """Residuals and columns of one view."""
-    return (
-        {c: r for c, r in state.residuals.items() if c[0] == view},
-        {k: c for k, c in state.columns.items() if k[0][0] == view},
-    )
+def _summed(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Normal matrix and gradient of some cells."""
+    normals, gradients = zip(*parts, strict=True)
+    return np.sum(normals, axis=0), np.sum(gradients, axis=0)

@@ -55,6 +55,7 @@ __all__ = ["FRESH", "Fitter"]
 
 DAMPED = (0.0, 1e-3, 1e-2, 0.1, 1.0)  # steps to the least of the views' parabolas that are tried
 FRESH = 2  # times as large is a survey where other equations hold: nothing is known of their optima
+FIRSTS = 3  # of many starts those from which a hypothesis is fitted near a base, it included
 SIDES = 2  # of many starts those from which an effect is sized
 SIZED = 4  # steps of an effect's size alone, at most
 LEGS = 2  # descents from afar, each from the end of the one before, undamped
@@ -271,6 +272,9 @@ class Fitter:
         """
         own, known, cells = self.beside_base(hypothesis, base)
         firsts = self.firsts(hypothesis, base, starts, cells)
+        if len(firsts) > FIRSTS:
+            ranked = sorted(firsts[1:], key=lambda s: self._beside(s, base, known, cells))
+            firsts = [firsts[0], *ranked[: FIRSTS - 1]]
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
         rivals = [as_of(f, own) for f in (base, ahead) if f is not None]
         share = fresh if another else int(thorough)

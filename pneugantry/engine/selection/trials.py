@@ -155,7 +155,7 @@ def other_forms(
             if hypothesis.forms in known or not fitter.readable(form):
                 continue
             starts = [fit.values(None), *(s for s in starts_of(fitter, base, form) if s)]
-            told.append((hypothesis, starts[:STARTS]))
+            told.append((hypothesis, starts))
     return explored(fitter, base, told, best_fit(fits))
 
 

@@ -16,7 +16,8 @@ import numpy as np
 from modelica_fmu.batch import Course
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.recent import Recent
-from pneugantry.engine.signals.sensors import affine, signal_of, true_signal
+from pneugantry.engine.signals.sensors import affine, signal_of, slowness, true_signal
+from pneugantry.engine.signals.slow import stood_for
 from pneugantry.engine.signals.smooth import Widest, savgol, widest, widest_slope
 from pyfmi_runner.smoothing import jumps, smooth_axis, within_jumps
 
@@ -63,7 +64,7 @@ class Readings:
     def _over_periods(self, what: str, signal: str, record: Record, errors: Errors) -> Course:
         """Over a period, where the view has states, halfway between its ends."""
         if what == "rate":
-            true = true_signal(signal, record, errors)
+            true = self._true(signal, record, errors)
             values = widest_slope(_steady(true, self.sigmas[signal]), self.sigmas[signal])
             values = values / record.period
         else:
@@ -84,8 +85,15 @@ class Readings:
         if position is None or position not in record.signals:
             return None
         sigmas = self.sigmas[position], self.sigmas[speed]
-        values = true_signal(speed, record, errors)
+        values = self._true(speed, record, errors)
         return within_jumps(record.signals[position], values, *sigmas, record.period)
+
+    def _true(self, signal: str, record: Record, errors: Errors) -> Array:
+        """What a reading stands for, noise apart."""
+        values, slow = true_signal(signal, record, errors), slowness(signal, errors)
+        if slow is None:
+            return values
+        return stood_for(values, slow, self.sigmas[signal], record.period)
 
     def _speed(self, signal: str, record: Record) -> str | None:
         speed = self.pairs.get(signal)
@@ -95,8 +103,8 @@ class Readings:
         speed = self._speed(signal, record)
         own, other = affine(signal, errors), affine(speed or signal, errors)
         if own is None or other is None:
-            values = true_signal(signal, record, errors)
-            rate = None if speed is None else true_signal(speed, record, errors)
+            values = self._true(signal, record, errors)
+            rate = None if speed is None else self._true(speed, record, errors)
             return self._less(self._filter(signal, speed, values, rate, record.period), signal)
         rate = None if speed is None else record.signals[speed]
         filtered = self._filtered.of(

@@ -15,13 +15,21 @@ from functools import lru_cache
 import numpy as np
 
 from pneugantry.engine.plant import Array, Record
-from pneugantry.engine.signals.smooth import savgol
+from pneugantry.engine.signals.slow import Slowness
 from pyfmi_runner.first_order import first_order
 
-__all__ = ["PREFIX", "affine", "neutral", "sensed", "shifted", "signal_of", "true_signal"]
+__all__ = [
+    "PREFIX",
+    "affine",
+    "neutral",
+    "sensed",
+    "shifted",
+    "signal_of",
+    "slowness",
+    "true_signal",
+]
 
 PREFIX = "sensors."
-STEEP = (17, 3)  # rows and degree of the slope behind a lag: right for cubics (0151)
 
 
 def neutral(name: str) -> float:
@@ -40,15 +48,16 @@ def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]
     own = _own(signal, values)
     if not own:
         return true
-    result = true * own.get("scale", 1.0)
-    for other in _crosstalk(own, record):
-        result = result + other
+    result = true
     if lag := own.get("lag", 0.0):
         result = _lagged(result, lag / record.period)
     if delay := own.get("delay", 0.0):
         result = shifted(result, delay / record.period)
     if window := own.get("window", 0.0):
         result = _averaged(result, window / record.period)
+    result = result * own.get("scale", 1.0)
+    for other in _crosstalk(own, record):
+        result = result + other
     if drift := own.get("drift", 0.0):
         result = result + drift * record.period * np.arange(len(result))
     if curve := own.get("curve", 0.0):
@@ -57,7 +66,7 @@ def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]
 
 
 def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Array:
-    """What a reading (N,) stands for, noise apart."""
+    """What a reading (N,) stands for, but for noise and for what makes it slow."""
     own, result = _own(signal, values), record.signals[signal]
     if not own:
         return result
@@ -69,15 +78,16 @@ def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Arr
         result = straight
     if drift := own.get("drift", 0.0):
         result = result - drift * record.period * np.arange(len(result))
-    if window := own.get("window", 0.0):
-        result = _sharpened(result, window / record.period)
-    if delay := own.get("delay", 0.0):
-        result = shifted(result, -delay / record.period)
-    if lag := own.get("lag", 0.0):
-        result = result + lag * savgol(result, *STEEP, derivative=1) / record.period
     for other in _crosstalk(own, record):
         result = result - other
     return np.asarray(result / own.get("scale", 1.0))
+
+
+def slowness(signal: str, values: Mapping[str, float]) -> Slowness | None:
+    """What makes a sensor slow; None where nothing does."""
+    own = _own(signal, values)
+    found = Slowness(own.get("lag", 0.0), own.get("delay", 0.0), own.get("window", 0.0))
+    return found if any(found) else None
 
 
 def affine(signal: str, values: Mapping[str, float]) -> tuple[float, float] | None:
@@ -139,15 +149,6 @@ def _averaged(values: Array, rows: float) -> Array:
     before = area[row] + part * (values[row] + 0.5 * part * (ahead - values)[row])
     rested = np.maximum(rows - np.arange(len(values)), 0.0)  # of the window, before the first row
     return np.asarray((area - before + rested * values[0]) / rows)
-
-
-def _sharpened(values: Array, rows: float) -> Array:
-    """What means over so many rows are of, but for what moves faster: half a window earlier, and
-    less what a mean adds to a parabola.
-    """
-    middle = shifted(values, -0.5 * rows)
-    width = max(STEEP[0], int(rows) | 1)
-    return np.asarray(middle - rows**2 / 24 * savgol(middle, width, STEEP[1], derivative=2))
 
 
 def _spread(signal: str, record: Record) -> float:

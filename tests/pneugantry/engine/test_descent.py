@@ -121,6 +121,40 @@ def test_where_no_step_is_worth_it_nothing_is_simulated() -> None:
     assert not sim.ran
 
 
+class Struck(Rough):
+    """Both records are met alike, but in one an axis breaks away or not, by what a + 0.7 b, which
+    is all that moves it, has in its seventh digit.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.slopes = np.stack([self.slopes[0], 0.7 * self.slopes[0], self.slopes[2]])
+
+    def residual(self, cell: Cell, values: Mapping[str, float]) -> Array:
+        theta = np.array([values[n] for n in NAMES])
+        found = theta @ self.slopes + self.noise[cell]
+        if cell == CELLS[0]:
+            up = np.sin(7e5 * (theta[0] + 0.7 * theta[1]) + 0.3) < 0
+            found = found + (0.1 * self.pattern if up else 0.0)
+        return np.asarray(found[:, None])
+
+
+def test_a_step_passes_an_event_that_columns_take_for_its_own() -> None:
+    """The columns of a record in which a small step of one parameter brings an event hide the line
+    along which nothing happens; those of the other record show it.
+    """
+    sim = Struck()
+    problem, start, weighing = problem_of(sim)
+    point = start.point.moved(np.array([21.0, -30.0, 0.0]))
+    residuals = sim.residuals(point, CELLS)
+    columns = sim.columns(point, residuals, CELLS, set(NAMES))
+    ahead = _Ahead(problem, Solution(point, residuals, columns), weighing)
+    bare = problem.prior.cost(point.theta)
+    end = descend(problem, ahead.state, weighing.noise, 0.01)
+    assert ahead.towards(np.full(3, 1e-9), 1.0).predicted < 0.1 * bare
+    assert problem.prior.cost(end.point.theta) < 0.01 * bare
+
+
 def test_columns_of_another_point_are_made_anew_where_a_step_by_them_fails() -> None:
     sim = Rough()
     sim.jump = 0.0
