@@ -394,25 +394,26 @@ def _catalogue(source: Path | None, nominal: Callable[[str], float | None]) -> d
 
 
 def sensor_effects(signals: Sequence[Signal], period: float) -> dict[str, Effect]:
-    """Errors that every sensor may have: bias of ten times its noise, scale of 5 %, delay of five
-    rows.
+    """Errors that every sensor may have: bias of ten times its noise, scale of 5 %, and how it may
+    be late: by a delay or a lag of five rows, or as a mean over ten.
     """
     found = {}
+    late = {"delay": 5 * period, "lag": 5 * period, "window": 10 * period}
     for s in signals:
-        for what, parameter in (
-            ("bias", Parameter("bias", 0.0, 10 * s.sigma, -1e300, 1e300, s.unit)),
-            ("scale", Parameter("scale", 1.0, 0.05, 0.1, 10.0, "1")),
-            ("delay", Parameter("delay", 0.0, 5 * period, 0.0, 500 * period, "s")),
+        for what, said, parameters in (
+            ("bias", "bias of", [Parameter("bias", 0.0, 10 * s.sigma, -1e300, 1e300, s.unit)]),
+            ("scale", "scale of", [Parameter("scale", 1.0, 0.05, 0.1, 10.0, "1")]),
+            (
+                "delay",
+                "delay of",
+                [Parameter(n, 0.0, size, 0.0, 100 * size, "s") for n, size in late.items()],
+            ),
         ):
-            own = replace(parameter, name=f"{PREFIX}{s.name}.{what}")
-            effect = Effect(
-                f"sensor_{what}({s.name})",
-                "",
-                "sensors",
-                f"{what} of {s.name}",
-                (Form(what, (own,)),),
+            forms = tuple(
+                Form(p.name, (replace(p, name=f"{PREFIX}{s.name}.{p.name}"),)) for p in parameters
             )
-            found[effect.key] = effect
+            key = f"sensor_{what}({s.name})"
+            found[key] = Effect(key, "", "sensors", f"{said} {s.name}", forms)
     return found
 
 

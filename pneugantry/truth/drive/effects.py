@@ -116,7 +116,7 @@ KNOWN_FORMS = [
     _sensor("bias", "i", (0.04, 0.5, "A"), "bias", "add"),
     _sensor("scale", "i", (0.03, 0.3, "relative"), "gain", "factor"),
     _sensor("scale", "omega", (0.03, 0.3, "relative"), "gain", "factor"),
-    _sensor("lag", "omega", (3e-3, 3e-2, "s"), "lag", "set"),
+    _sensor("delay", "omega", (3e-3, 3e-2, "s"), "lag", "set"),
 ]
 OUTSIDE_FORMS = [
     _outside("dead_zone", "amplifier", (0.3, 2.0, "V"), "dead_zone", "u", "dead zone"),
