@@ -289,6 +289,7 @@ def test_all_views_tell_a_scale_s_error(tmp_path: Path) -> None:
     assert learned["term"]["equation"] == "s_read = s"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unoptimised")
 def test_what_leaks_from_one_sensor_into_another_is_told(tmp_path: Path) -> None:
     """The force's own view by itself has a damper beside the springs instead; the carriage's view

@@ -279,6 +279,7 @@ class Play:
         return self.at
 
 
+@pytest.mark.slow
 def test_a_spring_behind_a_play_is_learnt_as_one(tmp_path: Path) -> None:
     play = Play(0.3)
     learned = diagnosed(tmp_path, lambda s, v: -3.0 * (s - play(s, v)))["learned"]
@@ -344,6 +345,7 @@ def _shaken(begin: float, m: float, t: float, s: float, v: float, f: float) -> f
     return (f - 4.1 * v + 0.8 * float(np.sin(2 * np.pi * (begin + t) / 0.63))) / m
 
 
+@pytest.mark.slow
 def test_what_shakes_two_components_is_one_term(tmp_path: Path) -> None:
     """Each cart's force has the same wave in it, which runs on between logs."""
     rows, begins = round(LENGTH / PERIOD), {"swings": 0.3, "steps": 1.1, "other": 2.9}
