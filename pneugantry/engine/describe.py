@@ -400,20 +400,16 @@ def sensor_effects(signals: Sequence[Signal], period: float) -> dict[str, Effect
     found = {}
     late = {"delay": 5 * period, "lag": 5 * period, "window": 10 * period}
     for s in signals:
-        for what, said, parameters in (
-            ("bias", "bias of", [Parameter("bias", 0.0, 10 * s.sigma, -1e300, 1e300, s.unit)]),
-            ("scale", "scale of", [Parameter("scale", 1.0, 0.05, 0.1, 10.0, "1")]),
-            (
-                "delay",
-                "delay of",
-                [Parameter(n, 0.0, size, 0.0, 100 * size, "s") for n, size in late.items()],
-            ),
+        for what, parameters in (
+            ("bias", [Parameter("bias", 0.0, 10 * s.sigma, -1e300, 1e300, s.unit)]),
+            ("scale", [Parameter("scale", 1.0, 0.05, 0.1, 10.0, "1")]),
+            ("delay", [Parameter(n, 0.0, at, 0.0, 100 * at, "s") for n, at in late.items()]),
         ):
             forms = tuple(
                 Form(p.name, (replace(p, name=f"{PREFIX}{s.name}.{p.name}"),)) for p in parameters
             )
             key = f"sensor_{what}({s.name})"
-            found[key] = Effect(key, "", "sensors", f"{said} {s.name}", forms)
+            found[key] = Effect(key, "", "sensors", f"{what} of {s.name}", forms)
     return found
 
 
