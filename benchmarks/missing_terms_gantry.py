@@ -52,7 +52,7 @@ FORMS = {  # formula of the truth -> forms that are it
     "periodic": {"sine", "periodic"},
     "1-exp(-r)": {"exponential"},
     "play": {"play"},
-    "resonance": {"resonance"},
+    "resonance": {"resonance", "recoil"},
 }
 # where the variable keeps its sign
 ONE_SIGNED = {"r|r|": {"square"}, "r^2": {"signed square"}, "|r|": {"linear"}}
@@ -115,14 +115,15 @@ def _work(force: Array, record: Record, axis: str) -> Array:
 
 def _of_acceleration(learned: Learned, answer: Mapping[str, Any]) -> str:
     """What an answer is a function of: z less its resonance is the resonance of its acceleration,
-    but for the square of the natural frequency.
+    but for the square of the natural frequency; a speed recoils by its acceleration.
     """
-    label = str(answer["regressor"])
-    if answer["form"] != "resonance":
+    label, form = str(answer["regressor"]), answer["form"]
+    if form not in ("resonance", "recoil"):
         return label
     task = learned.before.task
     shape = structure(task.plant.model, task.plant.class_name)
-    acceleration = shape.rates.get(shape.rates.get(shape.roots.get(label, ""), ""), "")
+    rate = shape.rates.get(shape.roots.get(label, ""), "")
+    acceleration = rate if form == "recoil" else shape.rates.get(rate, "")
     same = (r.label for r in learned.screen.series if shape.roots.get(r.label) == acceleration)
     return next(same, label)
 

@@ -1,5 +1,6 @@
-"""Terms that remember: a state follows the variable. Three of the field's own: play (hysteresis), a
-lag (creep, heat) and a resonance (something elastic that is shaken along).
+"""Terms that remember: a state follows the variable. Four of the field's own: play (hysteresis), a
+lag (creep, heat), a resonance (something elastic that is shaken along) and a recoil (something
+elastic that is pushed away).
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ __all__ = ["MEMORIES", "Memory", "Remembered", "Walks"]
 
 Walk = Callable[[Array, float, Sequence[float]], Array]
 Slope = Callable[[Array, float, Sequence[float]], Array | float]
-PACE = 2e-3  # s, in which the state of a play follows the end of its band that it is pushed by
+PACE = 2e-3  # s, in which the state of a play follows the end of its band that it is pushed by, and
+# over which a slope is taken
 SHARES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of a variable's range, half widths of a play
 RATIO = 1.5  # of two lags that are tried
 FINE = 1.1  # of two periods
@@ -26,22 +28,25 @@ PART = 3.0  # of a record that a lag or a period lasts, at most
 
 @dataclass(frozen=True)
 class Memory:
-    """A state s that follows a variable z; p1*(z - s) enters. p2, ...: its parameters, all > 0."""
+    """A state s that follows a variable z; `text` enters. p2, ...: its parameters, all > 0."""
 
     name: str
     states: str  # Modelica: declarations of further states
     rates: str  # equations of the states, in z, s and p2, ...
     shapes: int  # p2, ...
-    walk: Walk  # z - s over evenly spaced rows of z, their period (s) and (p2, ...)
-    slope: Slope  # of z - s at each row by z there, with what came before; of z - s, period, p
+    walk: Walk  # `text` over p1, over evenly spaced rows of z, their period (s) and (p2, ...)
+    slope: Slope  # of that at each row by z there, with what came before; of it, period, p
     tried: Callable[[float, float, float], list[tuple[float, ...]]]  # (p2, ...) to try, for a range
     # of z, the period of rows and the length of a record, s
+    text: str = "p1*(z - s)"
+    pushes: bool = False  # by the rate of z, so that z is the speed of something inert
 
     @property
     def shown(self) -> str:
         """The term as a reader writes it."""
         values = ", ".join(f"p{k}" for k in range(2, 2 + self.shapes))
-        return f"p1*(z - {self.name}(z, {values}))"
+        made = f"{self.name}(z, {values})"
+        return f"p1*{made}" if self.pushes else f"p1*(z - {made})"
 
 
 @dataclass(frozen=True)
@@ -139,14 +144,32 @@ def _resonance(z: Array, period: float, p: Sequence[float]) -> Array:
 def _turning(period: float, p: Sequence[float]) -> tuple[float, list[float]]:
     """Natural frequency, rad/s, and denominator of the filter."""
     turn, zeta = p
-    w = 2 * np.pi / turn
-    c = float(w / np.tan(w * period / 2))  # d/dt = c (1 - q)/(1 + q)
+    w, c = 2 * np.pi / turn, _pace(period, p)
     return w, [c**2 + 2 * zeta * w * c + w**2, 2 * (w**2 - c**2), c**2 - 2 * zeta * w * c + w**2]
+
+
+def _pace(period: float, p: Sequence[float]) -> float:
+    """c of d/dt = c (1 - q)/(1 + q)."""
+    w = 2 * np.pi / p[0]
+    return float(w / np.tan(w * period / 2))
 
 
 def _unmoved(off: Array, period: float, p: Sequence[float]) -> float:
     w, below = _turning(period, p)
     return 1 - w**2 / below[0]
+
+
+def _recoil(z: Array, period: float, p: Sequence[float]) -> Array:
+    """The same transform of what a slope pushes."""
+    from scipy.signal import lfilter  # its import is dear, for who learns
+
+    c, below = _pace(period, p), _turning(period, p)[1]
+    slope = np.diff(z, prepend=z[0]) / period
+    return np.asarray(lfilter([c**2, -2 * c**2, c**2], below, slope))
+
+
+def _kicked(off: Array, period: float, p: Sequence[float]) -> float:
+    return _pace(period, p) ** 2 / _turning(period, p)[1][0] / period
 
 
 def _turns(span: float, period: float, length: float) -> list[tuple[float, ...]]:
@@ -159,6 +182,9 @@ def _spaced(low: float, high: float, ratio: float) -> list[float]:
     return [low * ratio**k for k in range(count)]
 
 
+TURN = "6.283185307179586/p2"  # natural frequency, rad/s
+# acceleration of what stands on a spring and is pushed by the slope of z; b: its displacement
+PUSHED = f"(z - s)/{PACE!r} - {TURN}*({TURN}*b + 2*p3*b_rate)"
 MEMORIES = (
     Memory(
         "play",
@@ -173,11 +199,21 @@ MEMORIES = (
     Memory(
         "resonance",
         "    Real s_rate(start = 0, fixed = true);\n",
-        "    der(s) = s_rate;\n"
-        "    der(s_rate) = 6.283185307179586/p2*(6.283185307179586/p2*(z - s) - 2*p3*s_rate);\n",
+        f"    der(s) = s_rate;\n    der(s_rate) = {TURN}*({TURN}*(z - s) - 2*p3*s_rate);\n",
         2,
         _resonance,
         _unmoved,
         _turns,
+    ),
+    Memory(
+        "recoil",
+        "    Real b(start = 0, fixed = true);\n    Real b_rate(start = 0, fixed = true);\n",
+        f"    der(s) = (z - s)/{PACE!r};\n    der(b) = b_rate;\n    der(b_rate) = {PUSHED};\n",
+        2,
+        _recoil,
+        _kicked,
+        _turns,
+        f"p1*({PUSHED})",
+        True,
     ),
 )

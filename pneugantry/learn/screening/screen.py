@@ -412,7 +412,8 @@ class Screening:
         knots = knots_over(np.concatenate(list(course.values.values())))
         if knots is None:
             return []
-        bases: list[Basis | Remembered] = [knots, *self._memories(response, regressor, course)]
+        memories = self._memories(point, response, regressor, course)
+        bases: list[Basis | Remembered] = [knots, *memories]
         if regressor.name == TIME:
             periods = periods_of(response, course.values, course.factors)
             phases = sorted({1, len(course.values)})
@@ -425,7 +426,7 @@ class Screening:
         return bases
 
     def _memories(
-        self, response: Response, regressor: Regressor, course: Course
+        self, point: Point, response: Response, regressor: Regressor, course: Course
     ) -> list[Remembered]:
         """Each memory of a variable, with the parameters that do best."""
         if regressor.outside or not regressor.alone:
@@ -435,7 +436,8 @@ class Screening:
         low, high = np.quantile(np.concatenate(list(over.values())), (0.005, 0.995))
         length = max(step[c] * len(v) for c, v in over.items())
         found = []
-        for memory in MEMORIES:
+        inert = not point.sensor and self._inert(regressor)
+        for memory in (m for m in MEMORIES if inert or not m.pushes):
             tried = memory.tried(float(high - low), max(step.values()), length)
             if tried:
                 made = {
@@ -447,6 +449,11 @@ class Screening:
                 falls = trial_over(response, made).falls
                 found.append(Remembered(memory, tried[int(np.argmax(falls))]))
         return found
+
+    def _inert(self, regressor: Regressor) -> bool:
+        """Whether a variable is a state that is another one's rate: the speed of something."""
+        shape = self.opened.shape
+        return shape.roots.get(regressor.label) in shape.states & set(shape.rates.values())
 
     def _moves(self, regressor: Regressor) -> bool:
         """Whether a variable is a state, along which something may be narrow or repeat."""

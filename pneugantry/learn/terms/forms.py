@@ -280,7 +280,7 @@ def _remembering(memory: Memory) -> FormLaw:
         return p[0] * memory.walk(np.asarray(z, dtype=float), period, p[1:])
 
     shapes = ("width",) * memory.shapes
-    return FormLaw(memory.name, "p1*(z - s)", law, shapes, memory=memory)
+    return FormLaw(memory.name, memory.text, law, shapes, memory=memory)
 
 
 REMEMBERING = tuple(map(_remembering, MEMORIES))

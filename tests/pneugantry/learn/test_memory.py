@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from pneugantry.engine.answer.confirm import replays
 from pneugantry.engine.plant import Plant, Record, Signal
@@ -45,6 +46,15 @@ package Two
 end Two;
 """
 
+CART = """
+model Cart "a body that a force moves"
+  input Real f;
+  output Real v(start = 0, fixed = true);
+equation
+  2*der(v) = f;
+end Cart;
+"""
+
 
 def test_a_play_stays_where_it_is_until_its_band_ends() -> None:
     z = np.array([0.0, 0.2, 0.5, 1.0, 0.8, 0.3, 0.1])
@@ -53,7 +63,8 @@ def test_a_play_stays_where_it_is_until_its_band_ends() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "p"), [("play", (0.3,)), ("lag", (0.1,)), ("resonance", (0.2, 0.1))]
+    ("name", "p"),
+    [("play", (0.3,)), ("lag", (0.1,)), ("resonance", (0.2, 0.1)), ("recoil", (0.2, 0.1))],
 )
 def test_its_slope_is_that_of_one_row_alone(name: str, p: tuple[float, ...]) -> None:
     memory, z = OF_NAME[name], np.sin(np.arange(40)) + 0.2 * np.cos(2.3 * np.arange(40))
@@ -76,6 +87,20 @@ def test_a_resonance_answers_its_own_period_by_its_damping() -> None:
     left = OF_NAME["resonance"].walk(np.sin(2 * np.pi * T / turn), PERIOD, (turn, zeta))
     answer = left[-2000:] - np.sin(2 * np.pi * T[-2000:] / turn)
     assert np.abs(answer).max() == pytest.approx(1 / (2 * zeta), rel=0.02)
+
+
+def test_a_recoil_takes_what_is_pushed_along_at_once_and_gives_it_back() -> None:
+    """A stroke much shorter than the period moves the base as if it were free; one much longer
+    leaves it in its place.
+    """
+    turn, zeta = 0.4, 0.7
+    walk = OF_NAME["recoil"].walk
+    fast = 2 * np.pi / (0.02 * turn)
+    left = walk(np.sin(fast * T), PERIOD, (turn, zeta))[-2000:]
+    assert np.abs(left).max() == pytest.approx(fast, rel=0.1)
+    slow = 2 * np.pi / (20 * turn)
+    left = walk(np.sin(slow * T), PERIOD, (turn, zeta))[-2000:]
+    assert np.abs(left).max() < 0.01 * slow
 
 
 def _plant(folder: Path) -> Plant:
@@ -109,6 +134,36 @@ def test_its_modelica_does_what_its_rows_do(
     assert told.simulated[:, 0] == pytest.approx(2 * u, abs=1e-6)
     assert told.simulated[:, 1] - 2 * u == pytest.approx(expected, abs=error)
     assert f"{name}(u, " in term.formula()
+
+
+def test_a_recoil_is_that_of_a_body_on_an_elastic_base(tmp_path: Path) -> None:
+    """Against two bodies: a force pushes the base with `ratio` of the acceleration that it gives
+    the body; what is measured is how fast the body moves along the base.
+    """
+    mass, ratio, w, zeta = 2.0, 0.25, 15.0, 0.05
+    force = 8 * np.sin(5 * T) + 4 * np.sign(np.sin(2 * T))
+
+    def moved(t: float, y: np.ndarray) -> list[float]:
+        pushed = force[int(t / PERIOD)] / mass  # held from row to row
+        base = -(w**2) * y[1] - 2 * zeta * w * y[2] - ratio * pushed
+        return [pushed - base, y[2], base]
+
+    true = solve_ivp(moved, (0, T[-1]), [0.0] * 3, t_eval=T, max_step=PERIOD).y[0]
+    model = tmp_path / "Cart.mo"
+    model.write_text(CART, encoding="utf-8")
+    plant = Plant("cart", model, "Cart", ("f",), (Signal("v", "v", 1.0),), {}, (), {})
+    law = next(f for f in REMEMBERING if f.name == "recoil")
+    lighter = np.sqrt(1 + ratio)  # the base swings with the body on it
+    values = (mass * ratio / (1 + ratio), 2 * np.pi * lighter / w, zeta / lighter)
+    point = Point("", equations_of(model)[0])
+    term = Term(point, Regressor("", "v"), law, values, (1.0, 0.5, 0.5), "cart")
+    record = Record("run", PERIOD, {"f": force}, {"v": true}, {})
+    (told,) = replays(with_term(plant, term, tmp_path), record, [term.starts], tmp_path)
+    assert told is not None
+    rigid = np.cumsum(force) * PERIOD / mass
+    off = np.abs(told.simulated[:, 0] - true).max()
+    assert off < 0.05 * np.abs(rigid - true).max()  # its slope is 2 ms late at jumps of the force
+    assert "*recoil(v, " in term.formula()
 
 
 def test_a_common_cause_has_one_set_of_parameters(tmp_path: Path) -> None:
