@@ -33,8 +33,11 @@ from pneugantry.learn.screening.candidates import (
     WORTH,
     elsewhere,
     main,
+    memories,
     most,
+    replaced,
     shaped,
+    without,
     worth_fitting,
 )
 from pneugantry.learn.screening.regressors import Regressor
@@ -50,6 +53,8 @@ NO_FIT = "no term of any variable that was tried fits the logs clearly better th
 Say = Callable[[str], None]
 CLEARLY = 1.1  # times the gain of single variables, from which on products are fitted first
 FINALISTS = 2  # pairs of equation and variable that are fitted
+TURNS = 3  # of as many, where the first ones hold less than a share of what they foretold
+HELD = 0.2
 SINGLES = 24  # effects of the catalogue that are tried as part of a curve
 COMPOSITES = 5  # known effects with a form beside them that are fitted
 PLAINER = 3  # pairs of which plainer forms are fitted
@@ -170,11 +175,14 @@ class _Learning:
         return best and Rivals(self.fits).simplest(best, tried)
 
     def _leads(self, tried: Sequence[Tried]) -> bool:
-        """Whether the likeliest term that has a form leaves the effects found hopelessly behind."""
-        known, price = self.found.decision.best, 2 * self.rules.entry
+        """Whether the likeliest term that has a form leaves the effects found hopelessly behind,
+        and no curve leaves it there.
+        """
+        known, hopeless = self.found.decision.best, self.rules.hopeless
         least = min((t.cost for t in tried if t.free is None), default=math.inf)
-        behind = known.evidence + price * len(known.keys) - least
-        return bool(known.keys) and behind > self.rules.hopeless
+        best = min((t.cost for t in tried), default=math.inf)
+        behind = known.evidence + 2 * self.rules.entry * len(known.keys) - least
+        return bool(known.keys) and behind > hopeless and least < best + hopeless
 
     def _told(
         self, tried: Sequence[Tried], screens: Sequence[Screen], before: _Told | None
@@ -202,11 +210,43 @@ class _Learning:
                 return tried
             likely = []
         least = WORTH * most(single)
-        worth = self._worth(single)
-        worth = [*worth[:FINALISTS], *elsewhere(single, worth, self.apart)]
-        singles = self._with_shapes(single, list(dict.fromkeys(worth)))
         own = self._with_shapes(products, [c for c in likely if c.gain > least])
-        return [*tried, *self.shaping.fitted(fit, [*singles, *own])]
+        tried += self._singles_of(fit, single, own)
+        return [*tried, *self._replaced(fit, single, tried)]
+
+    def _singles_of(self, fit: Fit, screen: Screen, beside: Sequence[Candidate]) -> list[Tried]:
+        """Single variables, the likeliest equations first. Where these hold little of what they
+        foretold, for it was no straight line, others have their turn.
+        """
+        tried: list[Tried] = []
+        for _ in range(TURNS):
+            worth = self._worth(screen)
+            worth = [*worth[:FINALISTS], *elsewhere(screen, worth, self.apart)]
+            worth += memories(screen, self.rules)
+            chosen = self._with_shapes(screen, list(dict.fromkeys(worth)))
+            tried += self.shaping.fitted(fit, [*chosen, *beside])
+            least = min((t.cost for t in tried), default=math.inf)
+            if not chosen or fit.evidence - least > HELD * most(screen):
+                break
+            screen, beside = without(screen, chosen), ()
+        return tried
+
+    def _replaced(self, fit: Fit, screen: Screen, tried: Sequence[Tried]) -> list[Tried]:
+        """Where a memory or a wave is the likeliest and leaves more than noise, the same in other
+        equations of its block, from where it is, either way round: a fit finds its period from near
+        it alone.
+        """
+        made: list[Tried] = []
+        best = min(tried, key=lambda t: t.cost, default=None)
+        if best is None or best.free is not None or best.candidate is None or self._enough(tried):
+            return made
+        size, *shapes = best.term.values
+        for c in replaced(screen, best.candidate, self.apart):
+            own = replace(best.term, point=c.point, regressor=c.regressor)
+            for sign in (1, -1):
+                term = replace(own, values=(sign * size, *shapes), block=self.apart.block(c.point))
+                made.append(self.fits.joint(fit, term))
+        return made
 
     def _further(self, screens: Sequence[Screen], tried: Sequence[Tried]) -> list[Tried]:
         """The best candidates of screens that have not been fitted yet."""

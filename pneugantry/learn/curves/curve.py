@@ -5,6 +5,7 @@ of one period.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -28,7 +29,7 @@ __all__ = [
 
 COUNT = 11
 FINE = 41  # knots of a curve with narrow features
-EDGE = 0.005  # share of the rows beyond each end of the covered range
+EDGE = 0.005  # share of the weight beyond each end of the covered range
 JUMP = 2e-3  # share of the range over which a jump takes place
 SIZES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # prior sizes of a curve, in units that show
 BENDS = (0.03, 0.3, 3.0)  # prior sizes of its bending, in units of its size
@@ -145,13 +146,27 @@ def waves_of(values: Array, periods: Array) -> Array:
     return np.stack([np.sin(phase), np.cos(phase)], axis=2).reshape(len(values), -1)
 
 
-def knots_over(values: Array) -> Knots | None:
-    """Knots over the range that some values cover; None: they do not vary."""
-    low, high = (float(q) for q in np.quantile(values, (EDGE, 1 - EDGE)))
+def knots_over(values: Array, weights: Sequence[Array]) -> Knots | None:
+    """Knots over the range that some values cover under one of several weights; None: they do not
+    vary.
+    """
+    order = np.argsort(values)
+    ends = [e for w in weights if (e := _ends(values[order], w[order])) is not None]
+    low, high = min((e[0] for e in ends), default=0.0), max((e[1] for e in ends), default=0.0)
     if not np.isfinite([low, high]).all() or high - low <= 1e-9 * max(abs(low), abs(high), 1e-12):
         return None
     jumps = min(-low, high) > 0.05 * (high - low)
     return Knots(np.linspace(low, high, COUNT), jumps)
+
+
+def _ends(rising: Array, weights: Array) -> tuple[float, float] | None:
+    """Values between which all but a small share of the weight lies; None: there is none."""
+    below = np.cumsum(weights)
+    if not below[-1] > 0:
+        return None
+    share = below / below[-1]
+    low, high = np.searchsorted(share, [EDGE, 1 - EDGE])
+    return float(rising[low]), float(rising[high])
 
 
 def finer(knots: Knots) -> FineKnots:

@@ -66,9 +66,10 @@ class Shaping:
         """A candidate as a wave, a memory or a free curve."""
         if isinstance(candidate.basis, Remembered):
             made = memory_of(candidate, candidate.basis)
-            return self.fits.joint(base, self.term(candidate, made))
+            return replace(self.fits.joint(base, self.term(candidate, made)), candidate=candidate)
         if isinstance(candidate.basis, Wave):
-            return self.fits.joint(base, self.term(candidate, wave_of(candidate, candidate.basis)))
+            made = wave_of(candidate, candidate.basis)
+            return replace(self.fits.joint(base, self.term(candidate, made)), candidate=candidate)
         assert isinstance(candidate.basis, Knots)
         free = free_curve(candidate, candidate.basis)
         fitted = self.fits.joint(base, self.term(candidate, free.start))

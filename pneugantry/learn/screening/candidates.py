@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pneugantry.engine.rules import Rules
 from pneugantry.learn.curves.curve import FineKnots, Knots, Wave
@@ -11,11 +12,24 @@ from pneugantry.learn.equations.points import Opened, Point
 from pneugantry.learn.screening.regressors import TIME
 from pneugantry.learn.screening.screen import Candidate, Screen
 
-__all__ = ["WORTH", "elsewhere", "kind", "main", "most", "shaped", "worth_fitting"]
+__all__ = [
+    "WORTH",
+    "elsewhere",
+    "kind",
+    "main",
+    "memories",
+    "most",
+    "replaced",
+    "shaped",
+    "without",
+    "worth_fitting",
+]
 
 WORTH = 0.5  # share of the best candidate's gain from which on another one is fitted
 NEAR = 0.4  # the same of its variable in another equation
 FEW = 2  # other equations
+PLACES = 4  # the same of a memory or a wave
+SOME = 0.2  # share of the best candidate's gain from which on a memory is fitted
 
 
 def worth_fitting(screen: Screen, apart: Opened, rules: Rules) -> list[Candidate]:
@@ -59,6 +73,33 @@ def elsewhere(screen: Screen, worth: Sequence[Candidate], apart: Opened) -> list
     return [c for group, c in found.items() if not group & known][:FEW]
 
 
+def memories(screen: Screen, rules: Rules) -> list[Candidate]:
+    """The best one of each kind of memory: what it does through events (a carriage that breaks
+    away) is foretold badly, so that other variables may seem to do better.
+    """
+    found: dict[str, Candidate] = {}
+    for c in screen.candidates:
+        if c.gain > max(rules.entry, SOME * most(screen)) and isinstance(c.basis, Remembered):
+            found.setdefault(kind(c), c)
+    return list(found.values())
+
+
+def replaced(screen: Screen, own: Candidate, apart: Opened) -> list[Candidate]:
+    """A memory or a wave in other equations of its block, alike ones too, those of the whole
+    component before its parts': events tell them apart, and no slope shows what it does through
+    these.
+    """
+    found: dict[Point, Candidate] = {}
+    for c in screen.candidates:
+        same = _root(c, apart) == _root(own, apart)
+        if same and kind(c) == kind(own) and apart.block(c.point) == apart.block(own.point):
+            for point in (c.point, *c.alike):
+                if point.shared is None and point.scope == c.point.scope:
+                    found.setdefault(point, replace(c, point=point))
+    found.pop(own.point, None)
+    return sorted(found.values(), key=lambda c: (len(c.point.scope), *_unlikely(c)))[:PLACES]
+
+
 def _root(candidate: Candidate, apart: Opened) -> str:
     """Its variable in the whole plant."""
     plain = candidate.regressor.plain.label
@@ -87,6 +128,13 @@ def shaped(screen: Screen, worth: Sequence[Candidate], rules: Rules) -> list[Can
         if pair in (fine if smooth else pairs):
             found.setdefault((*pair, "smooth curve" if smooth else _each(c)), c)
     return list(found.values())
+
+
+def without(screen: Screen, chosen: Sequence[Candidate]) -> Screen:
+    """A screen without the equations of some of its candidates, and what does the same."""
+    points = {p for c in chosen for p in (c.point, *c.alike)}
+    left = tuple(c for c in screen.candidates if c.point not in points)
+    return replace(screen, candidates=left)
 
 
 def most(screen: Screen) -> float:

@@ -86,8 +86,17 @@ class Base:
         """Columns (rows, signals, n) as the residuals are: (rows of all signals, n)."""
         if not columns.shape[2]:
             return np.zeros((len(self.white[cell]), 0))
-        told = [self.whitened(cell, columns[:, :, k]) for k in range(columns.shape[2])]
-        return np.stack(told, axis=1)
+        told = self.weighing.innovations(cell, np.moveaxis(columns, 2, 0)) * self.roots[cell]
+        return np.asarray(np.nan_to_num(told).T)
+
+    def products(self, cell: Cell, columns: Array) -> dict[str, Products]:
+        """Of whitened columns (rows of all signals, n) of a cell, by fold."""
+        found: dict[str, Products] = {}
+        for fold, rows in self.folds[cell]:
+            m, j, r = columns[rows], self.columns[cell][rows], self.white[cell][rows]
+            made = Products(m.T @ m, j.T @ m, m.T @ r)
+            found[fold] = found[fold] + made if fold in found else made
+        return found
 
     @cached_property
     def sums(self) -> dict[str, Sums]:
@@ -244,9 +253,30 @@ class Response:
     def columns(self, series: Mapping[str, Array]) -> dict[Cell, Array]:
         """Whitened replies (rows of all signals, n)."""
         return {
-            c: self.factor * self.base.whitened_all(c, reply.matrix @ self.shapes(c, series))
+            c: self.factor * self.base.whitened_all(c, reply.told(_rows(series[c[1]])))
             for c, reply in self.replies.items()
         }
+
+    def over(self, cell: Cell, shapes: Array) -> dict[str, Products]:
+        """Products of shapes (blocks, n) of a cell, by fold."""
+        return {
+            fold: Products(shapes.T @ p.square @ shapes, p.cross @ shapes, shapes.T @ p.pull)
+            for fold, p in self.products[cell].items()
+        }
+
+    def says(self, cell: Cell, series: Mapping[str, Array]) -> tuple[Array, Array, Array]:
+        """Means of a series (rows,) by block, or by row where the reply is fine, how much residuals
+        feel of an addend there, and how much of it they ask for.
+        """
+        reply, own = self.replies[cell], self.products[cell].values()
+        at = reply.at(series[cell[1]])[:, 0]
+        if not reply.fine:
+            whole = reduce(Products.__add__, own)
+            return at, np.diag(whole.square), whole.pull**2
+        felt, white = reply.felt() ** 2, self.base.white[cell]
+        rows = len(white) // felt.shape[1]  # the first ones have no innovation
+        felt, asked = felt[-rows:], white.reshape(-1, rows).T ** 2
+        return at[-rows:], felt.sum(axis=1), (felt * asked).sum(axis=1)
 
     def pairs(self, shapes: Mapping[Cell, Array]) -> tuple[Array, Array]:
         """Of pairs of columns one behind the other (blocks, 2 n): products of each pair with itself
@@ -265,15 +295,7 @@ class Response:
 
 def response_of(base: Base, replies: Mapping[Cell, Reply]) -> Response:
     """See `Response`."""
-    products: dict[Cell, dict[str, Products]] = {}
-    for cell, reply in replies.items():
-        matrix = base.whitened_all(cell, reply.matrix)
-        own: dict[str, Products] = {}
-        for fold, rows in base.folds[cell]:
-            m, j, r = matrix[rows], base.columns[cell][rows], base.white[cell][rows]
-            made = Products(m.T @ m, j.T @ m, m.T @ r)
-            own[fold] = own[fold] + made if fold in own else made
-        products[cell] = own
+    products = {c: base.products(c, base.whitened_all(c, r.matrix)) for c, r in replies.items()}
     return Response(base, replies, products)
 
 
@@ -293,6 +315,23 @@ class _Scaled:
     def block(self) -> int:
         """See `Reply`."""
         return self.reply.block
+
+    @property
+    def fine(self) -> bool:
+        """See `Reply`."""
+        return self.reply.fine
+
+    def told(self, series: Array) -> Array:
+        """See `Reply`."""
+        return self.factor * self.reply.told(series)
+
+    def at(self, series: Array) -> Array:
+        """See `Reply`."""
+        return self.reply.at(series)
+
+    def felt(self) -> Array:
+        """See `Reply`."""
+        return abs(self.factor) * self.reply.felt()
 
 
 def together(responses: Sequence[Response]) -> Response:
@@ -348,16 +387,32 @@ class Trial:
 
 
 def trial_of(response: Response, series: Mapping[str, Array]) -> Trial:
-    """Of shapes over each record (rows, n)."""
-    return trial_over(response, {c: response.shapes(c, series) for c in response.products})
+    """Of shapes over each record (rows, n); row by row where replies are."""
+    found: dict[Cell, dict[str, Products]] = {}
+    for cell in response.products:
+        reply = response.replies[cell]
+        if reply.fine:
+            columns = response.base.whitened_all(cell, reply.told(_rows(series[cell[1]])))
+            found[cell] = response.base.products(cell, columns)
+        else:
+            found[cell] = response.over(cell, response.shapes(cell, series))
+    return _trial(response, found)
 
 
 def trial_over(response: Response, shapes: Mapping[Cell, Array]) -> Trial:
     """Of shapes over the blocks of each cell (blocks, n)."""
+    return _trial(response, {c: response.over(c, shapes[c]) for c in response.products})
+
+
+def _trial(response: Response, products: Mapping[Cell, Mapping[str, Products]]) -> Trial:
     found: dict[str, Products] = {}
-    for cell, own in response.products.items():
-        s = shapes[cell]
+    for own in products.values():
         for fold, p in own.items():
-            made = Products(s.T @ p.square @ s, p.cross @ s, s.T @ p.pull).times(response.factor)
+            made = p.times(response.factor)
             found[fold] = found[fold] + made if fold in found else made
     return Trial(response.base, found)
+
+
+def _rows(series: Array) -> Array:
+    """(rows, n)"""
+    return series if series.ndim > 1 else series[:, None]

@@ -2,13 +2,14 @@
 
 A pulse's reply fades within the view's memory, so one simulation holds several pulses; between two
 pulses the reply is that of both, by distance. Any series of an addend is then a product of
-matrices: regressors, curves and waves cost no more simulations.
+matrices: regressors, curves and waves cost no more simulations. Where a reply is over within its
+block of rows, it is told row by row: an impact is shorter than a block.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -26,6 +27,7 @@ TRAIN = 24  # pulses that tell where something answers
 HEARD = 0.2  # share of the largest answer from which on a place is one that answers
 FADED = 0.02  # share of a reply's largest value below which it is over
 ENDED = 0.95  # share of what is left of the record that a reply lasts, if it is cut off
+SHORT = 2  # blocks that a reply lasts, up to which it may be told row by row
 PEAK = 2.0  # noise levels to which a pulse is brought
 
 
@@ -40,6 +42,25 @@ class Reply(Protocol):
     @property
     def block(self) -> int:
         """Rows of the record."""
+        ...
+
+    @property
+    def fine(self) -> bool:
+        """Whether it is told row by row."""
+        ...
+
+    def told(self, series: Array) -> Array:
+        """Changes (rows of the residual, signals, n) with series (rows, n) of an addend."""
+        ...
+
+    def at(self, series: Array) -> Array:
+        """Series (rows, n) over its blocks, or over the residual's rows where it is fine."""
+        ...
+
+    def felt(self) -> Array:
+        """Noise levels (rows of the residual, signals) by which an addend of 1 there changes a
+        residual; of a fine one.
+        """
         ...
 
 
@@ -86,6 +107,39 @@ class Kernels:
 
     pulses: Pulses
     of_block: Mapping[int, Array]
+    band: Array | None = None  # (rows after, rows of the residual, signals): what an addend changes
+    # so many rows later; None: more than a block later, too
+
+    @property
+    def fine(self) -> bool:
+        """See `Reply`."""
+        return self.band is not None
+
+    def told(self, series: Array) -> Array:
+        """See `Reply`."""
+        own = self.at(series)
+        if self.band is None:
+            return np.asarray(self.matrix @ own)
+        rows = self.pulses.height
+        found = np.zeros((rows, self.band.shape[2], own.shape[1]))
+        for k, later in enumerate(self.band):
+            found[k:] += later[k:, :, None] * own[: rows - k, None, :]
+        return found
+
+    def at(self, series: Array) -> Array:
+        """See `Reply`."""
+        if self.band is None:
+            return means(series, self.block)
+        return means(series, self.pulses.block // self.pulses.step)[: self.pulses.height]
+
+    def felt(self) -> Array:
+        """See `Reply`."""
+        if self.band is None:
+            raise ValueError("not fine")
+        height, found = self.pulses.height, np.zeros(self.band.shape[1:])
+        for k, later in enumerate(self.band):
+            found[: height - k] += (later[k:] / self.pulses.sigma) ** 2
+        return np.sqrt(found)
 
     @property
     def matrix(self) -> Array:
@@ -113,6 +167,7 @@ def reply_of(pulses: Pulses, answer: Answer, size: float) -> Kernels | None:
         return None
     memory = max(_memory(pulses, s) for s in singles.values())
     apart = min(memory, pulses.blocks)
+    band = _band(pulses, answer, size) if apart <= SHORT else None
     kernels = {k: s[: apart * pulses.step] for k, s in singles.items()}
     stride = -(-apart // pulses.most)
     trains = [range(first, pulses.blocks, apart) for first in range(0, apart, stride)]
@@ -122,7 +177,25 @@ def reply_of(pulses: Pulses, answer: Answer, size: float) -> Kernels | None:
     for at, made in zip(trains, told, strict=True):
         for k in at:
             kernels[k] = _after(pulses, made, k)[: apart * pulses.step]
-    return Kernels(pulses, kernels)
+    return Kernels(pulses, kernels, band)
+
+
+def _band(pulses: Pulses, answer: Answer, size: float) -> Array | None:
+    """A reply row by row, where it ends before its block does; None: it does not, or simulations
+    would be too many.
+    """
+    width = pulses.step
+    if not 1 < width <= pulses.most:
+        return None
+    fine = replace(pulses, block=pulses.block // width, step=1)
+    told = answer([fine.series(range(k, fine.blocks, width), size) for k in range(width)]) / size
+    band = np.zeros((width, *told.shape[1:]))
+    for later in range(width):
+        rows = np.arange(later, fine.height)
+        band[later, rows] = told[(rows - later) % width, rows]
+    heard = np.abs(band).max(axis=(1, 2))
+    last = int(np.flatnonzero(heard > FADED * heard.max())[-1]) if np.isfinite(heard).all() else -1
+    return band[: last + 1] if 0 <= last < width - 1 else None
 
 
 def _places(pulses: Pulses, answer: Answer, size: float) -> list[int]:

@@ -19,7 +19,7 @@ from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.threads import on_threads
 from pneugantry.engine.views.simulation import Cell
-from pneugantry.learn.curves.curve import SIZES, Basis, Wave, finer, knots_over, waves_of
+from pneugantry.learn.curves.curve import SIZES, Basis, Knots, Wave, finer, knots_over, waves_of
 from pneugantry.learn.curves.memory import MEMORIES, Remembered, Walks
 from pneugantry.learn.equations.points import Opened, OpenedView, Point
 from pneugantry.learn.screening.linear import (
@@ -185,7 +185,7 @@ class Screening:
 
     def _screen(self, tried: Mapping[Regressor, Mapping[str, Array]]) -> Screen:
         told = [*self._responses, *self._in_common]
-        found = [c for g, r in told for c in self._of_group(g, r, tried)]
+        found = [c for own in on_threads(lambda t: self._of_group(*t, tried), told) for c in own]
         ordered = tuple(sorted(found, key=lambda c: -c.gain))
         return Screen(self.fit, ordered, self._series, len(found))
 
@@ -409,7 +409,7 @@ class Screening:
         """Curves of a variable in an equation: smooth, and along a state or time also with narrow
         features, and waves; and what memories make of it.
         """
-        knots = knots_over(np.concatenate(list(course.values.values())))
+        knots = self._knots(response, course)
         if knots is None:
             return []
         memories = self._memories(point, response, regressor, course)
@@ -424,6 +424,21 @@ class Screening:
             bases.append(finer(knots))
             bases += [Wave(p) for p in self._lines(point, response, course)]
         return bases
+
+    def _knots(self, response: Response, course: Course) -> Knots | None:
+        """Over the range in which an addend is felt, or residuals ask for one: a spring's rate of
+        deflection while it touches nothing does not count, how fast it is hit does.
+        """
+        at, felt, asked = [], [], []
+        for cell in response.products:
+            told = response.says(cell, course.values)
+            factor: Array | float = 1.0
+            if course.factors is not None:
+                factor = response.says(cell, course.factors)[0] ** 2
+            at.append(told[0])
+            felt.append(factor * told[1])
+            asked.append(factor * told[2])
+        return knots_over(np.concatenate(at), [np.concatenate(felt), np.concatenate(asked)])
 
     def _memories(
         self, point: Point, response: Response, regressor: Regressor, course: Course

@@ -146,11 +146,20 @@ def test_a_coefficient_may_vary() -> None:
 
 def test_knots_lie_where_the_data_do() -> None:
     values = np.concatenate([np.linspace(0.0, 1.0, 1000), [50.0]])
-    knots = knots_over(values)
+    even = np.ones(len(values))
+    knots = knots_over(values, [even])
     assert knots is not None
     assert knots.at[-1] < 1.01
     assert knots.hats(np.array([-3.0, 0.5, 50.0])).sum(axis=1) == pytest.approx(1.0)
-    assert knots_over(np.full(10, 3.0)) is None
+    assert knots_over(np.full(10, 3.0), [np.ones(10)]) is None
+    felt = np.where(values < 0.2, 1.0, 0.0)  # elsewhere an addend changes no residual
+    asked = np.where(values > 20, 100.0, 0.1)  # there the residuals are large
+    near, both = knots_over(values, [felt]), knots_over(values, [felt, asked])
+    assert near is not None
+    assert both is not None
+    assert near.at[[0, -1]] == pytest.approx([0.0, 0.2], abs=0.01)
+    assert both.at[[0, -1]] == pytest.approx([0.0, 50.0], abs=0.01)
+    assert knots_over(values, [np.zeros(len(values))]) is None
 
 
 def point_of(left: str) -> Point:

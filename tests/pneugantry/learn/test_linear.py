@@ -23,7 +23,7 @@ class Plain:
     """A weighing without colour."""
 
     def innovations(self, cell: tuple[str, str], values: np.ndarray) -> np.ndarray:
-        return np.concatenate(list(values.T))
+        return np.concatenate([values[..., c] for c in range(values.shape[-1])], axis=-1)
 
 
 def base() -> Base:
@@ -43,6 +43,16 @@ class Told:
 
     matrix: np.ndarray
     block: int
+    fine = False
+
+    def at(self, series: np.ndarray) -> np.ndarray:
+        return means(series, self.block)
+
+    def told(self, series: np.ndarray) -> np.ndarray:
+        return np.asarray(self.matrix @ self.at(series))
+
+    def felt(self) -> np.ndarray:
+        raise NotImplementedError
 
 
 def test_products_say_what_least_squares_over_all_rows_says() -> None:
@@ -90,6 +100,47 @@ def test_a_term_that_is_there_foretells_what_it_has_not_seen() -> None:
     assert there.solved(prior).coefficients == pytest.approx(size, abs=0.15)
     twice = trial_of(response_of(of, kernel).times(-2.0), shapes)
     assert twice.solved(prior / 4).coefficients == pytest.approx(-size / 2, abs=0.1)
+
+
+@dataclass
+class Fine:
+    """A reply row by row: a gain."""
+
+    gain: np.ndarray
+    block = BLOCK
+    fine = True
+
+    @property
+    def matrix(self) -> np.ndarray:
+        blocks = np.kron(np.eye(ROWS // BLOCK), np.ones((BLOCK, 1)))
+        return np.asarray(self.gain[:, None] * blocks)[:, None]
+
+    def at(self, series: np.ndarray) -> np.ndarray:
+        return means(series, 1)
+
+    def told(self, series: np.ndarray) -> np.ndarray:
+        return np.asarray(self.gain[:, None] * series)[:, None]
+
+    def felt(self) -> np.ndarray:
+        return np.abs(self.gain)[:, None]
+
+
+def test_a_hit_within_a_block_is_seen_where_the_reply_is_fine() -> None:
+    of, gain = base(), np.where(np.arange(ROWS) < ROWS // 2, 2.0, 0.0)
+    hit = {c[1]: np.zeros((ROWS, 1)) for c in CELLS}
+    for c in CELLS:
+        hit[c[1]][[13, 30], 0] = 40.0, -40.0
+        of.white[c][:] -= gain * hit[c[1]][:, 0]
+    told = {c: Fine(gain) for c in CELLS}
+    response, prior = response_of(of, told), np.eye(1)
+    assert trial_of(response, hit).gain(prior) > 1000.0
+    assert trial_of(response, hit).solved(prior).coefficients == pytest.approx([1.0], abs=0.05)
+    at, felt, asked = response.says(CELLS[0], {c[1]: hit[c[1]][:, 0] for c in CELLS})
+    assert at.max() == 40.0
+    assert felt[ROWS // 2 :].max() == 0.0
+    assert sorted(np.argsort(asked)[-2:].tolist()) == [13, 30]
+    columns = response.times(-1.0).columns(hit)[CELLS[0]]
+    assert columns[:, 0] == pytest.approx(-gain * hit["one"][:, 0])
 
 
 def base_like(of: Base) -> Base:

@@ -72,6 +72,35 @@ def test_a_carriage_that_sticks_for_a_while_still_replies() -> None:
     assert told == pytest.approx(exact, abs=0.02)
 
 
+def test_what_is_over_at_once_is_told_row_by_row() -> None:
+    """A hit that lasts three rows, in a block of ten: its mean says little of it."""
+    gain = 1 + 0.5 * np.sin(0.05 * np.arange(ROWS))
+
+    def spring(series: list[np.ndarray]) -> np.ndarray:
+        made = [gain * u + 0.3 * np.append(0.0, (gain * u)[:-1]) for u in series]
+        return np.stack(made)[..., None]
+
+    fine = Pulses(("view", "log"), ROWS, ROWS, 10, 10, np.array([0.1]), 24)
+    reply = reply_of(fine, spring, 1.0)
+    assert reply is not None
+    assert reply.fine
+    hit = np.zeros((ROWS, 1))
+    hit[203:206, 0] = [1.0, 3.0, -2.0]
+    assert reply.told(hit)[:, 0, 0] == pytest.approx(spring([hit[:, 0]])[0, :, 0], abs=1e-9)
+    assert reply.at(hit).shape == (ROWS, 1)
+    assert reply.felt()[100, 0] == pytest.approx(np.hypot(gain[100], 0.3 * gain[100]) / 0.1)
+    coarse = replies(reply, hit)[:, 0, 0]
+    assert np.abs(coarse).max() < 0.2 * np.abs(reply.told(hit)).max()
+
+
+def test_what_lasts_is_told_by_blocks() -> None:
+    reply = reply_of(pulses(24), Lag(0.03), 1.0)
+    assert reply is not None
+    assert not reply.fine
+    with pytest.raises(ValueError, match="fine"):
+        reply.felt()
+
+
 def test_what_does_not_answer_has_no_reply() -> None:
     assert reply_of(pulses(8), lambda series: np.zeros((len(series), 300, 1)), 1.0) is None
 
@@ -81,7 +110,7 @@ def test_means_leave_out_what_is_no_whole_block() -> None:
 
 
 def test_fine_knots_hold_what_is_narrow() -> None:
-    knots = knots_over(np.linspace(-1.0, 1.0, 500))
+    knots = knots_over(np.linspace(-1.0, 1.0, 500), [np.ones(500)])
     assert knots is not None
     fine = finer(knots)
     z = np.linspace(-0.95, 0.95, 200)
