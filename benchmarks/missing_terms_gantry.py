@@ -38,9 +38,11 @@ ROOTS = {  # what the truth calls it -> variable of the model
     "a_x": "axis_x.a",
     "a_z": "axis_z.a",
 }
-DRIVES = {  # a command acts by what it exceeds u_0
+AS_WELL = {  # a command acts by what it exceeds u_0
     f"u_{axis}": tuple(f"valve_{axis}.{name}" for name in ("u", "f_target", "f_drive"))
     for axis in "xz"
+} | {  # the truth's base is pushed by the forces on its carriage, which may be held
+    f"a_{axis}": (f"axis_{axis}.a_free",) for axis in "xz"
 }
 SAME = 0.999  # correlation from which on two variables of the model are one in these logs
 FORMS = {  # formula of the truth -> forms that are it
@@ -85,7 +87,7 @@ def same_variable(learned: Learned, regressor: str, truth: str) -> bool:
     series = {r.label: values for r, values in learned.screen.series.items()}
     if plain not in series:
         return False
-    if plain == wanted or plain in DRIVES.get(truth, ()):
+    if plain == wanted or plain in AS_WELL.get(truth, ()):
         return True
     own = np.concatenate([series[plain][r.name] for r in task.data.fitted])
     if truth.startswith("work_"):

@@ -138,11 +138,11 @@ class _Learning:
         twofold: list[Screen] = []
         for fit in bases.values():
             self.say("missing term: screening")
-            screening = self._screening(fit)
-            screens.append(screening.singles())
-            twofold.append(screening.products())
+            single, double = self._screened(fit)
+            screens.append(single)
+            twofold.append(double)
             self.say("missing term: fits")
-            tried += self._first(fit, screens[-1], twofold[-1])
+            tried += self._first(fit, single, double)
             if self._enough(tried):
                 break
             if fit is found.search.null and self._leads(tried):
@@ -305,6 +305,11 @@ class _Learning:
         """The terms that the records do not tell apart, and the plant with the first of them."""
         answers = Rivals(self.fits).answers(sorted(tried, key=lambda t: t.cost))
         return answers, self._diagnosed(answers[0])
+
+    def _screened(self, fit: Fit) -> tuple[Screen, Screen]:
+        """Single variables and products."""
+        screening = self._screening(fit)
+        return screening.singles(), screening.products()
 
     def _screening(self, fit: Fit) -> Screening:
         task, blamed = self.found.task, _blamed(self.found)

@@ -22,6 +22,7 @@ SHARES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of a variable's range, half wid
 RATIO = 1.5  # of two lags that are tried
 FINE = 1.1  # of two periods
 DAMPINGS = (0.03, 0.1, 0.3)
+NEAR = 5  # finer steps of a period
 FEWEST = 3.0  # rows in a lag or a period, at least
 PART = 3.0  # of a record that a lag or a period lasts, at most
 
@@ -38,6 +39,7 @@ class Memory:
     slope: Slope  # of that at each row by z there, with what came before; of it, period, p
     tried: Callable[[float, float, float], list[tuple[float, ...]]]  # (p2, ...) to try, for a range
     # of z, the period of rows and the length of a record, s
+    near: Callable[[tuple[float, ...]], list[tuple[float, ...]]] | None = None  # finer, about these
     text: str = "p1*(z - s)"
     pushes: bool = False  # by the rate of z, so that z is the speed of something inert
 
@@ -177,6 +179,13 @@ def _turns(span: float, period: float, length: float) -> list[tuple[float, ...]]
     return [(turn, zeta) for turn in turns for zeta in DAMPINGS]
 
 
+def _near(p: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """A sharp resonance answers to a few hundredths of its period."""
+    turn, zeta = p
+    turns = [turn * FINE ** (k / NEAR) for k in range(-NEAR, NEAR + 1)]
+    return [(t, share * zeta) for t in turns for share in (0.6, 1.0, 1.7)]
+
+
 def _spaced(low: float, high: float, ratio: float) -> list[float]:
     count = int(np.log(max(high / low, 1.0)) / np.log(ratio)) + 1
     return [low * ratio**k for k in range(count)]
@@ -204,6 +213,7 @@ MEMORIES = (
         _resonance,
         _unmoved,
         _turns,
+        _near,
     ),
     Memory(
         "recoil",
@@ -213,6 +223,7 @@ MEMORIES = (
         _recoil,
         _kicked,
         _turns,
+        _near,
         f"p1*({PUSHED})",
         True,
     ),

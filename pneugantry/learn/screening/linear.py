@@ -242,6 +242,11 @@ class Response:
     products: Mapping[Cell, Mapping[str, Products]]
     factor: float = 1.0  # by which replies and products are to be multiplied
 
+    @property
+    def bare(self) -> Response:
+        """Without its products, which are large: columns need none."""
+        return replace(self, products={})
+
     def times(self, factor: float) -> Response:
         """Of an addend that does so many times as much."""
         return replace(self, factor=factor * self.factor)

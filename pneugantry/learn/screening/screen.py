@@ -20,7 +20,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.engine.threads import on_threads
 from pneugantry.engine.views.simulation import Cell
 from pneugantry.learn.curves.curve import SIZES, Basis, Knots, Wave, finer, knots_over, waves_of
-from pneugantry.learn.curves.memory import MEMORIES, Remembered, Walks
+from pneugantry.learn.curves.memory import MEMORIES, Memory, Remembered, Walks
 from pneugantry.learn.equations.points import Opened, OpenedView, Point
 from pneugantry.learn.screening.linear import (
     Base,
@@ -92,7 +92,7 @@ class Candidate:
     unit: float  # of the curve: the size that changes residuals by one noise level
     size: float  # of the curve's prior, in its own unit
     bend: float  # its further parameter, see `Basis.bends`
-    response: Response
+    response: Response  # without its products
     course: Course
     alike: tuple[Point, ...] = ()  # equations whose addend does the same
 
@@ -455,15 +455,29 @@ class Screening:
         for memory in (m for m in MEMORIES if inert or not m.pushes):
             tried = memory.tried(float(high - low), max(step.values()), length)
             if tried:
-                made = {
-                    c: self._walks.of(
-                        (regressor.label, course.sensor, c[1]), memory, tried, v, step[c]
-                    )
-                    for c, v in over.items()
-                }
-                falls = trial_over(response, made).falls
-                found.append(Remembered(memory, tried[int(np.argmax(falls))]))
+                label = regressor.label, course.sensor
+                best = self._best(self._walks, response, course, label, memory, tried)
+                near = memory.near(best) if memory.near else ()
+                if near:  # no other equation asks for these
+                    best = self._best(Walks(), response, course, label, memory, near)
+                found.append(Remembered(memory, best))
         return found
+
+    def _best(
+        self,
+        walks: Walks,
+        response: Response,
+        course: Course,
+        label: tuple[str, str],
+        memory: Memory,
+        tried: Sequence[tuple[float, ...]],
+    ) -> tuple[float, ...]:
+        """The parameters of a memory that make squares of residuals fall most."""
+        made = {}
+        for c, reply in response.replies.items():
+            over, step = response.shapes(c, course.values)[:, 0], reply.block * self.periods[c[1]]
+            made[c] = walks.of((*label, c[1]), memory, tried, over, step)
+        return tried[int(np.argmax(trial_over(response, made).falls))]
 
     def _inert(self, regressor: Regressor) -> bool:
         """Whether a variable is a state that is another one's rate: the speed of something."""
@@ -523,7 +537,7 @@ class Screening:
             trial.gain(priors[best]),
             unit,
             *sizes[best],
-            response=response,
+            response=response.bare,
             course=course,
             alike=tuple(group.points[1:]),
         )
