@@ -202,6 +202,11 @@ class Opened:
     cache: Path
     shared: tuple[Point, ...] = ()  # equations that several components have
 
+    def is_speed(self, variable: str) -> bool:
+        """Whether a variable of the whole plant is a state that is another state's rate."""
+        shape = self.shape
+        return shape.roots.get(variable) in shape.states & set(shape.rates.values())
+
     def decides(self, point: Point, variable: str) -> bool:
         """Whether what an equation lacks decides a variable at once: as a function of that it would
         explain itself.

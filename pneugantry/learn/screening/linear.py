@@ -269,19 +269,27 @@ class Response:
             for fold, p in self.products[cell].items()
         }
 
-    def says(self, cell: Cell, series: Mapping[str, Array]) -> tuple[Array, Array, Array]:
-        """Means of a series (rows,) by block, or by row where the reply is fine, how much residuals
-        feel of an addend there, and how much of it they ask for.
+    def at(self, cell: Cell, series: Mapping[str, Array]) -> Array:
+        """Means of a series (rows,) by block, or by row where the reply is fine; the first rows,
+        which have no innovation, are left out there.
         """
-        reply, own = self.replies[cell], self.products[cell].values()
+        reply = self.replies[cell]
         at = reply.at(series[cell[1]])[:, 0]
+        return at[-self._innovations(cell) :] if reply.fine else at
+
+    def _innovations(self, cell: Cell) -> int:
+        """Innovations of each signal."""
+        return len(self.base.white[cell]) // self.replies[cell].felt().shape[1]
+
+    def says(self, cell: Cell, series: Mapping[str, Array]) -> tuple[Array, Array, Array]:
+        """`at`, how much residuals feel of an addend there, and how much of it they ask for."""
+        reply, at = self.replies[cell], self.at(cell, series)
         if not reply.fine:
-            whole = reduce(Products.__add__, own)
+            whole = reduce(Products.__add__, self.products[cell].values())
             return at, np.diag(whole.square), whole.pull**2
-        felt, white = reply.felt() ** 2, self.base.white[cell]
-        rows = len(white) // felt.shape[1]  # the first ones have no innovation
-        felt, asked = felt[-rows:], white.reshape(-1, rows).T ** 2
-        return at[-rows:], felt.sum(axis=1), (felt * asked).sum(axis=1)
+        felt = reply.felt()[-len(at) :] ** 2
+        asked = self.base.white[cell].reshape(-1, len(at)).T ** 2
+        return at, felt.sum(axis=1), (felt * asked).sum(axis=1)
 
     def pairs(self, shapes: Mapping[Cell, Array]) -> tuple[Array, Array]:
         """Of pairs of columns one behind the other (blocks, 2 n): products of each pair with itself

@@ -188,11 +188,10 @@ def _speeds(
     """Rates of states that are states themselves and go both ways: what turns round with a rate
     that it decides itself (an acceleration) has several solutions, or none.
     """
-    roots, inert = opened.shape.roots, opened.shape.states & set(opened.shape.rates.values())
     found: dict[Regressor, dict[str, Array]] = {}
     for speed, values in known.items():
         low, high = _ends(values)
-        if roots.get(speed.label) in inert and low < 0 < high:
+        if opened.is_speed(speed.label) and low < 0 < high:
             found[speed] = values
     return found
 

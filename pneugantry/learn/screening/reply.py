@@ -2,8 +2,8 @@
 
 A pulse's reply fades within the view's memory, so one simulation holds several pulses; between two
 pulses the reply is that of both, by distance. Any series of an addend is then a product of
-matrices: regressors, curves and waves cost no more simulations. Where a reply is over within its
-block of rows, it is told row by row: an impact is shorter than a block.
+matrices: regressors, curves and waves cost no more simulations. Where a reply lasts less than a
+block of rows, it is told row by row: an impact may be as short.
 """
 
 from __future__ import annotations
@@ -181,8 +181,8 @@ def reply_of(pulses: Pulses, answer: Answer, size: float) -> Kernels | None:
 
 
 def _band(pulses: Pulses, answer: Answer, size: float) -> Array | None:
-    """A reply row by row, where it ends before its block does; None: it does not, or simulations
-    would be too many.
+    """A reply row by row, where it lasts less than a block; None: it does not, or simulations would
+    be too many.
     """
     width = pulses.step
     if not 1 < width <= pulses.most:
@@ -194,8 +194,8 @@ def _band(pulses: Pulses, answer: Answer, size: float) -> Array | None:
         rows = np.arange(later, fine.height)
         band[later, rows] = told[(rows - later) % width, rows]
     heard = np.abs(band).max(axis=(1, 2))
-    last = int(np.flatnonzero(heard > FADED * heard.max())[-1]) if np.isfinite(heard).all() else -1
-    return band[: last + 1] if 0 <= last < width - 1 else None
+    rows = np.flatnonzero(heard > FADED * heard.max())  # none where nothing answers, or it fails
+    return band[: rows[-1] + 1] if len(rows) and rows[-1] < width - 1 else None
 
 
 def _places(pulses: Pulses, answer: Answer, size: float) -> list[int]:

@@ -434,7 +434,7 @@ class Screening:
             told = response.says(cell, course.values)
             factor: Array | float = 1.0
             if course.factors is not None:
-                factor = response.says(cell, course.factors)[0] ** 2
+                factor = response.at(cell, course.factors) ** 2
             at.append(told[0])
             felt.append(factor * told[1])
             asked.append(factor * told[2])
@@ -451,7 +451,7 @@ class Screening:
         low, high = np.quantile(np.concatenate(list(over.values())), (0.005, 0.995))
         length = max(step[c] * len(v) for c, v in over.items())
         found = []
-        inert = not point.sensor and self._inert(regressor)
+        inert = not point.sensor and self.opened.is_speed(regressor.label)
         for memory in (m for m in MEMORIES if inert or not m.pushes):
             tried = memory.tried(float(high - low), max(step.values()), length)
             if tried:
@@ -478,11 +478,6 @@ class Screening:
             over, step = response.shapes(c, course.values)[:, 0], reply.block * self.periods[c[1]]
             made[c] = walks.of((*label, c[1]), memory, tried, over, step)
         return tried[int(np.argmax(trial_over(response, made).falls))]
-
-    def _inert(self, regressor: Regressor) -> bool:
-        """Whether a variable is a state that is another one's rate: the speed of something."""
-        shape = self.opened.shape
-        return shape.roots.get(regressor.label) in shape.states & set(shape.rates.values())
 
     def _moves(self, regressor: Regressor) -> bool:
         """Whether a variable is a state, along which something may be narrow or repeat."""

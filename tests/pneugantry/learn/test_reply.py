@@ -93,6 +93,17 @@ def test_what_is_over_at_once_is_told_row_by_row() -> None:
     assert np.abs(coarse).max() < 0.2 * np.abs(reply.told(hit)).max()
 
 
+def test_what_answers_whole_blocks_alone_is_told_by_blocks() -> None:
+    def dead_zone(series: list[np.ndarray]) -> np.ndarray:
+        felt = np.repeat(np.stack(series).reshape(len(series), -1, 10).mean(axis=2), 10, axis=1)
+        return np.where(np.abs(felt) > 0.15, felt, 0.0)[..., None]
+
+    sigma = np.array([0.5])
+    reply = reply_of(Pulses(("view", "log"), ROWS, ROWS, 10, 10, sigma, 24), dead_zone, 1.0)
+    assert reply is not None
+    assert not reply.fine
+
+
 def test_what_lasts_is_told_by_blocks() -> None:
     reply = reply_of(pulses(24), Lag(0.03), 1.0)
     assert reply is not None
