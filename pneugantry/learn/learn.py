@@ -33,10 +33,9 @@ from pneugantry.learn.screening.candidates import (
     WORTH,
     elsewhere,
     main,
-    memories,
     most,
-    replaced,
     shaped,
+    untold,
     without,
     worth_fitting,
 )
@@ -211,41 +210,35 @@ class _Learning:
             likely = []
         least = WORTH * most(single)
         own = self._with_shapes(products, [c for c in likely if c.gain > least])
-        tried += self._singles_of(fit, single, own)
-        return [*tried, *self._replaced(fit, single, tried)]
+        return [*tried, *self._singles_of(fit, single, own)]
 
     def _singles_of(self, fit: Fit, screen: Screen, beside: Sequence[Candidate]) -> list[Tried]:
         """Single variables, the likeliest equations first. Where these hold little of what they
         foretold, for it was no straight line, others have their turn.
         """
         tried: list[Tried] = []
-        for _ in range(TURNS):
+        for turn in range(TURNS):
             worth = self._worth(screen)
             worth = [*worth[:FINALISTS], *elsewhere(screen, worth, self.apart)]
-            worth += memories(screen, self.rules)
             chosen = self._with_shapes(screen, list(dict.fromkeys(worth)))
             tried += self.shaping.fitted(fit, [*chosen, *beside])
+            tried += [] if turn else self._untold(fit, screen, tried)
             least = min((t.cost for t in tried), default=math.inf)
             if not chosen or fit.evidence - least > HELD * most(screen):
                 break
             screen, beside = without(screen, chosen), ()
         return tried
 
-    def _replaced(self, fit: Fit, screen: Screen, tried: Sequence[Tried]) -> list[Tried]:
-        """Where a memory or a wave is the likeliest and leaves more than noise, the same in other
-        equations of its block, from where it is, either way round: a fit finds its period from near
-        it alone.
-        """
-        made: list[Tried] = []
+    def _untold(self, fit: Fit, screen: Screen, tried: Sequence[Tried]) -> list[Tried]:
+        """Where what leads leaves more than noise, what no screen foretells well."""
         best = min(tried, key=lambda t: t.cost, default=None)
-        if best is None or best.free is not None or best.candidate is None or self._enough(tried):
+        made: list[Tried] = []
+        if best is None:
             return made
-        size, *shapes = best.term.values
-        for c in replaced(screen, best.candidate, self.apart):
-            own = replace(best.term, point=c.point, regressor=c.regressor)
-            for sign in (1, -1):
-                term = replace(own, values=(sign * size, *shapes), block=self.apart.block(c.point))
-                made.append(self.fits.joint(fit, term))
+        known = {t.candidate for t in tried}
+        for likely in untold(screen, best.term.point, self.apart, self.rules):
+            if not self._enough([*tried, *made]):
+                made += self.shaping.fitted(fit, [c for c in likely if c not in known])
         return made
 
     def _further(self, screens: Sequence[Screen], tried: Sequence[Tried]) -> list[Tried]:

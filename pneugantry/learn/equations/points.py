@@ -129,6 +129,11 @@ class Point:
         """What its left-hand side is without the addend, in the whole plant."""
         return f"{self.variable}_rate"
 
+    @property
+    def left(self) -> str:
+        """What its equation computes, as its class calls it."""
+        return self.equation.left
+
     def spelt(self, variable: str) -> str:
         """A variable of the scope, as the equation's class calls it; or its left-hand side."""
         if variable and variable == self.rate:

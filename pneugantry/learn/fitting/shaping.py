@@ -146,7 +146,7 @@ def _spreads(d: Distilled, candidate: Candidate) -> tuple[float, ...]:
     """Usual sizes of a form's parameters; of a width the share by which it may be off."""
     basis = candidate.basis
     if isinstance(basis, Remembered):
-        return (abs(d.values[0]), *(0.5 for _ in basis.values))
+        return (max(abs(d.values[0]), candidate.unit), *(0.5 for _ in basis.values))
     if d.law.tables:
         return (0.5,) * len(d.values)  # an effect's prior is two usual sizes wide
     span = float(np.ptp(basis.at)) if isinstance(basis, Knots) else d.values[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from pneugantry.engine.rules import Rules
@@ -17,10 +17,9 @@ __all__ = [
     "elsewhere",
     "kind",
     "main",
-    "memories",
     "most",
-    "replaced",
     "shaped",
+    "untold",
     "without",
     "worth_fitting",
 ]
@@ -28,8 +27,7 @@ __all__ = [
 WORTH = 0.5  # share of the best candidate's gain from which on another one is fitted
 NEAR = 0.4  # the same of its variable in another equation
 FEW = 2  # other equations
-PLACES = 4  # the same of a memory or a wave
-SOME = 0.2  # share of the best candidate's gain from which on a memory is fitted
+PLACES = 6  # waves and memories in other equations
 
 
 def worth_fitting(screen: Screen, apart: Opened, rules: Rules) -> list[Candidate]:
@@ -73,31 +71,50 @@ def elsewhere(screen: Screen, worth: Sequence[Candidate], apart: Opened) -> list
     return [c for group, c in found.items() if not group & known][:FEW]
 
 
-def memories(screen: Screen, rules: Rules) -> list[Candidate]:
-    """The best one of each kind of memory: what it does through events (a carriage that breaks
-    away) is foretold badly, so that other variables may seem to do better.
+def untold(screen: Screen, point: Point, apart: Opened, rules: Rules) -> list[list[Candidate]]:
+    """The best wave in time and the best of each kind of memory. First in an equation, and in what
+    sensors read of what it computes, whatever is foretold: no slope shows what they do through
+    events (when a carriage breaks away), and fits find their few parameters from afar. Then in
+    other equations of its block's whole component, and in what sensors read of that, the best few.
     """
-    found: dict[str, Candidate] = {}
-    for c in screen.candidates:
-        if c.gain > max(rules.entry, SOME * most(screen)) and isinstance(c.basis, Remembered):
-            found.setdefault(kind(c), c)
+    told = [c for c in screen.candidates if c.point.shared is None and _brief(c)]
+    inside = [c for c in told if not c.point.sensor and apart.block(c.point) == apart.block(point)]
+    scopes = {c.point.scope for c in inside}
+    scopes = scopes - {""} or scopes  # the plant's own class says what its components are given
+    whole = {s for s in scopes if not any(s.startswith(f"{w}.") for w in scopes)}
+    inside = [c for c in (_within(c, whole) for c in inside) if c.point.scope in scopes]
+    read = [c for c in told if c.point.is_read(c.regressor.name)]
+    own = [c for c in inside if point in (c.point, *c.alike)]
+    own += [c for c in read if (c.point.scope, c.regressor.name) == (point.scope, point.left)]
+    others = [c for c in [*inside, *read] if c.point.scope in whole and c.gain > rules.entry]
+    few = sorted(_kinds([c for c in others if c not in own]), key=lambda c: -c.gain)[:PLACES]
+    return [_kinds(own), few]
+
+
+def _kinds(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The first of each kind in each equation, and what does the same."""
+    found: dict[tuple[frozenset[Point], str], Candidate] = {}
+    for c in candidates:
+        found.setdefault((frozenset((c.point, *c.alike)), kind(c)), c)
     return list(found.values())
 
 
-def replaced(screen: Screen, own: Candidate, apart: Opened) -> list[Candidate]:
-    """A memory or a wave in other equations of its block, alike ones too, those of the whole
-    component before its parts': events tell them apart, and no slope shows what it does through
-    these.
+def _within(candidate: Candidate, scopes: Collection[str]) -> Candidate:
+    """A function of time in an equation of certain components that does the same, if there is one:
+    it is looked at in one of them.
     """
-    found: dict[Point, Candidate] = {}
-    for c in screen.candidates:
-        same = _root(c, apart) == _root(own, apart)
-        if same and kind(c) == kind(own) and apart.block(c.point) == apart.block(own.point):
-            for point in (c.point, *c.alike):
-                if point.shared is None and point.scope == c.point.scope:
-                    found.setdefault(point, replace(c, point=point))
-    found.pop(own.point, None)
-    return sorted(found.values(), key=lambda c: (len(c.point.scope), *_unlikely(c)))[:PLACES]
+    points = [candidate.point, *candidate.alike]
+    fit = [p for p in points if p.scope in scopes and candidate.regressor.name == TIME]
+    if not fit or fit[0] is candidate.point:
+        return candidate
+    return replace(candidate, point=fit[0], alike=tuple(p for p in points if p is not fit[0]))
+
+
+def _brief(candidate: Candidate) -> bool:
+    """Whether it is a wave in time, or what a memory makes of a variable."""
+    own, wave = candidate.regressor, isinstance(candidate.basis, Wave)
+    plain = not (own.speed or own.times)
+    return plain and (isinstance(candidate.basis, Remembered) or (wave and own.name == TIME))
 
 
 def _root(candidate: Candidate, apart: Opened) -> str:

@@ -18,7 +18,7 @@ from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.views.simulation import Cell
 from pneugantry.learn.equations.points import OpenedView
 
-__all__ = ["Kernels", "Pulses", "Reply", "blocks_of", "means", "reply_of"]
+__all__ = ["Kernels", "Pulses", "Reply", "blocks_of", "both_ways", "means", "reply_of"]
 
 Answer = Callable[[Sequence[Array]], Array]  # series of an addend -> replies (n, rows, signals)
 MOST = 600  # blocks of a record
@@ -74,6 +74,20 @@ def means(shapes: Array, block: int) -> Array:
     """Means over blocks of rows; rows beyond the last whole block are left out."""
     count = len(shapes) // block
     return np.asarray(shapes[: count * block].reshape(count, block, -1).mean(axis=1))
+
+
+def both_ways(answer: Answer) -> Answer:
+    """What an addend and its opposite do alike but for the sign, the smaller of both: the slope of
+    an answer, without the events that one of the two meets and the other does not.
+    """
+
+    def told(series: Sequence[Array]) -> Array:
+        made = answer([*series, *(-s for s in series)])
+        up, down = made[: len(series)], -made[len(series) :]
+        smaller = np.sign(up) * np.minimum(np.abs(up), np.abs(down))  # nan, where one is
+        return np.where(up * down <= 0, 0.0, smaller)
+
+    return told
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,7 @@ from pneugantry.learn.screening.linear import (
     Base,
     Estimate,
     Response,
+    Trial,
     base_of,
     response_of,
     together,
@@ -39,7 +40,7 @@ from pneugantry.learn.screening.regressors import (
     rates_of,
     regressors_of,
 )
-from pneugantry.learn.screening.reply import Pulses, Reply, blocks_of, reply_of
+from pneugantry.learn.screening.reply import Pulses, Reply, blocks_of, both_ways, reply_of
 from pneugantry.learn.screening.waves import periods_of
 
 __all__ = ["Candidate", "Course", "Screen", "Screening"]
@@ -292,8 +293,12 @@ class Screening:
 
     def _ratio(self, response: Response, factors: Mapping[str, Array]) -> float:
         """By how much less than a factor a wave of size 1 does to the residuals."""
-        waves = {r: np.sin(WAVE * np.arange(len(f)) * self.periods[r]) for r, f in factors.items()}
-        return _strength(response, waves) / _strength(response, factors)
+        return self._of_wave(response, factors) / _strength(trial_of(response, factors))
+
+    def _of_wave(self, response: Response, like: Mapping[str, Array]) -> float:
+        """How much a wave of size 1 does to the residuals, over rows like those of series."""
+        waves = {r: np.sin(WAVE * np.arange(len(f)) * self.periods[r]) for r, f in like.items()}
+        return _strength(trial_of(response, waves))
 
     def _usable(self, point: Point, regressor: Regressor) -> bool:
         """Whether a term of an equation may be a function of a variable: not where what the
@@ -371,7 +376,7 @@ class Screening:
     def _answers(
         self, view: OpenedView, record: Record, point: Point
     ) -> Callable[[Sequence[Array]], Array]:
-        """Changes of a view's residual (n, rows, signals) with series of an addend."""
+        """Changes of a view's residual (n, rows, signals) with series of an addend, either way."""
         quiet, own = self.quiet[record.name], self.values[record.name]
         cell, signal = (view.name, record.name), self.opened.signal(point)
         if cell not in self._zero:
@@ -390,7 +395,7 @@ class Screening:
             view.forget()
             return changes
 
-        return misread if signal else answer
+        return both_ways(misread if signal else answer)
 
     def _reply(self, group: _Group, view: OpenedView, record: Record) -> Reply | None:
         cell, block = (view.name, record.name), blocks_of(view, record)
@@ -518,8 +523,9 @@ class Screening:
         basis: Basis | Remembered,
         course: Course,
     ) -> Candidate:
-        unit = group.unit
-        trial = trial_of(response, course.shapes(basis))
+        trial, unit = trial_of(response, course.shapes(basis)), group.unit
+        if isinstance(basis, Remembered):  # its coefficient is none of an addend's unit
+            unit *= self._of_wave(response, course.values) / _strength(trial)
         sizes = [(unit * size, bend) for size in SIZES for bend in basis.bends]
         plain = {bend: basis.prior(1.0, bend) for bend in basis.bends}
         priors = [plain[bend] / size**2 for size, bend in sizes]
@@ -538,10 +544,9 @@ class Screening:
         )
 
 
-def _strength(response: Response, series: Mapping[str, Array]) -> float:
-    """How much a series (rows,) of each record does to the residuals: the root of its square."""
-    sums = trial_of(response, series).sums.values()
-    return float(np.sqrt(sum(p.square[0, 0] for p in sums))) or 1.0
+def _strength(trial: Trial) -> float:
+    """How much one shape of size 1 does to the residuals: the root of its square."""
+    return float(np.sqrt(sum(p.square[0, 0] for p in trial.sums.values()))) or 1.0
 
 
 def _among(shapes: Array, k: int, count: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import cast
@@ -12,12 +13,11 @@ from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.rules import Rules
 from pneugantry.learn.curves.curve import Basis, Knots, Wave, finer
 from pneugantry.learn.curves.memory import MEMORIES, Remembered
-from pneugantry.learn.equations.points import Opened
+from pneugantry.learn.equations.points import Opened, Point
 from pneugantry.learn.screening.candidates import (
     elsewhere,
-    memories,
-    replaced,
     shaped,
+    untold,
     without,
 )
 from pneugantry.learn.screening.regressors import Regressor
@@ -31,14 +31,27 @@ class Equation:
 
     sensor, shared, balance = False, None, False
 
-    def __init__(self, scope: str = "") -> None:
-        self.scope = scope
+    def __init__(self, scope: str = "", left: str = "") -> None:
+        self.scope, self.left = scope, left
 
     def is_read(self, name: str) -> bool:
         return False
 
     def reads(self, name: str) -> bool:
         return False
+
+
+class Sensor(Equation):
+    """What a sensor of a component reads."""
+
+    sensor = True
+
+    def __init__(self, scope: str, reads: str) -> None:
+        super().__init__(scope)
+        self.read = reads
+
+    def is_read(self, name: str) -> bool:
+        return name == self.read
 
 
 POINT = Equation()
@@ -122,26 +135,54 @@ def test_equations_that_were_tried_and_what_does_the_same_are_set_aside() -> Non
     assert without(screen, ()).candidates == every
 
 
-def test_the_best_of_each_kind_of_memory_is_fitted() -> None:
-    best, second = candidate("v", memory("recoil"), 60.0), candidate("s", memory("recoil"), 55.0)
-    play, faint = candidate("f", memory("play"), 50.0), candidate("f", memory("lag"), 19.0)
-    every = (candidate("t", SMOOTH, 240.0), best, second, play, faint)
-    assert memories(Screen(cast(Fit, None), every, {}), Rules()) == [best, play]
+def told_of(
+    candidates: Sequence[Candidate], point: Equation, blocks: Mapping[Equation, str]
+) -> list[list[Candidate]]:
+    apart = SimpleNamespace(shape=SimpleNamespace(roots={}), block=blocks.__getitem__)
+    screen = Screen(cast(Fit, None), tuple(candidates), {})
+    return untold(screen, cast(Point, point), cast(Opened, apart), Rules())
 
 
-def test_a_memory_is_tried_in_other_equations_of_its_block_the_whole_component_first() -> None:
-    own, part, forces, rate, far = (Equation(s) for s in ("z.guide", "z.guide", "z", "z", "x"))
-    best = candidate("v", memory("recoil"), 90.0, own)
+def test_memories_and_waves_in_time_are_fitted_in_what_leads_whatever_is_foretold() -> None:
+    """The best of each kind in its equation, by the component's own variables, and in what sensors
+    read of what it computes; curves and products are not.
+    """
+    forces, around, sensor = Equation("z", "f"), Equation(""), Sensor("z", "f")
+    own = [
+        candidate("s", memory("play"), 40.0, forces, (around,)),
+        candidate("time", Wave(0.3), -5.0, around, (forces,)),
+        candidate("v", memory("recoil"), -48.0, forces, (around,)),
+        candidate("f", memory("lag"), -2.0, sensor),
+    ]
+    others = [
+        candidate("v", SMOOTH, 240.0, forces, (around,)),
+        candidate("v_x", memory("recoil"), 65.0, around, (forces,)),
+        candidate("v", memory("play"), 30.0, forces, (around,)),
+        candidate("s", Wave(0.3), 20.0, forces, (around,)),
+        candidate("v", memory("play"), 9.0, sensor),
+    ]
+    every = sorted([*own, *others], key=lambda c: -c.gain)
+    blocks = {forces: "a", around: "a", sensor: "sensors"}
+    found, rest = told_of(every, forces, blocks)
+    assert [c.gain for c in found] == [40.0, -5.0, -48.0, -2.0]
+    assert [c.point for c in found] == [forces, forces, forces, sensor]
+    assert rest == []
+
+
+def test_the_best_few_of_them_are_fitted_elsewhere_in_the_component() -> None:
+    """Not in its parts, in other blocks, or where nothing is foretold."""
+    forces, part, far = Equation("z"), Equation("z.guide", "level"), Equation("x")
+    rates = [Equation("z") for _ in range(8)]
+    sensor = Sensor("z", "s")
+    best = [candidate("v", memory("lag"), 90.0 - k, p) for k, p in enumerate(rates)]
     every = (
-        best,
-        candidate("v", memory("play"), 80.0, part),
-        candidate("v", memory("recoil"), 20.0, part),
-        candidate("v", memory("recoil"), 5.0, forces, (rate, far)),
-        candidate("v", memory("recoil"), 4.0, far),
-        candidate("s", memory("recoil"), 3.0, Equation("z")),
+        candidate("v", memory("recoil"), 117.0, part),
+        candidate("v", memory("recoil"), 100.0, far),
+        *best,
+        candidate("s", memory("play"), 87.5, sensor),
+        candidate("time", Wave(0.3), 9.0, forces),
     )
-    apart = SimpleNamespace(
-        shape=SimpleNamespace(roots={}), block=lambda point: "b" if point is far else "a"
-    )
-    found = replaced(Screen(cast(Fit, None), every, {}), best, cast(Opened, apart))
-    assert [c.point for c in found] == [forces, rate, part]
+    blocks = {part: "a", forces: "a", sensor: "sensors", far: "b"} | dict.fromkeys(rates, "a")
+    found, rest = told_of(every, part, blocks)
+    assert found == [every[0]]
+    assert [c.gain for c in rest] == [90.0, 89.0, 88.0, 87.5, 87.0, 86.0]

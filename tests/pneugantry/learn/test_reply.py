@@ -10,7 +10,7 @@ import pytest
 from pneugantry.engine.plant import Record
 from pneugantry.learn.curves.curve import Wave, finer, knots_over
 from pneugantry.learn.experiments import variants
-from pneugantry.learn.screening.reply import Pulses, Reply, means, reply_of
+from pneugantry.learn.screening.reply import Pulses, Reply, both_ways, means, reply_of
 
 ROWS, STEP = 600, 0.01  # s
 
@@ -70,6 +70,28 @@ def test_a_carriage_that_sticks_for_a_while_still_replies() -> None:
     series = np.sin(0.02 * np.arange(ROWS))[:, None]
     told, exact = replies(reply, series)[:, 0, 0], stuck([series[:, 0]])[0, :, 0]
     assert told == pytest.approx(exact, abs=0.02)
+
+
+def test_events_that_one_direction_meets_are_no_part_of_a_slope() -> None:
+    """A carriage breaks away from a push of 0.01 in one row, for five rows, and one that hangs in
+    the balance does so however small the push: both would be a hundred times the slope.
+    """
+
+    def carriage(series: list[np.ndarray]) -> np.ndarray:
+        made = 2.0 * np.stack(series)
+        made[:, 300:305] += np.where(np.stack(series)[:, 300:301] > 0.01, 40.0, 0.0)
+        made[:, 100:105] += 40.0
+        return made[:, :, None]
+
+    push = 0.02 * np.cos(0.01 * np.arange(ROWS))
+    alone, both = carriage([push])[0, :, 0], both_ways(carriage)([push])[0, :, 0]
+    assert np.abs(alone - 2 * push).max() == 40.0
+    there = np.r_[300:305, 100:105]
+    elsewhere = np.delete(np.arange(ROWS), there)
+    assert both[elsewhere] == pytest.approx(2 * push[elsewhere])
+    assert np.abs(both[there]).max() <= 0.04 + 1e-12
+    failed = both_ways(lambda series: np.full((len(series), ROWS, 1), np.nan))
+    assert np.isnan(failed([push])).all()
 
 
 def test_what_is_over_at_once_is_told_row_by_row() -> None:
