@@ -88,6 +88,12 @@ class Fit:
         """Parameters of a record; None: those of no record in particular."""
         return self.point.values(record)
 
+    @property
+    def nominal(self) -> dict[str, float]:
+        """What every rig has off, as if nothing were; what is of one record is left out."""
+        rest = (c for c in self.point.coordinates if not c.effect and c.record is None)
+        return {c.parameter: c.value(0.0) for c in rest}
+
     def held(self, at: Mapping[str, float]) -> Array:
         """Values of theta (coordinates,) where some are given: the others move as the covariance
         tells.

@@ -16,7 +16,6 @@ from pneugantry.engine.selection.screening import (
     Memory,
     Offer,
     afresh,
-    nominal_values,
     usual,
 )
 from pneugantry.engine.selection.trail import Trail
@@ -177,6 +176,6 @@ def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
         return fit
     other = fitter.explore(fit.hypothesis, base, [fit.values(None)], fit)
     main = _in_main_form(fitter, base, fit)
-    starts = [{**nominal_values(base), **s} for s in usual(fitter, base, main.effects[-1][1])]
+    starts = [{**base.nominal, **s} for s in usual(fitter, base, main.effects[-1][1])]
     far = fitter.from_afar(main, base, starts[:SIDES])
     return min(fit, other, far, key=lambda f: f.evidence)

@@ -28,7 +28,6 @@ __all__ = [
     "Offer",
     "Traces",
     "afresh",
-    "nominal_values",
     "screen",
     "starts_of",
     "usual",
@@ -207,7 +206,7 @@ def afresh(fitter: Fitter, base: Fit, forms: Sequence[Offer], far: Memory) -> li
     known = far.about(fitter, nominal)
     test = _Test(fitter, nominal, flat_noise(fitter.simulation, base.residuals))
     behind = (1 - CLOSE) * (test.ahead - test.standing(base))
-    cells, back = fitter.simulation.cells, nominal_values(base)
+    cells, back = fitter.simulation.cells, base.nominal
     by_form = _trials(forms, lambda form: usual(fitter, base, form))
 
     def gain(t: _Trial) -> float:
@@ -222,12 +221,6 @@ def afresh(fitter: Fitter, base: Fit, forms: Sequence[Offer], far: Memory) -> li
     few = sorted(best, key=lambda t: -first[id(t)])[: 2 * fitter.rules.screened]
     _trace(fitter, nominal, few, known)
     return [Candidate(t.effect, t.form, {**back, **t.starts}, 0.0, 0.0, gain(t)) for t in few]
-
-
-def nominal_values(fit: Fit) -> dict[str, float]:
-    """What every rig has off, as if nothing were; what is of one record is left out."""
-    rest = (c for c in fit.point.coordinates if not c.effect and c.record is None)
-    return {c.parameter: c.value(0.0) for c in rest}
 
 
 def _trials(

@@ -61,8 +61,12 @@ class TermFits:
     def _explored(
         self, fitter: Fitter, base: Fit, term: Term, starts: Sequence[Mapping[str, float]]
     ) -> Fit:
-        """A term beside a fit; closes the fitter."""
+        """A term beside a fit; closes the fitter. Where tolerance is bent to make up for what is
+        missing, a fit starts from its description, too: on the way back events lie.
+        """
         effect = term.effect
+        if fitter.far_off(base):
+            starts = [*starts, {**starts[0], **base.nominal, **term.starts}]
         try:
             hypothesis = base.hypothesis.plus(effect, effect.forms[0])
             return fitter.explore(hypothesis, base, starts)

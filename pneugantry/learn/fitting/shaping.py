@@ -29,7 +29,7 @@ from pneugantry.learn.terms.term import Term
 
 __all__ = ["Shaping"]
 
-NEARLY = 0.8  # share of the best curve's fall from which on a curve's forms are fitted
+NEARLY = 0.5  # share of the best curve's fall from which on a curve's forms are fitted
 SPECTRAL = 0.02  # relative error of a period that a spectrum tells
 CLOSE = 8.0  # -2 log evidence by which a form may lie behind the closest one to be fitted
 CLOSEST = 3  # forms of a pair that are fitted

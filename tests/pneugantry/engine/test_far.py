@@ -19,7 +19,6 @@ from pneugantry.engine.fitting.problem import Parabola, Solution, prior, standin
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.selection.rivals import _in_place
-from pneugantry.engine.selection.screening import nominal_values
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.views.simulation import Point
 
@@ -29,7 +28,7 @@ __all__ = ["parts", "plant"]
 def test_an_effect_is_sized_beside_tolerance_as_it_is(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts, drag=2.0)
     null = fitter.null()
-    start = fitter._first(hypothesis("drag"), null, {**nominal_values(null), "drag": 0.3})
+    start = fitter._first(hypothesis("drag"), null, {**null.nominal, "drag": 0.3})
     known, cells = prior(start.coordinates), [c for c in fitter.simulation.cells if c[0] == "v"]
     end = fitter._sized(start, known, cells)
     fitter.close()
