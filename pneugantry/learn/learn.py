@@ -15,33 +15,23 @@ from dataclasses import dataclass, replace
 from modelica_fmu.errors import InputError
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
-from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Data
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, run
 from pneugantry.engine.threads import on_threads, one_blas_thread
 from pneugantry.engine.views.foreign import ForeignPlant
 from pneugantry.learn.answer.read import with_readings, without_readings
-from pneugantry.learn.equations.points import Opened, Point, opened
+from pneugantry.learn.equations.points import Opened, opened
 from pneugantry.learn.experiments import Rival, TellingRun, telling
 from pneugantry.learn.fitting.joint import TermFits
 from pneugantry.learn.fitting.judge import Judge
+from pneugantry.learn.fitting.partly import Partly
 from pneugantry.learn.fitting.rivals import Rivals
-from pneugantry.learn.fitting.shaping import Shaping
+from pneugantry.learn.fitting.rounds import Rounds
 from pneugantry.learn.learned import Learned, Tried
-from pneugantry.learn.screening.candidates import (
-    WORTH,
-    elsewhere,
-    main,
-    most,
-    shaped,
-    untold,
-    without,
-    worth_fitting,
-)
-from pneugantry.learn.screening.regressors import Regressor
-from pneugantry.learn.screening.screen import Candidate, Screen, Screening
-from pneugantry.learn.terms.composite import composites
+from pneugantry.learn.screening.candidate import Screen
+from pneugantry.learn.screening.candidates import main
+from pneugantry.learn.screening.screen import Screening
 from pneugantry.learn.terms.term import Term, with_term
 from pneugantry.learn.wanted import wanted, whole
 
@@ -50,15 +40,6 @@ __all__ = ["learn"]
 NOTHING = "no variable of any component predicts what is left of a log that its curve has not seen"
 NO_FIT = "no term of any variable that was tried fits the logs clearly better than what is known"
 Say = Callable[[str], None]
-CLEARLY = 1.1  # times the gain of single variables, from which on products are fitted first
-FINALISTS = 2  # pairs of equation and variable that are fitted
-TURNS = 3  # of as many, where the first ones hold less than a share of what they foretold
-HELD = 0.2
-SINGLES = 24  # effects of the catalogue that are tried as part of a curve
-COMPOSITES = 5  # known effects with a form beside them that are fitted
-PLAINER = 3  # pairs of which plainer forms are fitted
-CROSSED = 3  # terms that are fitted beside each base
-BESIDE = 2  # known effects beside which a term is looked for once more
 OUT = 0.3  # share of the worst view's excess from which on a view's equations are tried
 
 
@@ -114,8 +95,8 @@ class _Learning:
     finish: Callable[[Found], Found]
 
     @property
-    def shaping(self) -> Shaping:
-        return Shaping(self.fits)
+    def rounds(self) -> Rounds:
+        return Rounds(self.fits)
 
     @property
     def rules(self) -> Rules:
@@ -141,8 +122,8 @@ class _Learning:
             screens.append(single)
             twofold.append(double)
             self.say("missing term: fits")
-            tried += self._first(fit, single, double)
-            if self._enough(tried):
+            tried += self.rounds.first(fit, single, double)
+            if self.rounds.enough(tried):
                 break
             if fit is found.search.null and self._leads(tried):
                 tried, told = self._told(tried, screens, None)
@@ -150,28 +131,23 @@ class _Learning:
                     break
         else:
             tried += self._beside(tried, screens, bases)
-            tried += self._crossed(tried, bases)
+            tried += self.rounds.crossed(tried, bases)
         if not tried:
             return Learned(found, None, (), (), main(screens), False, NOTHING, 0.0)
         judge = Judge(found, self.fits, sum(s.tried for s in (*screens, *twofold)))
         if told is None and not any(map(judge.helps, tried)):
-            tried += self._further(twofold, tried)
+            tried += self.rounds.further(twofold, tried)
             if not any(map(judge.helps, tried)):
                 return Learned(found, None, (), _ordered(tried), main(screens), False, NO_FIT, 0.0)
         tried, told = self._told(tried, screens, told)
         if told.formless or wanted(told.after):  # a single variable does not tell it all
             self.say("missing term: products")
-            tried, told = self._told([*tried, *self._further(twofold, tried)], screens, told)
+            tried, told = self._told([*tried, *self.rounds.further(twofold, tried)], screens, told)
         screens += twofold
         answers, after = told.answers, told.after
         kept = main(screens), *judge.judged(answers[0], after)
         experiment = self._experiment(answers)
         return Learned(found, after, answers, _ordered(tried), *kept, 0.0, experiment)
-
-    def _likeliest(self, tried: Sequence[Tried]) -> Tried | None:
-        """In the form of fewest parameters that is as likely."""
-        best = min(tried, key=lambda t: t.cost, default=None)
-        return best and Rivals(self.fits).simplest(best, tried)
 
     def _leads(self, tried: Sequence[Tried]) -> bool:
         """Whether the likeliest term that has a form leaves the effects found hopelessly behind,
@@ -193,62 +169,9 @@ class _Learning:
             least = before.least - self.rules.entry
             if not any(t.cost < least for t in tried):
                 return [*tried], before
-        every = [*tried, *self._otherwise(tried, screens)]
+        every = [*tried, *self.rounds.otherwise(tried, screens, self.found.search.null)]
         answers, after = self._answered(every)
         return every, _Told(answers, after, min(t.cost for t in every))
-
-    def _first(self, fit: Fit, single: Screen, products: Screen) -> list[Tried]:
-        """Single variables, and products that may do as well; products alone, where they predict
-        clearly more and are enough.
-        """
-        likely = self._worth(products)[:FINALISTS]
-        tried: list[Tried] = []
-        if most(products) > CLEARLY * most(single):
-            tried += self.shaping.fitted(fit, self._with_shapes(products, likely))
-            if self._enough(tried):
-                return tried
-            likely = []
-        least = WORTH * most(single)
-        own = self._with_shapes(products, [c for c in likely if c.gain > least])
-        return [*tried, *self._singles_of(fit, single, own)]
-
-    def _singles_of(self, fit: Fit, screen: Screen, beside: Sequence[Candidate]) -> list[Tried]:
-        """Single variables, the likeliest equations first. Where these hold little of what they
-        foretold, for it was no straight line, others have their turn.
-        """
-        tried: list[Tried] = []
-        for turn in range(TURNS):
-            worth = self._worth(screen)
-            worth = [*worth[:FINALISTS], *elsewhere(screen, worth, self.apart)]
-            chosen = self._with_shapes(screen, list(dict.fromkeys(worth)))
-            tried += self.shaping.fitted(fit, [*chosen, *beside])
-            tried += [] if turn else self._untold(fit, screen, tried)
-            least = min((t.cost for t in tried), default=math.inf)
-            if not chosen or fit.evidence - least > HELD * most(screen):
-                break
-            screen, beside = without(screen, chosen), ()
-        return tried
-
-    def _untold(self, fit: Fit, screen: Screen, tried: Sequence[Tried]) -> list[Tried]:
-        """Where what leads leaves more than noise, what no screen foretells well."""
-        best = min(tried, key=lambda t: t.cost, default=None)
-        made: list[Tried] = []
-        if best is None:
-            return made
-        known = {t.candidate for t in tried}
-        for likely in untold(screen, best.term.point, self.apart, self.rules):
-            if not self._enough([*tried, *made]):
-                made += self.shaping.fitted(fit, [c for c in likely if c not in known])
-        return made
-
-    def _further(self, screens: Sequence[Screen], tried: Sequence[Tried]) -> list[Tried]:
-        """The best candidates of screens that have not been fitted yet."""
-        known = {(t.term.point, t.term.regressor) for t in tried}
-        made: list[Tried] = []
-        for s in screens:
-            new = [c for c in self._worth(s) if (c.point, c.regressor) not in known]
-            made += self.shaping.fitted(s.fit, self._with_shapes(s, new[:FINALISTS]))
-        return made
 
     def _beside(
         self,
@@ -259,40 +182,12 @@ class _Learning:
         """Effects of the catalogue as part of a curve that has no form; what is looked at beside
         them joins the screens.
         """
-        made, likely = self._composites(tried)
+        made, likely = Partly(self.found, self.fits).composites(tried)
         for fit in likely:
             if fit.keys not in bases:
                 screens.append(self._screening(fit).singles())
-                worth = self._worth(screens[-1])[:1]
-                made += self.shaping.fitted(fit, self._with_shapes(screens[-1], worth))
+                made += self.rounds.best(fit, screens[-1])
         return made
-
-    def _crossed(self, tried: Sequence[Tried], bases: Mapping[tuple[str, ...], Fit]) -> list[Tried]:
-        """The likeliest terms, as they were fitted beside one base, beside the others: where a fit
-        ends depends on what it starts beside.
-        """
-        made = []
-        for t in sorted(tried, key=lambda t: t.cost)[:CROSSED]:
-            for keys, base in bases.items():
-                if t.base is not None and t.base.keys != keys:
-                    own = self.fits.joint(base, t.term)
-                    made.append(replace(own, free=t.free, candidate=t.candidate))
-        return made
-
-    def _otherwise(self, tried: Sequence[Tried], screens: Sequence[Screen]) -> list[Tried]:
-        """The likeliest terms of some pairs of equation and variable in plainer forms that were not
-        tried; the likeliest of all with harmonics.
-        """
-        ranked, made = sorted(tried, key=lambda t: t.cost), list[Tried]()
-        pairs: dict[tuple[Point, Regressor], list[Tried]] = {}
-        for t in ranked:
-            pairs.setdefault((t.term.point, t.term.regressor), []).append(t)
-        null = self.found.search.null.evidence
-        for first, *others in list(pairs.values())[:PLAINER]:
-            if null - first.cost > WORTH * (null - ranked[0].cost):
-                known = {t.term.law.name for t in others if t.base is first.base}
-                made += self.shaping.plainer(first, screens, known)
-        return [*made, *(h for t in ranked[:1] for h in self.shaping.harmonics(t))]
 
     def _answered(self, tried: Sequence[Tried]) -> tuple[tuple[Tried, ...], Found]:
         """The terms that the records do not tell apart, and the plant with the first of them."""
@@ -317,55 +212,6 @@ class _Learning:
         stand_out = [v for v in self.apart.views if blamed is None or v.name in blamed]
         on_threads(lambda v: v.prepare(moving | own, fit.hypothesis.settings), stand_out)
         return Screening(self.apart, fit, of_views, whole(task), self.rules, blamed)
-
-    def _worth(self, screen: Screen) -> list[Candidate]:
-        return worth_fitting(screen, self.apart, self.rules)
-
-    def _with_shapes(self, screen: Screen, worth: Sequence[Candidate]) -> list[Candidate]:
-        return shaped(screen, worth, self.rules)
-
-    def _enough(self, tried: Sequence[Tried]) -> bool:
-        """Whether the likeliest term has a form and leaves no more than noise in any view."""
-        best = self._likeliest(tried)
-        return best is not None and best.free is None and not self.fits.loud(best)
-
-    def _composites(self, tried: Sequence[Tried]) -> tuple[list[Tried], list[Fit]]:
-        """The likeliest free curve as an effect of the catalogue with a form beside it; and the
-        effects beside which it is worth while to look again.
-        """
-        curves = [t for t in tried if t.free is not None]
-        if not curves:
-            return [], []
-        best = min(curves, key=lambda t: t.cost)
-        assert best.free is not None
-        assert best.candidate is not None
-        effects = self._singles(best.term)
-        curve = best.free.curve(best.term.values, best.covariance)
-        likely = composites(best.candidate, curve, effects)
-        found: list[Tried] = []
-        for c in likely[:COMPOSITES]:
-            term = self.shaping.term(best.candidate, c.form)
-            found.append(self.fits.joint(c.effect, term, c.starts))
-        firsts = {c.effect.keys: c.effect for c in likely[:COMPOSITES]}
-        firsts |= {f.keys: f for f in effects[:1]}
-        return found, list(firsts.values())[:BESIDE]
-
-    def _singles(self, term: Term) -> list[Fit]:
-        """Single effects that are read where a term is: as the search has fitted them, and those
-        that it did not, for alone they explained too little.
-        """
-        task, null, reached = self.found.task, self.found.search.null, set(self.fits.reached(term))
-        found = {f.keys: f for f in self.found.search.tried if len(f.keys) == 1}
-        fitter = Fitter(task.plant, task.views, task.data.fitted, self.rules)
-        try:
-            for key, effect in task.catalogue.items():
-                hypothesis = Hypothesis().plus(effect, effect.forms[0])
-                seen = reached & {c[0] for c in fitter.touched(hypothesis)}
-                if seen and (key,) not in found and len(found) < SINGLES:
-                    found[key,] = fitter.explore(hypothesis, null)
-        finally:
-            fitter.close()
-        return sorted(found.values(), key=lambda f: f.evidence)
 
     def _experiment(self, answers: Sequence[Tried]) -> TellingRun | None:
         if len(answers) < 2:

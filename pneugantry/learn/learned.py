@@ -11,8 +11,8 @@ from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Array, Nuisance
 from pneugantry.engine.run import Found
 from pneugantry.learn.experiments import TellingRun
+from pneugantry.learn.screening.candidate import Candidate, Screen
 from pneugantry.learn.screening.regressors import TIME
-from pneugantry.learn.screening.screen import Candidate, Screen
 from pneugantry.learn.terms.forms import FreeCurve
 from pneugantry.learn.terms.term import Term
 

@@ -12,7 +12,7 @@ from pneugantry.learn.curves.curve import Knots, Wave
 from pneugantry.learn.curves.memory import Remembered
 from pneugantry.learn.fitting.joint import TermFits
 from pneugantry.learn.learned import Tried
-from pneugantry.learn.screening.screen import Candidate, Screen
+from pneugantry.learn.screening.candidate import Candidate, Screen
 from pneugantry.learn.terms.forms import (
     FORMS,
     LINE,

@@ -9,8 +9,8 @@ from pneugantry.engine.rules import Rules
 from pneugantry.learn.curves.curve import FineKnots, Knots, Wave
 from pneugantry.learn.curves.memory import Remembered
 from pneugantry.learn.equations.points import Opened, Point
+from pneugantry.learn.screening.candidate import Candidate, Screen
 from pneugantry.learn.screening.regressors import TIME
-from pneugantry.learn.screening.screen import Candidate, Screen
 
 __all__ = [
     "WORTH",

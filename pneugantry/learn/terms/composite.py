@@ -15,7 +15,7 @@ import numpy as np
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.plant import Array
 from pneugantry.learn.curves.curve import Knots
-from pneugantry.learn.screening.screen import Candidate
+from pneugantry.learn.screening.candidate import Candidate
 from pneugantry.learn.terms.forms import Distilled, distances, doubted
 
 __all__ = ["Composite", "composites"]

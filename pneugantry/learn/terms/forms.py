@@ -10,7 +10,7 @@ import numpy as np
 from pneugantry.engine.plant import Array
 from pneugantry.learn.curves.curve import Knots, Wave
 from pneugantry.learn.curves.memory import MEMORIES, Memory, Remembered
-from pneugantry.learn.screening.screen import Candidate
+from pneugantry.learn.screening.candidate import Candidate
 
 __all__ = [
     "FORMS",

@@ -14,6 +14,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.learn.curves.curve import Basis, Knots, Wave, finer
 from pneugantry.learn.curves.memory import MEMORIES, Remembered
 from pneugantry.learn.equations.points import Opened, Point
+from pneugantry.learn.screening.candidate import Candidate, Screen
 from pneugantry.learn.screening.candidates import (
     elsewhere,
     shaped,
@@ -21,7 +22,6 @@ from pneugantry.learn.screening.candidates import (
     without,
 )
 from pneugantry.learn.screening.regressors import Regressor
-from pneugantry.learn.screening.screen import Candidate, Screen
 
 SMOOTH = Knots(np.linspace(-1.0, 1.0, 9), True)
 

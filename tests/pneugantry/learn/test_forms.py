@@ -15,9 +15,9 @@ from pneugantry.engine.views.model_parts import part_of
 from pneugantry.learn.curves.curve import Knots, knots_over
 from pneugantry.learn.equations.points import Point, written
 from pneugantry.learn.equations.sources import EquationText, equations_of
+from pneugantry.learn.screening.candidate import Candidate, Course
 from pneugantry.learn.screening.linear import Base, Estimate, Response
 from pneugantry.learn.screening.regressors import TIME, Regressor, products_of
-from pneugantry.learn.screening.screen import Candidate, Course
 from pneugantry.learn.terms.forms import FORMS, LINE, FormLaw, distilled, free_curve, line_of
 from pneugantry.learn.terms.term import Term
 

@@ -10,9 +10,9 @@ import pytest
 from pneugantry.engine.plant import Array
 from pneugantry.learn.curves.curve import Wave
 from pneugantry.learn.curves.places import place_of
+from pneugantry.learn.screening.candidate import Course
 from pneugantry.learn.screening.linear import Products
 from pneugantry.learn.screening.reply import means
-from pneugantry.learn.screening.screen import Course
 from pneugantry.learn.screening.waves import periods_of
 
 PERIOD, BLOCK, ROWS = 0.37, 10, 3000
