@@ -17,8 +17,8 @@ from pneugantry.learn.screening.candidates import (
     WORTH,
     elsewhere,
     most,
+    of_few_parameters,
     shaped,
-    untold,
     without,
     worth_fitting,
 )
@@ -70,21 +70,21 @@ class Rounds:
             worth = [*worth[:FINALISTS], *elsewhere(screen, worth, self.fits.apart)]
             chosen = self._shaped(screen, list(dict.fromkeys(worth)))
             tried += self.shaping.fitted(fit, [*chosen, *beside])
-            tried += [] if turn else self._untold(fit, screen, tried)
+            tried += [] if turn else self._of_few_parameters(fit, screen, tried)
             least = min((t.cost for t in tried), default=math.inf)
             if not chosen or fit.evidence - least > HELD * most(screen):
                 break
             screen, beside = without(screen, chosen), ()
         return tried
 
-    def _untold(self, fit: Fit, screen: Screen, tried: Sequence[Tried]) -> list[Tried]:
+    def _of_few_parameters(self, fit: Fit, screen: Screen, tried: Sequence[Tried]) -> list[Tried]:
         """Where what leads leaves more than noise, what no screen foretells well."""
         best = min(tried, key=lambda t: t.cost, default=None)
         made: list[Tried] = []
         if best is None:
             return made
         known = {t.candidate for t in tried}
-        for likely in untold(screen, best.term.point, self.fits.apart, self.fits.rules):
+        for likely in of_few_parameters(screen, best.term.point, self.fits.apart, self.fits.rules):
             if not self.enough([*tried, *made]):
                 made += self.shaping.fitted(fit, [c for c in likely if c not in known])
         return made

@@ -18,8 +18,8 @@ __all__ = [
     "kind",
     "main",
     "most",
+    "of_few_parameters",
     "shaped",
-    "untold",
     "without",
     "worth_fitting",
 ]
@@ -71,7 +71,9 @@ def elsewhere(screen: Screen, worth: Sequence[Candidate], apart: Opened) -> list
     return [c for group, c in found.items() if not group & known][:FEW]
 
 
-def untold(screen: Screen, point: Point, apart: Opened, rules: Rules) -> list[list[Candidate]]:
+def of_few_parameters(
+    screen: Screen, point: Point, apart: Opened, rules: Rules
+) -> list[list[Candidate]]:
     """The best wave in time and the best of each kind of memory. First in an equation, and in what
     sensors read of what it computes, whatever is foretold: no slope shows what they do through
     events (when a carriage breaks away), and fits find their few parameters from afar. Then in

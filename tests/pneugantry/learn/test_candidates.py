@@ -17,8 +17,8 @@ from pneugantry.learn.equations.points import Opened, Point
 from pneugantry.learn.screening.candidate import Candidate, Screen
 from pneugantry.learn.screening.candidates import (
     elsewhere,
+    of_few_parameters,
     shaped,
-    untold,
     without,
 )
 from pneugantry.learn.screening.regressors import Regressor
@@ -140,7 +140,7 @@ def told_of(
 ) -> list[list[Candidate]]:
     apart = SimpleNamespace(shape=SimpleNamespace(roots={}), block=blocks.__getitem__)
     screen = Screen(cast(Fit, None), tuple(candidates), {})
-    return untold(screen, cast(Point, point), cast(Opened, apart), Rules())
+    return of_few_parameters(screen, cast(Point, point), cast(Opened, apart), Rules())
 
 
 def test_memories_and_waves_in_time_are_fitted_in_what_leads_whatever_is_foretold() -> None:
