@@ -132,10 +132,10 @@ class Rounds:
 
     def enough(self, tried: Sequence[Tried]) -> bool:
         """Whether the likeliest term has a form and leaves no more than noise in any view."""
-        best = self.likeliest(tried)
+        best = self._likeliest(tried)
         return best is not None and best.free is None and not self.fits.loud(best)
 
-    def likeliest(self, tried: Sequence[Tried]) -> Tried | None:
+    def _likeliest(self, tried: Sequence[Tried]) -> Tried | None:
         """In the form of fewest parameters that is as likely."""
         best = min(tried, key=lambda t: t.cost, default=None)
         return best and Rivals(self.fits).simplest(best, tried)

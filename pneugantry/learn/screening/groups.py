@@ -24,8 +24,8 @@ FIRST = 1e-3  # its size at first
 PROBES = 3
 NEAR = 5.0  # factor by which its answer may miss one noise level
 PULSE = 10.0  # size of a first pulse, in units of the wave's
-PULSES = 24  # simulations of a record for an equation's reply, at most
-WORK = 1e6  # rows of all of them, at most
+PULSES = 24  # simulations of a record for an equation's reply, at most, each of them both ways
+WORK = 1e6  # rows of all of them one way, at most
 ALIKE = 0.97  # cosine of the answers to one term from which on two equations are one
 
 
