@@ -130,8 +130,8 @@ class Diagnosis:
 
     def with_missing_term(self, say: Say | None = None) -> Diagnosis:
         """The same with the term that the plant's equations lack, looked for where what no
-        catalogue has is likely enough, in a plant with Modelica source; else unchanged. say: told
-        the name of each stage.
+        catalogue has is likely enough, or an answer may stand in for it, in a plant with Modelica
+        source; else unchanged. say: told the name of each stage.
         """
         from pneugantry.plants.missing_term import to_json, with_missing_term
 
@@ -186,9 +186,9 @@ def diagnose(
     description of a plant of one's own. setup: how a single log was taken (keys as in
     campaign.toml). controller: the rig's own, a Python file, for the closed-loop check. catalogue:
     effects of one's own, a file (beside the gantry's) or a folder (instead of them). fmu: the
-    nominal gantry with other parameters. say: told the name of each stage. Where the verdict is
-    unknown, `with_missing_term` of the result looks for what the equations lack. Raises InputError
-    naming file, field and hint.
+    nominal gantry with other parameters. say: told the name of each stage. Where something may
+    be unknown, `with_missing_term` of the result looks for what the equations lack. Raises
+    InputError naming file, field and hint.
     """
     from pneugantry.engine.answer.result import to_json
     from pneugantry.plants.described import is_plant_description

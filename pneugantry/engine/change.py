@@ -258,7 +258,7 @@ def _change(found: Found, base: str, keys: Mapping[str, str]) -> Change | None:
     if chances["absent"] > 1 - RARE:
         return None
     likeliest = max((w for w in chances if w != "absent"), key=lambda w: chances[w])
-    best = found.decision.best
+    best = found.decision.best.tempered(found.task.chances.temper)
     claimed = any(k in best.keys for k in keys.values())
     effect = found.task.catalogue[base]
     moved = _moved(found, best, keys) if claimed else {}

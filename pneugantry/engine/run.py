@@ -158,7 +158,7 @@ def _answer(fitter: Fitter, task: Task, found: Search, judged: _Judged, clock: _
     diagnosis = Diagnosis(
         verdict=decision.verdict,
         where=places,
-        causes=causes_of(decision.answers, task.catalogue, decision.chosen),
+        causes=causes_of(decision.answers, task.catalogue, decision.chosen, task.chances.temper),
         answer_set=answer_set(decision.answers),
         gap=c.gap,
         notes=(*task.notes, *c.notes, *_cut_short(found, decision), *doubts),

@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from modelica_fmu.errors import InputError
+from pneugantry.engine.answer.decide import stands_out
+from pneugantry.engine.chances import UNEXPLAINED
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.plant import Data
@@ -147,7 +149,8 @@ class _Learning:
         answers, after = told.answers, told.after
         kept = main(screens), *judge.judged(answers[0], after)
         experiment = self._experiment(answers)
-        return Learned(found, after, answers, _ordered(tried), *kept, 0.0, experiment)
+        made = Learned(found, after, answers, _ordered(tried), *kept, 0.0, experiment)
+        return replace(made, probability=judge.likely(answers[0]))
 
     def _leads(self, tried: Sequence[Tried]) -> bool:
         """Whether the likeliest term that has a form leaves the effects found hopelessly behind,
@@ -261,10 +264,13 @@ def _ordered(tried: Sequence[Tried]) -> tuple[Tried, ...]:
 
 
 def _blamed(found: Found) -> frozenset[str] | None:
-    """Views that stand out of the noise; None: none does, or no view is known to."""
+    """Views that stand out of the noise; None: none does by what is likely enough to be unknown, as
+    where a replay alone does.
+    """
     ratios: dict[str, float] = {}
     for channel in found.excess.whole:
         ratios[channel[0]] = max(ratios.get(channel[0], 0.0), found.excess.ratio(channel))
     most = max(ratios.values(), default=0.0)
     named = {v for v, ratio in ratios.items() if ratio > 1 + OUT * (most - 1)}
-    return frozenset(named) if most > 1 and named else None
+    told = stands_out(math.log(max(most, 1.0)), found.task.chances, beside=False) >= UNEXPLAINED
+    return frozenset(named) if told else None

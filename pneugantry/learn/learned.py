@@ -75,6 +75,7 @@ class Learned:
     seconds: float  # wall time
     next_experiment: TellingRun | None = None  # that tells the first two answers apart
     units: tuple[str, str] = ("", "")  # of the term's variable, and of what it adds
+    probability: float = 0.0  # of the term that is taken, by the fitted logs
 
     @property
     def best(self) -> Tried | None:

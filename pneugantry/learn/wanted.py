@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pneugantry.engine.answer.decide import stands_out
 from pneugantry.engine.chances import UNEXPLAINED
 from pneugantry.engine.plant import Record
 from pneugantry.engine.run import Found
@@ -12,12 +13,15 @@ __all__ = ["wanted", "whole"]
 
 
 def wanted(found: Found) -> bool:
-    """Whether there may be something to learn: what no catalogue explains is likely enough. Where
-    it only may be a curve of a known effect over another variable, nothing is left to learn from.
+    """Whether there may be something to learn: what no catalogue explains is likely enough, or
+    would be if what the answer leaves were left beside no effect, for one may only stand in for
+    what is missing. Where it only may be a curve of a known effect over another variable, nothing
+    is left to learn from.
     """
-    foreign, told = isinstance(found.task.plant, ForeignPlant), found.decision
-    likely = told.unknown - told.imitated >= UNEXPLAINED
-    return likely and not foreign and bool(whole(found.task))
+    task, told = found.task, found.decision
+    left = stands_out(found.diagnosis.stands_out, task.chances, beside=False)
+    likely = max(told.unknown - told.imitated, left) >= UNEXPLAINED
+    return likely and not isinstance(task.plant, ForeignPlant) and bool(whole(task))
 
 
 def whole(task: Task) -> list[Record]:

@@ -28,8 +28,8 @@ def with_missing_term(
     campaign: Campaign | None = None,
     say: Callable[[str], None] = lambda stage: None,
 ) -> tuple[Found, Learned | None]:
-    """The answer with the term that the plant's equations lack, looked for where what no catalogue
-    has is likely enough; else as it was, and None. campaign: of the gantry, as it was read. say:
+    """The answer with the term that the plant's equations lack, looked for where it is `wanted`;
+    else as it was, and None. campaign: of the gantry, as it was read. say:
     told the name of each stage. Where the looking fails, a note says so and the answer stands.
     """
     if found.task.epoch is not None or not wanted(found):

@@ -127,9 +127,14 @@ class Diagnosis:
 
 
 def causes_of(
-    answers: Sequence[Answer], catalogue: Mapping[str, Effect], chosen: Sequence[str]
+    answers: Sequence[Answer],
+    catalogue: Mapping[str, Effect],
+    chosen: Sequence[str],
+    temper: float,
 ) -> tuple[Cause, ...]:
-    """Every effect that some hypothesis names; those `chosen` by the verdict come first."""
+    """Every effect that some hypothesis names; those `chosen` by the verdict come first. temper: as
+    of `Chances`.
+    """
     total: dict[str, float] = {}
     carrier: dict[str, Answer] = {}
     for answer in sorted(answers, key=lambda a: -a.probability):
@@ -143,7 +148,7 @@ def causes_of(
             catalogue[k].name,
             catalogue[k].axis,
             min(total[k], 1.0),
-            _sizes(k, carrier[k].fit),
+            _sizes(k, carrier[k].fit, temper),
             catalogue[k].epoch,
         )
         for k in ranked
@@ -151,13 +156,14 @@ def causes_of(
     )
 
 
-def _sizes(key: str, fit: Fit | None) -> dict[str, Size]:
+def _sizes(key: str, fit: Fit | None, temper: float) -> dict[str, Size]:
     """Parameters of an effect as a fit has them."""
     if fit is None:
         return {}
     form = next((f for e, f in fit.hypothesis.effects if e.key == key), None)
     if form is None:
         return {}
+    fit = fit.tempered(temper)
     at = {c.name: (c, t) for c, t in zip(fit.point.coordinates, fit.point.theta, strict=True)}
     found = {}
     for p in form.parameters:

@@ -111,6 +111,17 @@ class Fit:
         gone = (c for c in self.point.coordinates if c.name not in kept and c.effect)
         return self.held({c.name: c.none for c in gone})
 
+    def tempered(self, temper: float) -> Fit:
+        """The same with a covariance for which evidence counts by a share, as for the decision: two
+        values of a parameter are told apart by what tells two effects apart. temper: as of
+        `Chances`.
+        """
+        parabolas = {
+            v: Parabola(p.names, p.square / temper, p.pull / temper)
+            for v, p in self.parabolas.items()
+        }
+        return replace(self, covariance=occam(self.point.coordinates, parabolas)[1])
+
     def sigma(self, name: str) -> float:
         """Standard deviation of a coordinate's theta."""
         index = [c.name for c in self.point.coordinates].index(name)

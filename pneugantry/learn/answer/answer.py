@@ -22,13 +22,13 @@ LARGE = 0.15  # share of what a term explains from which on a record is named
 
 
 def answered(learned: Learned, rules: Rules) -> Found:
-    """The diagnosis that a term was looked for in; where the verdict is that something is unknown
-    and the term is accepted, with the effects, places and gap that the plant with the term has.
+    """The diagnosis that a term was looked for in; where the term is accepted, that something is
+    unknown, with the effects, places and gap that the plant with the term has.
     """
     before, after, best = learned.before, learned.after, learned.best
-    told = before.diagnosis
-    if after is None or best is None or not learned.accepted or told.verdict != UNKNOWN:
+    if after is None or best is None or not learned.accepted:
         return before
+    told = _unknown(before.diagnosis, learned.probability)
     gap, new = _gap(before, after, rules), after.diagnosis
     places = _places(_place(before, after, best.term.block), new.where)
     diagnosis = replace(
@@ -41,6 +41,25 @@ def answered(learned: Learned, rules: Rules) -> Found:
         notes=tuple(dict.fromkeys((*told.notes, *new.notes))),
     )
     return replace(before, diagnosis=diagnosis, augmented=after.augmented, gap=gap, learnt=after)
+
+
+def _unknown(told: Diagnosis, probability: float) -> Diagnosis:
+    """An answer in which an accepted term, of some probability, is what is unknown; where it was
+    another one, a note says which.
+    """
+    if told.verdict == UNKNOWN:
+        return told
+    without = ", or ".join(" + ".join(keys) or "no effect" for keys in told.answer_set)
+    before = told.probabilities
+    unknown = max(probability, before.get(UNKNOWN, 0.0))
+    none = min(before.get("none", 0.0), 1 - unknown)
+    return replace(
+        told,
+        verdict=UNKNOWN,
+        next_experiment=None,
+        probabilities={**before, "none": none, UNKNOWN: unknown},
+        notes=(*told.notes, f"without the learnt term the answer was {told.verdict}: {without}"),
+    )
 
 
 def _beside(keys: tuple[str, ...]) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -92,7 +92,7 @@ def to_json(learned: Learned) -> dict[str, Any]:
     if learned.best is None or learned.after is None:
         return found
     gap = learned.after.gap
-    found["term"] = _term(learned, learned.best)
+    found["term"] = _term(learned, _tempered(learned, learned.best))
     found["causes"] = diagnosis_json(learned.after.diagnosis)["causes"]
     found["answer_set"] = [_short(t) for t in learned.answers]
     if learned.next_experiment is not None:
@@ -160,11 +160,16 @@ def _free(learned: Learned, tried: Tried, ends: tuple[float, float]) -> dict[str
     if not same or term.law.tables:
         return None
     at = np.linspace(*ends, KNOTS)
-    value, sigma = band(same[0], at)
+    value, sigma = band(_tempered(learned, same[0]), at)
     value = value - np.median(value - band(tried, at)[0])
     low, high = value - NORMAL * sigma, value + NORMAL * sigma
     made = {"at": at, "value": value, "low": low, "high": high}
     return {k: v.tolist() for k, v in made.items()}
+
+
+def _tempered(learned: Learned, tried: Tried) -> Tried:
+    """With intervals as an effect's are."""
+    return replace(tried, fit=tried.fit.tempered(learned.before.task.chances.temper))
 
 
 def _sizes(tried: Tried) -> dict[str, Mapping[str, Any]]:

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 from pneugantry.engine.answer.confirm import Gap
+from pneugantry.engine.answer.decide import SURE
 from pneugantry.engine.fitting import noise
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.run import Found
@@ -35,12 +36,18 @@ class Judge:
     def _cost(self, fit: Fit) -> float:
         return fit.evidence + 2 * self.fits.rules.entry * len(fit.keys)
 
-    def helps(self, tried: Tried) -> bool:
-        """Whether a term brings the fitted logs what makes a known effect as likely as none, and
-        what says which of those it is that were tried.
+    def likely(self, tried: Tried) -> float:
+        """Probability of a term by the fitted logs: as likely as none is what brings them as much
+        as a known effect has to, and what says which of those it is that were tried.
         """
-        bar = self.before.task.chances.entry + 2 * math.log(self.among)
-        return tried.cost <= self._cost(self._plain) - bar
+        chances = self.before.task.chances
+        bar = chances.entry + 2 * math.log(self.among)
+        behind = (tried.cost - self._cost(self._plain) + bar) / (2 * chances.temper)
+        return 1 / (1 + math.exp(min(behind, 700.0)))
+
+    def helps(self, tried: Tried) -> bool:
+        """Whether a term is rather there than not, by the fitted logs."""
+        return self.likely(tried) >= SURE
 
     def judged(self, best: Tried, after: Found) -> tuple[bool, str]:
         """Whether the term stands, and why."""

@@ -28,6 +28,7 @@ from pneugantry.engine.answer.confirm import (
 from pneugantry.engine.answer.location import where
 from pneugantry.engine.answer.regimes import THROUGHOUT, area, regime_of
 from pneugantry.engine.answer.result import Answer, Diagnosis, answer_set, causes_of, to_json
+from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.noise import LONGEST
@@ -265,7 +266,7 @@ def result(fitted: tuple[Fitter, Search], catalogue: dict[str, Effect]) -> Diagn
     return Diagnosis(
         verdict="identified",
         where=where(fitter, found, found.best),
-        causes=causes_of(answers, catalogue, ("spring",)),
+        causes=causes_of(answers, catalogue, ("spring",), Chances().temper),
         answer_set=answer_set(answers),
         gap=Gap(9.0, 5.0, 1.0, 0.7, (0.6, float("nan")), "push", {}, (1.1, 5.2), 2.0),
         seconds=1.0,
