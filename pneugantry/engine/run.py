@@ -181,7 +181,7 @@ def _answer(fitter: Fitter, task: Task, found: Search, judged: _Judged, clock: _
         c.nominal,
         c.augmented,
         c.gap,
-        tuple(fitter.unseen(best)),
+        tuple(fitter.coordinates.unseen(best)),
     )
 
 
@@ -195,7 +195,9 @@ def _cut_short(found: Search, decision: Decision) -> tuple[str, ...]:
 def _read_by(fitter: Fitter, evidence: Sequence[Evidence], view: str | None) -> tuple[str, ...]:
     """Effects that a view reads, in any form that was weighed; None: all."""
     weighed = [x for own in evidence for x in own.fit.hypothesis.effects]
-    read = [e.key for e, form in weighed if view is None or view in fitter.readers(form)]
+    read = [
+        e.key for e, form in weighed if view is None or view in fitter.coordinates.readers(form)
+    ]
     return tuple(sorted(set(read)))
 
 
@@ -247,7 +249,7 @@ def _worse(gap: Gap, plain: Replay | None) -> bool:
 
 def _confirmed(fitter: Fitter, task: Task, null: Fit, fit: Fit) -> _Confirmed:
     record = task.data.held_out or task.data.fitted[-1]
-    drawn = draws(fit, record, unseen=fitter.unseen(fit))
+    drawn = draws(fit, record, unseen=fitter.coordinates.unseen(fit))
     own = [{}, values_on(fit, record), values_on(null, record), *drawn]
     try:
         nominal, augmented, plain, *others = replays(task.plant, record, own, task.cache)

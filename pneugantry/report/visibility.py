@@ -69,7 +69,9 @@ def visibility(task: Task, rules: Rules) -> Visibility:
     """
     fitter = Fitter(task.plant, task.views, task.data.fitted, rules)
     try:
-        readable = {k: e for k, e in task.catalogue.items() if fitter.readable(e.forms[0])}
+        readable = {
+            k: e for k, e in task.catalogue.items() if fitter.coordinates.readable(e.forms[0])
+        }
         information = gather(fitter, readable, partial(noisy, task.plant))
         usual = sizes(fitter, readable)
     finally:

@@ -181,7 +181,7 @@ class Predictor:
 
     def _known(self, fit: Fit, wider: float) -> tuple[Point, Parabola]:
         """Coordinates of the record, where the fit has them, and what the fit says of them."""
-        coordinates = self.fitter.coordinates(fit.hypothesis, fit.scale)
+        coordinates = self.fitter.coordinates.of(fit.hypothesis, fit.scale)
         at = {c.name: i for i, c in enumerate(fit.point.coordinates)}
         shared = [i for i, c in enumerate(coordinates) if c.name in at]
         index = [at[coordinates[i].name] for i in shared]

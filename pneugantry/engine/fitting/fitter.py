@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -11,7 +11,9 @@ import numpy as np
 
 from modelica_fmu.errors import RunError
 from pneugantry.engine.fitting.cell_noise import CellNoise
+from pneugantry.engine.fitting.coordinates import Coordinates
 from pneugantry.engine.fitting.descent import descend
+from pneugantry.engine.fitting.descents import Descents
 from pneugantry.engine.fitting.fit import (
     Fit,
     Lead,
@@ -23,31 +25,21 @@ from pneugantry.engine.fitting.fit import (
     scaled,
     theta_in,
 )
-from pneugantry.engine.fitting.noise import Noise
-from pneugantry.engine.fitting.probing import probed
 from pneugantry.engine.fitting.problem import (
     Parabola,
-    Problem,
     Solution,
     inside,
-    newton,
-    predicted,
     prior,
     standing,
 )
-from pneugantry.engine.fitting.surveys import ROUGH, End, Surveys, in_view
-from pneugantry.engine.fitting.weighing import FAILED, Weighing
-from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
+from pneugantry.engine.fitting.surveys import ROUGH, Surveys, in_view
+from pneugantry.engine.fitting.weighing import Weighing
+from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.hypotheses.hypothesis import (
-    Coordinate,
     Hypothesis,
-    effect_coordinate,
-    nuisance_coordinate,
 )
 from pneugantry.engine.plant import Plant, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.signals.commands import outside
-from pneugantry.engine.signals.sensors import neutral
 from pneugantry.engine.views.simulation import Cell, Point, Simulation
 from pneugantry.engine.views.view import View
 
@@ -79,62 +71,14 @@ class Fitter:
         """level: how much noisier the rig's sensors are than quoted, until a fit has told."""
         self.plant, self.rules = plant, rules
         self.simulation = Simulation(views, records, rules)
-        self.nominal = _nominal(plant, views)
+        self.coordinates = Coordinates(plant, self.simulation, rules)
         self.noise = CellNoise(plant, self.simulation, rules, level)
         self.surveys = Surveys(self.simulation, self.noise, rules)
+        self.descents = Descents(self.simulation, self.noise, self.surveys, rules)
         self.since = 0.0  # evaluations that the effects took which have been found
 
     def close(self) -> None:
         self.simulation.close()
-
-    # -- coordinates
-
-    def neutral(self, name: str) -> float:
-        """Value of a parameter without any effect."""
-        return neutral(name) if outside(name) else self.nominal.get(name, 0.0)
-
-    def of_effect(self, p: Parameter) -> Coordinate:
-        """The coordinate of an effect's parameter."""
-        described = p.name in self.plant.parameters
-        return effect_coordinate(p, self.neutral(p.name), self.rules.effect_prior, described)
-
-    def readable(self, form: Form) -> bool:
-        """Whether some view reads a parameter of a form."""
-        return any(self.simulation.reads(p.name) for p in form.parameters)
-
-    def touched(self, hypothesis: Hypothesis) -> list[Cell]:
-        """Cells whose view reads anything of a hypothesis' effects."""
-        read = {view for _, form in hypothesis.effects for view in self.readers(form)}
-        return [c for c in self.simulation.cells if c[0] in read]
-
-    def readers(self, form: Form) -> set[str]:
-        """Views that read anything of a form."""
-        names = {p.name for p in form.parameters} | set(form.settings)
-        views = self.simulation.views
-        return {c[0] for c in self.simulation.cells if any(map(views[c[0]].depends_on, names))}
-
-    def coordinates(self, hypothesis: Hypothesis, scale: float) -> tuple[Coordinate, ...]:
-        """Nuisances, then effects; an effect's parameter is no nuisance besides, and one that two
-        effects share is one.
-        """
-        own = {p.name: p for p in reversed(hypothesis.parameters)}
-        effects = [self.of_effect(p) for p in own.values()]
-        taken = {c.parameter for c in effects}
-        rest = [c for c in self.nuisances() if c.parameter not in taken]
-        return (*(replace(c, spread=scale) if c.scales else c for c in rest), *effects)
-
-    def nuisances(self) -> list[Coordinate]:
-        """Coordinates of what every rig has somewhat off."""
-        made = []
-        for n in self.plant.nuisances:
-            if not n.per_record:
-                if self.simulation.reads(n.parameter):
-                    made.append(nuisance_coordinate(n, self.neutral(n.parameter), None))
-                continue
-            for name, record in self.simulation.records.items():
-                if n.parameter in record.parameters and self.simulation.reads(n.parameter, name):
-                    made.append(nuisance_coordinate(n, record.parameters[n.parameter], name))
-        return made
 
     def loud(self, fit: Fit) -> list[str]:
         """Views that tolerance or its effects move, in which a fit leaves more than noise, or not
@@ -191,24 +135,18 @@ class Fitter:
         bare = replace(base, settled=False, tangents={})
         return replace(bare, point=point, residuals=residuals, columns=columns)
 
-    def unseen(self, fit: Fit) -> list[Coordinate]:
-        """Of what every rig has off and no record shows: it keeps its prior."""
-        known = {c.parameter for c in fit.point.coordinates}
-        left = [n for n in self.plant.nuisances if not n.per_record and n.parameter not in known]
-        made = [nuisance_coordinate(n, self.neutral(n.parameter), None) for n in left]
-        return [replace(c, spread=fit.scale) if c.scales else c for c in made]
-
     # -- fits
 
     def prepare(self, hypotheses: Sequence[Hypothesis]) -> None:
         """Before many simulations of them."""
-        self.simulation.prepare([(self._moving(h.parameters), h.settings) for h in hypotheses])
+        moving = self.coordinates.moving
+        self.simulation.prepare([(moving(h.parameters), h.settings) for h in hypotheses])
 
     def prepare_any(self, base: Hypothesis, effects: Collection[Effect]) -> None:
         """Before simulations of a hypothesis with any of the effects that keep its equations."""
         forms = [f for e in effects for f in e.forms if not f.settings]
         every = (*base.parameters, *(p for f in forms for p in f.parameters))
-        self.simulation.prepare([(self._moving(every), base.settings)])
+        self.simulation.prepare([(self.coordinates.moving(every), base.settings)])
 
     def together(
         self, call: Callable[[T], Found], values: Sequence[T], hypotheses: Sequence[Hypothesis]
@@ -219,15 +157,11 @@ class Fitter:
         self.prepare(hypotheses)
         return self.simulation.side_by_side(call, values)
 
-    def _moving(self, parameters: Iterable[Parameter]) -> set[str]:
-        """Of effects, and what every rig has somewhat off."""
-        return {*(p.name for p in parameters), *(n.parameter for n in self.plant.nuisances)}
-
     def null(self) -> Fit:
         """Nuisances alone, under the tolerance that they show; not `again` thoroughly: few rigs
         need it. Raises RunError where no view can be simulated over any record.
         """
-        coordinates = self.coordinates(Hypothesis(), self.rules.tolerance)
+        coordinates = self.coordinates.of(Hypothesis(), self.rules.tolerance)
         self.prepare([Hypothesis()])
         start = Point(coordinates, np.zeros(len(coordinates)), {})
         known, cells = prior(coordinates), tuple(self.simulation.cells)
@@ -236,13 +170,13 @@ class Fitter:
             raise RunError(
                 "the model stops over every log: what drives it, or its starts, are wrong"
             )
-        solution = self._by_view([Solution(start, residuals, columns)], known, cells)
-        solution = self._jointly(solution, known, cells)
+        solution = self.descents.by_view([Solution(start, residuals, columns)], known, cells)
+        solution = self.descents.jointly(solution, known, cells)
         scale = self._tolerance(solution.point)
         point = scaled(solution.point, scale)
         known = prior(point.coordinates)
         solution = replace(solution, point=point, settled=False)
-        solution = self._renewed(solution, known, cells, 1)
+        solution = self.descents.renewed(solution, known, cells, 1)
         return self._finished(Hypothesis(), solution, known, scale)
 
     def _tolerance(self, point: Point) -> float:
@@ -278,13 +212,13 @@ class Fitter:
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
         rivals = [as_of(f, own) for f in (base, ahead) if f is not None]
         share = fresh if another else int(thorough)
-        solution = self._by_view(firsts, known, cells, rivals, share)
+        solution = self.descents.by_view(firsts, known, cells, rivals, share)
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
         before, after = (self._beside(s, base, known, cells) for s in (best, solution))
         if after > before:  # where the views lead apart is worse than where one of them stood
             solution, after = best, before
         if after - self._beside(base, base, known, cells) < self.rules.hopeless:
-            solution = self._jointly(solution, known, cells)
+            solution = self.descents.jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
 
     def firsts(
@@ -295,14 +229,14 @@ class Fitter:
         cells: Sequence[Cell],
     ) -> list[Solution]:
         """Where a hypothesis starts in some cells: from the base, and from values besides."""
-        coordinates = self.coordinates(hypothesis, base.scale)
+        coordinates = self.coordinates.of(hypothesis, base.scale)
         columns = {k: c for k, c in base.columns.items() if k[0] in cells}
         wanted = {c.name for c in coordinates if c.effect}
         if hypothesis.settings != base.hypothesis.settings:  # other equations, other columns
             columns, wanted = {}, {c.name for c in coordinates}
 
         def first(values: Mapping[str, float]) -> Solution:
-            point = self._first(hypothesis, base, values)
+            point = self.coordinates.first(hypothesis, base, values)
             residuals, own = self.simulation.linearised(point, cells, wanted)
             return Solution(point, residuals, {**columns, **own})
 
@@ -319,7 +253,8 @@ class Fitter:
         problem = self.surveys.problem(cells, known)
 
         def down(values: Mapping[str, float]) -> Solution:
-            point = self._sized(self._first(hypothesis, base, values), known, cells)
+            first = self.coordinates.first(hypothesis, base, values)
+            point = self.descents.sized(first, known, cells)
             residuals, columns = self.simulation.linearised(point, cells, set(known.names))
             solution = Solution(point, residuals, columns)
             for _ in range(LEGS):
@@ -329,7 +264,7 @@ class Fitter:
         ends = self.simulation.side_by_side(down, starts)
         solution = min(ends, key=lambda s: standing(problem, s))
         if standing(problem, solution) < standing(problem, as_of(base, solution.point)):
-            solution = self._jointly(solution, known, cells)
+            solution = self.descents.jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
 
     def ahead(
@@ -344,7 +279,8 @@ class Fitter:
         posterior under white noise of the residuals' own size; and where it stands then.
         """
         _, known, touched = self.beside_base(hypothesis, base)
-        points, best, total = [self._first(hypothesis, base, s) for s in starts], -math.inf, 0.0
+        points = [self.coordinates.first(hypothesis, base, s) for s in starts]
+        best, total = -math.inf, 0.0
         values: Mapping[str, float] = {}
         for view in dict.fromkeys(c[0] for c in cells):
             own = [c for c in cells if c[0] == view and c in touched]
@@ -353,7 +289,8 @@ class Fitter:
             problem = self.surveys.problem(own, known, fine=False)
             level = standing(problem, as_of(base, points[0]))
             few = [s.point for s in self.surveys.ranked(problem, points, own)[:SIDES]]
-            sized = self.surveys.ranked(problem, [self._sized(p, known, own) for p in few], own)
+            ends = [self.descents.sized(p, known, own) for p in few]
+            sized = self.surveys.ranked(problem, ends, own)
             end = self.surveys.raced(
                 problem, self.surveys.coarsely(problem, sized[0].point), math.inf
             )
@@ -363,32 +300,15 @@ class Fitter:
                 best, values = gain, end.point.values(None)
         return Lead(total, values)
 
-    def _sized(self, start: Point, known: Parabola, cells: Sequence[Cell]) -> Point:
-        """Effects, and what is of one record, fitted beside tolerance as it is: free to move, that
-        would make up for an effect of which the size is not known yet.
-        """
-        free = [i for i, c in enumerate(start.coordinates) if c.effect or c.record is not None]
-        own = tuple(start.coordinates[i] for i in free)
-        point = Point(own, start.theta[free], start.values(None))
-        names = {c.name for c in own}
-        problem = self.surveys.problem(cells, known.of(names, start.theta), fine=False)
-        found = self.simulation.linearised(point, cells, names, fine=False)
-        end = descend(
-            problem, Solution(point, *found), None, ROUGH, lambda steps, at: steps >= SIZED
-        )
-        theta = start.theta.copy()
-        theta[free] = end.point.theta
-        return start.moved(theta)
-
     def beside_base(
         self, hypothesis: Hypothesis, base: Fit
     ) -> tuple[Point, Parabola, tuple[Cell, ...]]:
         """Where a hypothesis starts from a base, what is known of it besides, and the cells that
         effects touch in which the two differ; the others are their parabolas at the base.
         """
-        own = self._first(hypothesis, base, {})
+        own = self.coordinates.first(hypothesis, base, {})
         self.prepare([hypothesis])
-        touched = set(self.touched(hypothesis.beyond(base.hypothesis)))
+        touched = set(self.coordinates.touched(hypothesis.beyond(base.hypothesis)))
         cells = tuple(c for c in self.simulation.cells if c in touched)
         return own, known_beside(own.coordinates, base, {c[0] for c in cells}), cells
 
@@ -409,15 +329,13 @@ class Fitter:
         cells = tuple(self.simulation.cells)
         whole = prior(fit.point.coordinates)
         solution = self._reached(fit, whole, cells)
-        made = self._ended(
-            fit, (self._polished if thorough else self._jointly)(solution, whole, cells)
-        )
+        led = self.descents.polished if thorough else self.descents.jointly
+        made = self._ended(fit, led(solution, whole, cells))
         if thorough or made.evidence < fit.evidence + self.rules.entry:
             return made
         at = Solution(made.point, made.residuals, made.columns, tangents=made.tangents)
-        return min(
-            made, self._ended(fit, self._polished(at, whole, cells)), key=lambda f: f.evidence
-        )
+        other = self._ended(fit, self.descents.polished(at, whole, cells))
+        return min(made, other, key=lambda f: f.evidence)
 
     def _reached(self, fit: Fit, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """Where a fit ended, in all views. One that it left as a parabola may meet an event
@@ -435,7 +353,7 @@ class Fitter:
             return end
         point = self._held(fit, worse)
         held = replace(end, point=point, residuals=self.simulation.residuals(point, cells))
-        return min(end, held, key=lambda s: self._cost(s, known, fit.noise))
+        return min(end, held, key=lambda s: self.descents.cost(s, known, fit.noise))
 
     def _held(self, fit: Fit, views: Collection[str]) -> Point:
         """A fit with what some views read where it was when they became parabolas."""
@@ -449,16 +367,16 @@ class Fitter:
     def _ended(self, fit: Fit, solution: Solution) -> Fit:
         """The hypothesis of a fit where all views together have led."""
         whole, cells = prior(fit.point.coordinates), tuple(self.simulation.cells)
-        solution = self._renewed(solution, whole, cells, self.rules.renewals)
+        solution = self.descents.renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, fit.scale)
 
     def in_more_records(self, fit: Fit) -> Fit:
         """A fit of some of these records where it stands, in all that read its effects."""
-        coordinates = self.coordinates(fit.hypothesis, fit.scale)
+        coordinates = self.coordinates.of(fit.hypothesis, fit.scale)
         point = Point(coordinates, theta_in(fit.point, coordinates), fit.point.settings)
         self.prepare([fit.hypothesis])
         whole = prior(coordinates)
-        cells = [c for c in self.touched(fit.hypothesis) if c not in fit.noise]
+        cells = [c for c in self.coordinates.touched(fit.hypothesis) if c not in fit.noise]
         residuals, columns = self.simulation.linearised(point, cells, set(whole.names))
         every = Solution(point, {**fit.residuals, **residuals}, {**fit.columns, **columns})
         return self._finished(fit.hypothesis, every, whole, fit.scale)
@@ -476,7 +394,7 @@ class Fitter:
         point = scaled(fit.point, scale)
         whole = prior(point.coordinates)
         solution = Solution(point, fit.residuals, fit.columns, tangents=fit.tangents)
-        solution = self._renewed(solution, whole, cells, self.rules.renewals)
+        solution = self.descents.renewed(solution, whole, cells, self.rules.renewals)
         return self._finished(fit.hypothesis, solution, whole, scale)
 
     def under(self, fit: Fit, scale: float) -> Fit:
@@ -488,172 +406,6 @@ class Fitter:
         (before, _), (after, covariance) = (occam(p.coordinates, fit.parabolas) for p in points)
         cost = fit.cost + self.rules.tolerated * (bends[1] - bends[0]) + after - before
         return replace(fit, point=points[1], scale=scale, covariance=covariance, cost=cost)
-
-    def _polished(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """Jointly, and again from the best point about where that ends, until none is better.
-
-        An event that a simulation misses (a break-away) shows in no derivative.
-        """
-        solution = self._jointly(start, known, cells)
-        for _ in range(self.rules.turns):
-            colour = self.noise.coloured(solution.residuals)
-            turned = probed(self.surveys.problem(cells, known), solution, colour)
-            if turned is None:
-                break
-            turned = self._descended(turned, known, cells)
-            fall = self._cost(solution, known, colour) - self._cost(turned, known, colour)
-            if fall > 0:
-                solution = turned
-            if fall < self.rules.entry:
-                break
-        return solution
-
-    def _cost(self, solution: Solution, known: Parabola, colour: Noise) -> float:
-        costs = Weighing(colour, self.rules).costs(solution.residuals)
-        return sum(costs.values()) + known.cost(solution.point.theta)
-
-    def _by_view(
-        self,
-        starts: Sequence[Solution],
-        known: Parabola,
-        cells: Sequence[Cell],
-        rivals: Sequence[Solution] = (),
-        share: int = 1,
-    ) -> Solution:
-        """Each view by itself, by steps that look over events, then where they agree best. rivals:
-        solutions that are known; a descent far behind the first is given up, what ends hopelessly
-        behind any is not surveyed. Where none is known, ends are made exact. share: of surveys, how
-        much larger they are; 0: none.
-        """
-        start = starts[0]
-        views = [
-            view
-            for view in dict.fromkeys(c[0] for c in cells)
-            if any(k[0][0] == view for k in start.columns)
-        ]
-        ends = self.surveys.ends(starts, known, cells, rivals, views)
-        if not rivals:
-            self.noise.level = self.noise.loudness([e.solution.residuals for e in ends])
-
-        def ended(end: End) -> Solution:
-            solution = end.solution
-            if share > 1 or (share == 1 and end.contends):
-                lowest = end.lowest if rivals else None
-                solution = self.surveys.surveyed(end.problem, starts, solution, lowest, share)
-            return solution if rivals else self._finely(end.problem, solution)
-
-        return self._agreed(start, self.simulation.side_by_side(ended, ends), known, cells)
-
-    def _finely(self, problem: Problem, end: Solution) -> Solution:
-        """A view's end, along the valleys that columns which look over events do not show."""
-        start = self._with_columns(end, problem.prior, problem.cells)
-        return descend(replace(problem, fine=True), start, None, ROUGH)
-
-    def _agreed(
-        self, start: Solution, ends: Sequence[Solution], known: Parabola, cells: Sequence[Cell]
-    ) -> Solution:
-        """The best of some points between the ends of single views: each coordinate as the view has
-        it that knows it best, and steps from there towards the least of the sum of the parabolas.
-        The whole step may follow valleys of several views beyond where these are straight.
-        """
-        total, columns, tangents = known, dict(start.columns), dict(start.tangents)
-        at, most = start.point.theta.copy(), np.zeros(len(known.names))
-        for end in ends:
-            parabola = self._parabola(end, self.noise.coloured(end.residuals)).among(known.names)
-            sure = np.diag(parabola.square)
-            at = np.where(sure > most, end.point.theta, at)
-            most = np.maximum(sure, most)
-            total = total.plus(parabola)
-            columns |= end.columns
-            tangents |= end.tangents
-        between = start.point.moved(at)
-        slope, scale = total.square @ at - total.pull, np.diag(np.diag(total.square))
-        points = [between, *(newton(between, total.square + d * scale, slope) for d in DAMPED)]
-        problem = self.surveys.problem(cells, known)
-        best = self.surveys.ranked(problem, points, cells)[0]
-        if standing(problem, best) >= FAILED:
-            return start
-        return Solution(best.point, best.residuals, columns, tangents=tangents)
-
-    def _jointly(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """All views together, from new columns on."""
-        if start.settled:
-            return start
-        return self._descended(self._with_columns(start, known, cells), known, cells)
-
-    def _descended(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """All views together, under the colour that their residuals have."""
-        problem, solution = self.surveys.problem(cells, known), start
-        for fall in (ROUGH, self.rules.converged):
-            before = solution.point
-            solution = descend(problem, solution, self.noise.coloured(solution.residuals), fall)
-            if solution.point is before:
-                break
-        return solution
-
-    def _renewed(
-        self, start: Solution, known: Parabola, cells: Sequence[Cell], times: int
-    ) -> Solution:
-        """Converged with columns of where it is, on which score tests and the covariance rest; the
-        noise's colour follows. times: at most.
-        """
-        if start.settled:
-            return start
-        solution = self._with_columns(start, known, cells)
-        for _ in range(times):
-            colour, at = self.noise.coloured(solution.residuals), solution
-            solution = descend(self.surveys.problem(cells, known), at, colour, self.rules.converged)
-            if solution.point is at.point:
-                return replace(solution, settled=True)
-            solution = self._with_columns(solution, known, cells)
-            before, after = (self._cost(s, known, colour) for s in (at, solution))
-            if before - after < self.rules.entry:
-                break
-        return solution
-
-    def _with_columns(self, at: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """With columns by small steps in some cells. Those serve on that predict from where they
-        were made what is there, to less than what all cells together may miss of a fall.
-        """
-        least = self.rules.converged / len(cells)
-        old = [c for c in cells if not self._missed(at, c) < least]
-        columns = self.simulation.columns(at.point, at.residuals, old, set(known.names))
-        return at.with_columns(columns, old, fine=True)
-
-    def _missed(self, at: Solution, cell: Cell) -> float:
-        """By how much the columns of a cell miss what is there, squared in noise levels."""
-        tangent = at.tangents.get(cell)
-        own = [c for c in at.point.coordinates if self.simulation.in_cell(c, cell)]
-        if tangent is None or any((cell, c.name) not in at.columns for c in own):
-            return math.inf
-        moved = at.point.theta - theta_in(tangent.point, at.point.coordinates)
-        there = replace(at, residuals={cell: tangent.residual})
-        missed = at.residuals[cell] - predicted(there, [cell], moved)[cell]
-        colour = self.noise.colour(cell, at.residuals[cell])
-        white = np.concatenate([w(missed[:, i]) for i, w in enumerate(colour)])
-        return float(white @ white)
-
-    def _first(self, hypothesis: Hypothesis, base: Fit, starts: Mapping[str, float]) -> Point:
-        coordinates = self.coordinates(hypothesis, base.scale)
-        at = base.dropped({c.name for c in coordinates})
-        theta = theta_in(base.point.moved(at), coordinates)
-        for i, c in enumerate(coordinates):
-            if c.parameter in starts:
-                theta[i] = c.theta(starts[c.parameter])
-        return Point(coordinates, theta, hypothesis.settings)
-
-    # -- noise and evidence
-
-    def _parabola(self, solution: Solution, of_views: Noise) -> Parabola:
-        """-2 log likelihood of some cells about where a descent ended."""
-        normal, gradient = Weighing(of_views, self.rules).normal(
-            solution.point, solution.residuals, solution.columns
-        )
-        moved = [c.name for c in solution.point.coordinates]
-        index = [i for i, n in enumerate(moved) if normal[i, i] > 0]
-        square = normal[np.ix_(index, index)]
-        pull = square @ solution.point.theta[index] - gradient[index]
-        return Parabola(tuple(moved[i] for i in index), square, pull)
 
     def _finished(
         self,
@@ -667,7 +419,7 @@ class Fitter:
         places: dict[str, Point] = {}
         point, colour = solution.point, self.noise.coloured(solution.residuals)
         parabolas = {
-            view: self._parabola(in_view(solution, view), colour)
+            view: self.descents.parabola(in_view(solution, view), colour)
             for view in dict.fromkeys(c[0] for c in colour)
         }
         stretches = {
@@ -707,11 +459,3 @@ class Fitter:
             solution.tangents,
             places,
         )
-
-
-def _nominal(plant: Plant, views: Sequence[View]) -> dict[str, float]:
-    """Values of the model's parameters."""
-    known: dict[str, float] = {}
-    for view in views:
-        known.update(view.defaults)
-    return {**known, **plant.parameters}

@@ -168,7 +168,7 @@ def sizes(fitter: Fitter, effects: Mapping[str, Effect]) -> dict[str, Size]:
     found = {}
     for key, effect in effects.items():
         parameter = effect.forms[0].parameters[0]
-        c = effect_coordinate(parameter, fitter.neutral(parameter.name), 1.0)
+        c = effect_coordinate(parameter, fitter.coordinates.neutral(parameter.name), 1.0)
         usual = (
             abs(_moved(c, 1.0)[0] - c.value(0.0)) if not effect.forms[0].settings else c.value(0.0)
         )
@@ -186,7 +186,8 @@ def gather(
     noisy: a record with one more draw of its sensors' noise (None: white noise as quoted).
     """
     nuisances = [
-        replace(c, spread=fitter.rules.tolerance) if c.scales else c for c in fitter.nuisances()
+        replace(c, spread=fitter.rules.tolerance) if c.scales else c
+        for c in fitter.coordinates.nuisances()
     ]
     columns = {key: _points(fitter, e.forms[0]) for key, e in effects.items()}
     places, start = {}, len(nuisances)
@@ -241,7 +242,7 @@ def _points(fitter: Fitter, form: Form) -> list[tuple[Values, float]]:
     """Where a form is simulated, in usual sizes off its neutral value: each parameter by itself,
     or all at once where settings switch the form on.
     """
-    own = [effect_coordinate(p, fitter.neutral(p.name), 1.0) for p in form.parameters]
+    own = [effect_coordinate(p, fitter.coordinates.neutral(p.name), 1.0) for p in form.parameters]
     if not form.settings:
         moved = [(c.parameter, *_moved(c, SHARE)) for c in own]
         return [({name: value}, step) for name, value, step in moved]
@@ -315,7 +316,7 @@ def _whiteners(
     found = dict(fitter.noise.quoted())
     if noisy is None:
         return found
-    base = _base(fitter.nuisances())
+    base = _base(fitter.coordinates.nuisances())
     for name, view in fitter.simulation.views.items():
         own: list[Array] = []
         for cell in fitter.simulation.cells:

@@ -122,7 +122,9 @@ def make_plan(case: Case, say: Say = lambda _: None) -> Plan:
     fitter = Fitter(case.plant, views, everything, case.rules)
     try:
         say("effects")
-        readable = {k: e for k, e in case.catalogue.items() if fitter.readable(e.forms[0])}
+        readable = {
+            k: e for k, e in case.catalogue.items() if fitter.coordinates.readable(e.forms[0])
+        }
         information = gather(fitter, readable, partial(noisy, case.plant))
         usual = sizes(fitter, case.catalogue)
     finally:
@@ -277,7 +279,9 @@ def _informed(
 ) -> Information:
     fitter = Fitter(plant, [*views, *case.others], records, case.rules)
     try:
-        effects = {k: e for k, e in case.catalogue.items() if fitter.readable(e.forms[0])}
+        effects = {
+            k: e for k, e in case.catalogue.items() if fitter.coordinates.readable(e.forms[0])
+        }
         return gather(fitter, effects, partial(noisy, plant))
     finally:
         fitter.close()

@@ -94,7 +94,7 @@ def _scouted(
     rest = [
         c
         for c in screened
-        if form_of(c) not in known and not fitter.readers(c.form).isdisjoint(left)
+        if form_of(c) not in known and not fitter.coordinates.readers(c.form).isdisjoint(left)
     ]
     scouts, worth = Scouts(fitter, base, left), []
     others = predicted(fitter, rest, bar, ("gain", "plain"), every=True)
@@ -115,7 +115,7 @@ def _open(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[st
     left = left_open(fitter, best)
     if best is base or best.gain(base, fitter.rules) < bar:
         return left
-    return [v for v in left if v in fitter.readers(best.hypothesis.effects[-1][1])]
+    return [v for v in left if v in fitter.coordinates.readers(best.hypothesis.effects[-1][1])]
 
 
 def _unbent(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
@@ -161,7 +161,9 @@ def _idle(fitter: Fitter, fit: Fit) -> bool:
 def _in_main_form(fitter: Fitter, base: Fit, fit: Fit) -> Hypothesis:
     """A base with the effect that came last in a fit, in its first form of the same equations."""
     effect, form = fit.hypothesis.effects[-1]
-    main = next(f for f in effect.forms if f.settings == form.settings and fitter.readable(f))
+    main = next(
+        f for f in effect.forms if f.settings == form.settings and fitter.coordinates.readable(f)
+    )
     return base.hypothesis.plus(effect, main)
 
 

@@ -69,7 +69,7 @@ class Reliefs:
         cells = [c for c in self.cells if any(sim.views[c[0]].depends_on(n) for n in names)]
         if form.settings or not cells:
             return None
-        effects = [self.fitter.of_effect(p) for p in form.parameters]
+        effects = [self.fitter.coordinates.of_effect(p) for p in form.parameters]
         rest = np.array([c.parameter not in names for c in self.own])
         kept = [c for c, stays in zip(self.own, rest, strict=True) if stays]
         beside, own = (_theta_of(effects, f.values(None)) for f in (self.beside, self.base))

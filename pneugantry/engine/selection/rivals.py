@@ -34,7 +34,7 @@ def reformed(trail: Trail, best: Fit, effects: Sequence[Offer]) -> Fit:
     """
     fitter, tried = trail.fitter, []
     for effect, form in effects:
-        for other in filter(fitter.readable, effect.forms):
+        for other in filter(fitter.coordinates.readable, effect.forms):
             hypothesis = best.hypothesis.without(effect.key).plus(effect, other)
             if other is not form:  # tried before, too: from a worse optimum, that says little
                 tried.append((hypothesis, [best.values(None)]))
@@ -66,7 +66,7 @@ def _rivals(trail: Trail, best: Fit) -> list[Fit]:
             (e, f)
             for e in trail.beside(rest.keys)
             for f in e.forms
-            if e.block == effect.block and fitter.readable(f)
+            if e.block == effect.block and fitter.coordinates.readable(f)
             if (f is form) or base.hypothesis.plus(e, f).forms not in known
         ]
         screened = screen(fitter, base, offers, {})
@@ -105,7 +105,7 @@ def _in_place(trail: Trail, best: Fit) -> list[Fit]:
     fitter = trail.fitter
     left, fits = unexplained(fitter, best), list[Fit]()
     for effect, form in best.hypothesis.effects:
-        views = fitter.readers(form).intersection(left)
+        views = fitter.coordinates.readers(form).intersection(left)
         cells = [c for c in fitter.simulation.cells if c[0] in views]
         rest = trail.best_of(best.hypothesis.without(effect.key))
         back = unbent_values(fitter, rest)

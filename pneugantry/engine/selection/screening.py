@@ -80,7 +80,10 @@ def _kept(fitter: Fitter, traces: Traces, before: Fit, after: Fit) -> Traces:
     base's own slopes, in cells where nothing moved: beside columns of another point they would not
     add up.
     """
-    changed = {*fitter.touched(after.hypothesis), *fitter.touched(before.hypothesis)}
+    changed = {
+        *fitter.coordinates.touched(after.hypothesis),
+        *fitter.coordinates.touched(before.hypothesis),
+    }
     moved = {
         c for c, r in after.residuals.items() if not np.array_equal(r, before.residuals[c])
     } | changed
@@ -232,7 +235,7 @@ def _trials(
 
 def _coordinates(fitter: Fitter, form: Form) -> list[Coordinate]:
     """Of a form's parameters."""
-    return [fitter.of_effect(p) for p in form.parameters]
+    return [fitter.coordinates.of_effect(p) for p in form.parameters]
 
 
 def usual(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
@@ -321,7 +324,7 @@ def _shared(fitter: Fitter, base: Fit, form: Form) -> list[tuple[str, float]] | 
         if p.name not in at:
             return None
         own, theta = at[p.name]
-        effect = fitter.of_effect(p)
+        effect = fitter.coordinates.of_effect(p)
         found.append((p.name, _slope(effect, effect.theta(own.value(theta))) / _slope(own, theta)))
     return found
 
@@ -337,7 +340,7 @@ def starts_of(fitter: Fitter, base: Fit, form: Form) -> list[dict[str, float]]:
     """
 
     def value(p: Parameter, start: float) -> float:
-        return start * abs(fitter.neutral(p.name)) if p.relative else start
+        return start * abs(fitter.coordinates.neutral(p.name)) if p.relative else start
 
     listed = [[(p.name, value(p, s)) for s in p.starts] for p in form.parameters if p.starts]
     found = [dict(chosen) for chosen in itertools.product(*listed)]

@@ -87,7 +87,9 @@ def resumed(fitter: Fitter, found: Search, catalogue: Mapping[str, Effect]) -> S
 
 def _offered(fitter: Fitter, catalogue: Mapping[str, Effect]) -> dict[str, Effect]:
     """Effects that some view reads."""
-    return {k: e for k, e in catalogue.items() if any(fitter.readable(f) for f in e.forms)}
+    return {
+        k: e for k, e in catalogue.items() if any(fitter.coordinates.readable(f) for f in e.forms)
+    }
 
 
 def _ended(trail: Trail, best: Fit) -> Search:

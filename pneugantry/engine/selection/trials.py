@@ -59,7 +59,7 @@ def main_forms(fitter: Fitter, effects: Sequence[Effect], every: bool = False) -
     """
     made: dict[tuple[str, object], Offer] = {}
     for e in effects:
-        for f in filter(fitter.readable, e.forms):
+        for f in filter(fitter.coordinates.readable, e.forms):
             made.setdefault((e.key, frozenset(f.settings.items()) if every else None), (e, f))
     return list(made.values())
 
@@ -67,7 +67,7 @@ def main_forms(fitter: Fitter, effects: Sequence[Effect], every: bool = False) -
 def unbent_values(fitter: Fitter, fit: Fit) -> dict[str, float] | None:
     """Of a fit, what tolerance bears far beyond itself nominal; None where it bears nothing so."""
     far = [c.parameter for c in fit.point.coordinates if c.name in fitter.far_off(fit)]
-    return {**fit.values(None), **{p: fitter.neutral(p) for p in far}} if far else None
+    return {**fit.values(None), **{p: fitter.coordinates.neutral(p) for p in far}} if far else None
 
 
 def best_fit(fits: Sequence[Fit]) -> Fit | None:
@@ -152,7 +152,7 @@ def other_forms(
         effect, _ = fit.hypothesis.effects[-1]
         for form in effect.forms:
             hypothesis = base.hypothesis.plus(effect, form)
-            if hypothesis.forms in known or not fitter.readable(form):
+            if hypothesis.forms in known or not fitter.coordinates.readable(form):
                 continue
             starts = [fit.values(None), *(s for s in starts_of(fitter, base, form) if s)]
             told.append((hypothesis, starts))

@@ -63,7 +63,7 @@ class Partly:
         try:
             for key, effect in task.catalogue.items():
                 hypothesis = Hypothesis().plus(effect, effect.forms[0])
-                seen = reached & {c[0] for c in fitter.touched(hypothesis)}
+                seen = reached & {c[0] for c in fitter.coordinates.touched(hypothesis)}
                 if seen and (key,) not in found and len(found) < SINGLES:
                     found[key,] = fitter.explore(hypothesis, null)
         finally:

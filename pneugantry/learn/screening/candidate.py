@@ -62,6 +62,11 @@ class Candidate:
         return self.response.base
 
     @property
+    def points(self) -> frozenset[Point]:
+        """Equations whose addend does the same, its own one among them."""
+        return frozenset((self.point, *self.alike))
+
+    @property
     def columns(self) -> dict[Cell, Array]:
         """Of its coefficients, whitened."""
         return self.response.columns(self.course.shapes(self.basis))

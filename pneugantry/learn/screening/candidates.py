@@ -62,13 +62,12 @@ def elsewhere(screen: Screen, worth: Sequence[Candidate], apart: Opened) -> list
         return []
     best = worth[0]
     own = _root(best, apart), apart.block(best.point)
-    known = frozenset((best.point, *best.alike))
     found: dict[frozenset[Point], Candidate] = {}
     for c in (c for c in screen.candidates if c.gain > NEAR * best.gain):
-        group, single = frozenset((c.point, *c.alike)), not (c.regressor.speed or c.regressor.times)
+        single = not (c.regressor.speed or c.regressor.times)
         if single and kind(c) == "curve" and (_root(c, apart), apart.block(c.point)) == own:
-            found.setdefault(group, c)
-    return [c for group, c in found.items() if not group & known][:FEW]
+            found.setdefault(c.points, c)
+    return [c for points, c in found.items() if not points & best.points][:FEW]
 
 
 def of_few_parameters(
@@ -86,7 +85,7 @@ def of_few_parameters(
     whole = {s for s in scopes if not any(s.startswith(f"{w}.") for w in scopes)}
     inside = [c for c in (_within(c, whole) for c in inside) if c.point.scope in scopes]
     read = [c for c in told if c.point.is_read(c.regressor.name)]
-    own = [c for c in inside if point in (c.point, *c.alike)]
+    own = [c for c in inside if point in c.points]
     own += [c for c in read if (c.point.scope, c.regressor.name) == (point.scope, point.left)]
     others = [c for c in [*inside, *read] if c.point.scope in whole and c.gain > rules.entry]
     few = sorted(_kinds([c for c in others if c not in own]), key=lambda c: -c.gain)[:PLACES]
@@ -97,7 +96,7 @@ def _kinds(candidates: Sequence[Candidate]) -> list[Candidate]:
     """The first of each kind in each equation, and what does the same."""
     found: dict[tuple[frozenset[Point], str], Candidate] = {}
     for c in candidates:
-        found.setdefault((frozenset((c.point, *c.alike)), kind(c)), c)
+        found.setdefault((c.points, kind(c)), c)
     return list(found.values())
 
 
@@ -151,7 +150,7 @@ def shaped(screen: Screen, worth: Sequence[Candidate], rules: Rules) -> list[Can
 
 def without(screen: Screen, chosen: Sequence[Candidate]) -> Screen:
     """A screen without the equations of some of its candidates, and what does the same."""
-    points = {p for c in chosen for p in (c.point, *c.alike)}
+    points = {p for c in chosen for p in c.points}
     left = tuple(c for c in screen.candidates if c.point not in points)
     return replace(screen, candidates=left)
 

@@ -291,7 +291,7 @@ def test_what_differs_from_log_to_log_is_a_nuisance_of_each(folder: Path, cache:
     found = read(folder, FMU, cache, per_log, period=PERIOD)
     fitter = Fitter(found.plant, views_of(found)[0], found.records, found.rules)
     try:
-        names = {c.name for c in fitter.nuisances()}
+        names = {c.name for c in fitter.coordinates.nuisances()}
     finally:
         fitter.close()
     assert {"c@sweep", "c@again", "K", "sensors.force.bias"} <= names

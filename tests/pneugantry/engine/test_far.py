@@ -28,9 +28,9 @@ __all__ = ["parts", "plant"]
 def test_an_effect_is_sized_beside_tolerance_as_it_is(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts, drag=2.0)
     null = fitter.null()
-    start = fitter._first(hypothesis("drag"), null, {**null.nominal, "drag": 0.3})
+    start = fitter.coordinates.first(hypothesis("drag"), null, {**null.nominal, "drag": 0.3})
     known, cells = prior(start.coordinates), [c for c in fitter.simulation.cells if c[0] == "v"]
-    end = fitter._sized(start, known, cells)
+    end = fitter.descents.sized(start, known, cells)
     fitter.close()
     still = [not c.effect and c.record is None for c in start.coordinates]
     assert np.array_equal(end.theta[still], start.theta[still])
@@ -39,14 +39,14 @@ def test_an_effect_is_sized_beside_tolerance_as_it_is(plant: Plant, parts: Path)
 
 def test_what_is_known_holds_a_size_where_it_tells_of_it(plant: Plant, parts: Path) -> None:
     fitter = fitter_of(plant, parts, drag=2.0)
-    start = fitter._first(hypothesis("drag"), fitter.null(), {"drag": 0.3})
+    start = fitter.coordinates.first(hypothesis("drag"), fitter.null(), {"drag": 0.3})
     own = prior(start.coordinates)
     at = own.names.index("drag")
     square, pull = own.square.copy(), own.pull.copy()
     square[at, at] += 1e9  # another view is sure of where it is
     pull[at] += 1e9 * start.theta[at]
     cells = [c for c in fitter.simulation.cells if c[0] == "v"]
-    end = fitter._sized(start, Parabola(own.names, square, pull), cells)
+    end = fitter.descents.sized(start, Parabola(own.names, square, pull), cells)
     fitter.close()
     assert end.values(None)["drag"] == pytest.approx(0.3, rel=0.02)
 
@@ -66,7 +66,7 @@ def _apart(fitter: Fitter) -> tuple[Solution, Parabola, list[Solution]]:
     """The nominal plant, its prior, and each view's own end, of which one has a parabola whose
     least lies far off.
     """
-    coordinates = fitter.coordinates(Hypothesis(), 1.5)
+    coordinates = fitter.coordinates.of(Hypothesis(), 1.5)
     known, cells = prior(coordinates), tuple(fitter.simulation.cells)
     point = Point(coordinates, np.zeros(len(coordinates)), {})
     start = Solution(point, *fitter.simulation.linearised(point, cells, set(known.names)))
@@ -85,9 +85,9 @@ def test_views_that_ended_apart_go_no_farther_than_is_good(plant: Plant, parts: 
     start, known, ends = _apart(fitter)
     cells, total = fitter.simulation.cells, known
     for end in ends:
-        total = total.plus(fitter._parabola(end, fitter.noise.coloured(end.residuals)))
+        total = total.plus(fitter.descents.parabola(end, fitter.noise.coloured(end.residuals)))
     problem = fitter.surveys.problem(cells, known)
-    agreed = fitter._agreed(start, ends, known, cells)
+    agreed = fitter.descents.agreed(start, ends, known, cells)
     whole = start.point.moved(total.least())
     least = Solution(whole, fitter.simulation.residuals(whole, cells), {})
     fitter.close()
@@ -104,7 +104,7 @@ def test_an_end_is_made_exact(plant: Plant, parts: Path) -> None:
     theta = start.point.theta + 0.3
     moved = start.point.moved(theta)
     there = Solution(moved, fitter.simulation.residuals(moved, problem.cells), {})
-    end = fitter._finely(problem, there)
+    end = fitter.descents.finely(problem, there)
     fitter.close()
     assert standing(problem, end) < standing(problem, there) - 10
 

@@ -83,7 +83,7 @@ def test_columns_serve_where_they_foretell_what_is_there(plant: Plant, parts: Pa
     null, cells = fitter.null(), tuple(fitter.simulation.cells)
     at = Solution(null.point, null.residuals, null.columns, tangents=null.tangents)
     known = prior(null.point.coordinates)
-    first = fitter._with_columns(replace(at, tangents={}), known, cells)
+    first = fitter.descents.with_columns(replace(at, tangents={}), known, cells)
     names, sigma = [c.name for c in null.point.coordinates], null.sigma("F_c")
 
     def moved(size: float) -> tuple[Solution, float]:
@@ -92,7 +92,7 @@ def test_columns_serve_where_they_foretell_what_is_there(plant: Plant, parts: Pa
         point = null.point.moved(theta)
         there = replace(first, point=point, residuals=fitter.simulation.residuals(point, cells))
         before = fitter.simulation.seconds
-        return fitter._with_columns(there, known, cells), fitter.simulation.seconds - before
+        return fitter.descents.with_columns(there, known, cells), fitter.simulation.seconds - before
 
     (near, spent), (far, more) = moved(1e-3 * sigma), moved(300 * sigma)
     fitter.close()

@@ -408,7 +408,9 @@ def test_effects_that_share_a_parameter_fit_it_once(plant: Plant, parts: Path) -
     twin = replace(drag, name="twin")
     names = [
         c.name
-        for c in fitter.coordinates(Hypothesis(((drag, drag.forms[0]), (twin, twin.forms[0]))), 1.0)
+        for c in fitter.coordinates.of(
+            Hypothesis(((drag, drag.forms[0]), (twin, twin.forms[0]))), 1.0
+        )
     ]
     fitter.close()
     assert len(names) == len(set(names))

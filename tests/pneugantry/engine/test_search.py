@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from pneugantry.engine.fitting.descents import Descents
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.problem import Parabola, Solution
@@ -516,13 +517,15 @@ def test_a_fit_that_is_worse_with_all_views_together_is_looked_at_closely(
 ) -> None:
     fitter = fitter_of(plant, parts)
     null, looked = fitter.null(), list[float]()
-    polished = Fitter._polished
+    polished = Descents.polished
 
-    def counted(self: Fitter, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+    def counted(
+        self: Descents, start: Solution, known: Parabola, cells: Sequence[Cell]
+    ) -> Solution:
         looked.append(known.cost(start.point.theta))
         return polished(self, start, known, cells)
 
-    monkeypatch.setattr(Fitter, "_polished", counted)
+    monkeypatch.setattr(Descents, "polished", counted)
     assert fitter.again(replace(null, settled=False)).whole
     assert not looked
     flattered = replace(null, cost=null.cost - 100.0, settled=False)

@@ -31,7 +31,7 @@ def fitter(cart: Plant, push: Record, cache: Path) -> Iterator[Fitter]:
 
 def at(fitter: Fitter, theta: float) -> tuple[Solution, object]:
     """The speed's view with all coordinates at one value, and its problem."""
-    coordinates = fitter.coordinates(Hypothesis(), 1.0)
+    coordinates = fitter.coordinates.of(Hypothesis(), 1.0)
     cells = [c for c in fitter.simulation.cells if "speed" in fitter.simulation.views[c[0]].signals]
     problem = fitter.surveys.problem(cells, prior(coordinates), fine=False)
     point = Point(coordinates, np.full(len(coordinates), theta), {})
