@@ -10,23 +10,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from modelica_fmu.errors import RunError
-from pneugantry.engine.answer.confirm import (
-    Gap,
-    Replay,
-    draws,
-    floor_of,
-    gap_of,
-    noise_levels,
-    replays,
-    values_on,
-)
+from pneugantry.engine.answer.confirm import Gap, Replay
+from pneugantry.engine.answer.confirmed import Confirmed, confirm, worsens
 from pneugantry.engine.answer.decide import Decision, Evidence, decide, outstanding
 from pneugantry.engine.answer.evidence import evidence_of, left_by, likeliest, settled, vouched
 from pneugantry.engine.answer.imitation import imitators
 from pneugantry.engine.answer.location import where
 from pneugantry.engine.answer.result import Diagnosis, answer_set, causes_of
-from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.rules import Rules
@@ -40,8 +30,6 @@ __all__ = ["Found", "run"]
 Say = Callable[[str], None]
 CUT = "the search was cut short: trying everything beside everything would take minutes"
 LEFT_OPEN = "; nothing that was tried explains all that stands out"
-BLAMED = 1.1  # times the gap with tolerance alone from which on effects make it worse
-NOTABLE = 2.0  # times the floor from which on a gap is more than noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +82,12 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
                 evidence, confirmed = _judged(fitter, task, found, clock, say)
         if confirmed.lost and (more := vouched(fitter, task, found, evidence, confirmed.pair)):
             evidence = [*evidence, *more]
-            confirmed = _confirmed(fitter, task, found.null, likeliest(evidence, task))
+            confirmed = confirm(fitter, task, found.null, likeliest(evidence, task))
         left = left_by(fitter, task, likeliest(evidence, task))
         if more := settled(fitter, task, found, evidence, left[0]):
             evidence = [*evidence, *more]
             best = likeliest(evidence, task)
-            confirmed = _confirmed(fitter, task, found.null, best)
+            confirmed = confirm(fitter, task, found.null, best)
             left = left_by(fitter, task, best)
         return _answer(fitter, task, found, _Judged(tuple(evidence), confirmed, left), clock)
     finally:
@@ -108,13 +96,13 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
 
 def _judged(
     fitter: Fitter, task: Task, found: Search, clock: _Clock, say: Say
-) -> tuple[list[Evidence], _Confirmed]:
+) -> tuple[list[Evidence], Confirmed]:
     """What a search has found, beside the record that no fit saw."""
     say("held-out record")
     evidence = evidence_of(fitter, task, found)
     clock.lap("held-out record")
     say("confirmation")
-    confirmed = _confirmed(fitter, task, found.null, likeliest(evidence, task))
+    confirmed = confirm(fitter, task, found.null, likeliest(evidence, task))
     clock.lap("confirmation")
     return evidence, confirmed
 
@@ -139,7 +127,7 @@ class _Clock:
 def _answer(fitter: Fitter, task: Task, found: Search, judged: _Judged, clock: _Clock) -> Found:
     evidence, c, excess = judged.evidence, judged.confirmed, judged.left[0]
     best = likeliest(evidence, task)
-    worse = bool(best.keys) and c.gap is not None and _worse(c.gap, c.plain)
+    worse = bool(best.keys) and c.gap is not None and worsens(c.gap, c.plain)
     seen = c.gap if task.data.held_out else None
     left = outstanding(judged.left, task.chances, seen, best)
     doubtful = _read_by(fitter, evidence, None if worse or not left.channel else left.channel[0])
@@ -202,62 +190,9 @@ def _read_by(fitter: Fitter, evidence: Sequence[Evidence], view: str | None) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class _Confirmed:
-    """The record that no fit saw, replayed: nominal, under the answer, with its tolerance alone."""
-
-    nominal: Replay | None
-    augmented: Replay | None
-    plain: Replay | None
-    gap: Gap | None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def pair(self) -> tuple[Replay, Gap] | None:
-        """The nominal replay, and the gap; None where the record could not be replayed."""
-        return (self.nominal, self.gap) if self.nominal and self.gap else None
-
-    @property
-    def lost(self) -> bool:
-        """Whether the augmented replay leaves the record for good, and with it the replay under
-        each draw of what the fit leaves open: an event that the answer misses.
-        """
-        gap = self.gap
-        return gap is not None and gap.parted is not None and gap.leaving >= 1
-
-
-@dataclass(frozen=True, eq=False)
 class _Judged:
     """What was weighed, and what the likeliest of it leaves."""
 
     evidence: tuple[Evidence, ...]
-    confirmed: _Confirmed
+    confirmed: Confirmed
     left: tuple[Excess, ...]  # as of `left_by`
-
-
-def _worse(gap: Gap, plain: Replay | None) -> bool:
-    """Whether the augmented plant replays its record surely worse than the nominal one: by more
-    than noise, over all stretches, and with all values that the fit leaves open. Where `plain`, the
-    plant with its tolerance alone, replays no better, the effects are not to blame. Behind an event
-    that it missed a replay tells nothing.
-    """
-    plain = plain and plain.until(gap.parted)
-    gap = gap.early or gap
-    open_too = gap.spread is None or gap.spread[0] > gap.nominal
-    blamed = plain is None or gap.augmented > BLAMED * plain.gap
-    return gap.augmented > NOTABLE * gap.floor and gap.ci95[1] < 0 and open_too and blamed
-
-
-def _confirmed(fitter: Fitter, task: Task, null: Fit, fit: Fit) -> _Confirmed:
-    record = task.data.held_out or task.data.fitted[-1]
-    drawn = draws(fit, record, unseen=fitter.coordinates.unseen(fit))
-    own = [{}, values_on(fit, record), values_on(null, record), *drawn]
-    try:
-        nominal, augmented, plain, *others = replays(task.plant, record, own, task.cache)
-    except RunError as error:
-        return _Confirmed(None, None, None, None, (str(error),))
-    if nominal is None or augmented is None:
-        note = f"{record.name} could not be replayed"
-        return _Confirmed(nominal, augmented, plain, None, (note,))
-    floor = floor_of(noise_levels(task.plant, record, fitter.rules))
-    gap = gap_of(nominal, augmented, fitter.rules, record.period, floor=floor, others=others)
-    return _Confirmed(nominal, augmented, plain, gap)

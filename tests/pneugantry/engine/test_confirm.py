@@ -25,6 +25,7 @@ from pneugantry.engine.answer.confirm import (
     replays,
     values_on,
 )
+from pneugantry.engine.answer.confirmed import worsens
 from pneugantry.engine.answer.location import where
 from pneugantry.engine.answer.regimes import THROUGHOUT, area, regime_of
 from pneugantry.engine.answer.result import Answer, Diagnosis, answer_set, causes_of, to_json
@@ -36,7 +37,6 @@ from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import _worse
 from pneugantry.engine.selection.search import Search
 from pneugantry.engine.views.build import build_views
 from pneugantry.engine.views.simulation import Point
@@ -337,8 +337,8 @@ def test_a_record_is_judged_up_to_where_its_replay_leaves_it() -> None:
     assert found.early.nominal == pytest.approx(5.0, rel=0.05)
     assert found.early.augmented == pytest.approx(1.0, rel=0.05)
     assert found.early.ci95[0] > 0.9
-    assert not _worse(found, made(plain))
+    assert not worsens(found, made(plain))
     after[:7000] *= 100
     after[7000:] *= 100
-    assert _worse(gap_of(made(before), made(after), RULES, 1e-3), made(plain))
+    assert worsens(gap_of(made(before), made(after), RULES, 1e-3), made(plain))
     assert gap_of(made(before), made(before), RULES, 1e-3).early is None

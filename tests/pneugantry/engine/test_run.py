@@ -12,6 +12,7 @@ import pytest
 from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, record
 
 from pneugantry.engine.answer.confirm import Gap
+from pneugantry.engine.answer.confirmed import Confirmed, confirm
 from pneugantry.engine.answer.decide import Decision, Evidence, decide, outstanding
 from pneugantry.engine.answer.evidence import (
     _compared,
@@ -34,7 +35,7 @@ from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
 from pneugantry.engine.plant import Data, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.run import Found, _Confirmed, _confirmed, _cut_short, run
+from pneugantry.engine.run import Found, _cut_short, run
 from pneugantry.engine.selection.excess import Excess
 from pneugantry.engine.selection.search import Search, search
 from pneugantry.engine.task import Task
@@ -351,8 +352,8 @@ def test_an_answer_has_lost_a_record_that_none_of_its_values_follows(
     leaving: float, parted: float | None, lost: bool
 ) -> None:
     gap = Gap(100.0, 8.0, 1.0, 0.99, (0.98, 0.99), "held", {}, None, parted, leaving=leaving)
-    assert _Confirmed(None, None, None, gap).lost == lost
-    assert not _Confirmed(None, None, None, None).lost
+    assert Confirmed(None, None, None, gap).lost == lost
+    assert not Confirmed(None, None, None, None).lost
 
 
 @pytest.mark.parametrize(("drag", "keeps"), [(2.0, True), (0.0, False)])
@@ -365,7 +366,7 @@ def test_what_is_doubted_counts_where_it_alone_keeps_the_unseen_record(
     task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
     found = search(fitter, fitter.null(), CATALOGUE)
     none = [Evidence(found.null, 0.0)]
-    confirmed = _confirmed(fitter, task, found.null, found.null)
+    confirmed = confirm(fitter, task, found.null, found.null)
     assert confirmed.gap is not None
     assert vouched(fitter, task, found, none, confirmed.pair) == []  # the answer keeps it as well
     early = replace(confirmed.gap, augmented=1.2)
