@@ -14,11 +14,11 @@ from pneugantry.learn.fitting.joint import TermFits
 from pneugantry.learn.learned import Tried
 from pneugantry.learn.screening.candidate import Candidate, Screen
 from pneugantry.learn.terms.forms import (
-    FORMS,
     LINE,
     PERIODIC,
     Distilled,
     distilled,
+    distinct,
     free_curve,
     line_of,
     memory_of,
@@ -101,16 +101,15 @@ class Shaping:
         yet.
         """
         law, base = best.term.law, best.base
-        plain = [f for f in FORMS if not f.shapes]
         bare = best.free is not None or best.term.places or law.memory is not None
-        if base is None or bare or law in plain:
+        if base is None or bare or not law.shapes:
             return []
         variable = best.term.regressor.plain  # each screen keeps one of what is one beside its fit
         series = next(s.series[variable] for s in screens if variable in s.series)
         z = np.concatenate(list(series.values()))
         wanted_there = law.law(z, best.term.values)
         found = []
-        for form in plain:
+        for form in (f for f in distinct(z) if not f.shapes):
             columns = np.column_stack([form.law(z, (1.0,)), np.ones(len(z))])
             sizes, *_ = np.linalg.lstsq(columns, wanted_there, rcond=None)
             left = float(np.var(wanted_there - columns @ sizes))

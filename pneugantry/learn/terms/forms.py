@@ -22,6 +22,7 @@ __all__ = [
     "FreeCurve",
     "distances",
     "distilled",
+    "distinct",
     "doubted",
     "free_curve",
     "line_of",
@@ -108,6 +109,7 @@ LINE = FormLaw(
     "line", "p1*(z - p2)", lambda z, p: p[0] * (z - p[1]), ("place",)
 )  # linear, with a constant that the rest of the model does not have
 HARMONICS = 5  # of a wave that is no sine
+SAME = 1 - 1e-6  # correlation about 0 from which on two forms are one over the range covered
 
 
 def _periodic(z: Array, p: Sequence[float]) -> Array:
@@ -161,6 +163,23 @@ def distilled(knots: Knots, curve: Array, covariance: Array) -> list[Distilled]:
     return sorted(made, key=lambda d: d.cost)
 
 
+def distinct(z: Array) -> list[FormLaw]:
+    """Forms over a range of their variable: of those that differ by no more than their sign there
+    (`z` and `abs(z)` on one side of 0) the first.
+    """
+    told: list[FormLaw] = []
+    columns: list[Array] = []
+    for form in FORMS:
+        if not form.shapes:
+            column = form.law(z, (1.0,))
+            column = column / (np.linalg.norm(column) + 1e-300)
+            if any(abs(float(column @ c)) > SAME for c in columns):
+                continue
+            columns.append(column)
+        told.append(form)
+    return told
+
+
 def distances(
     knots: Knots, curve: Array, covariance: Array, beside: Array | None = None
 ) -> list[Distilled]:
@@ -173,7 +192,7 @@ def distances(
     if beside is not None:
         others = np.column_stack([others, beside])
     found = []
-    for form in FORMS:
+    for form in distinct(knots.at):
         fit = _Fit(form, knots, root, root.T @ curve, others)
         starts = sorted(_starts(form, knots.at), key=fit.cost)[:REFINED]
         found.append(min((fit.refined(s) for s in starts), key=lambda d: d.cost))

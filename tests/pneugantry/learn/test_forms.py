@@ -18,7 +18,15 @@ from pneugantry.learn.equations.sources import EquationText, equations_of
 from pneugantry.learn.screening.candidate import Candidate, Course
 from pneugantry.learn.screening.linear import Base, Estimate, Response
 from pneugantry.learn.screening.regressors import TIME, Regressor, products_of
-from pneugantry.learn.terms.forms import FORMS, LINE, FormLaw, distilled, free_curve, line_of
+from pneugantry.learn.terms.forms import (
+    FORMS,
+    LINE,
+    FormLaw,
+    distilled,
+    distinct,
+    free_curve,
+    line_of,
+)
 from pneugantry.learn.terms.term import Term
 
 HERE = Point("", EquationText(("M",), 1, "y", "u", 0, 0, 0))
@@ -52,6 +60,21 @@ def candidate(curve: np.ndarray, sigma: float) -> Candidate:
 
 def values_of(form: FormLaw) -> tuple[float, ...]:
     return TRUE.get(form.name, (1.3,))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "twins"),
+    [
+        (0.0, 2.0, {"signed square", "magnitude"}),
+        (-2.0, 0.0, {"signed square", "magnitude"}),
+        (-1.0, 2.0, set[str]()),
+    ],
+)
+def test_on_one_side_of_zero_forms_that_differ_by_their_sign_are_one(
+    low: float, high: float, twins: set[str]
+) -> None:
+    told = {f.name for f in distinct(np.linspace(low, high, 21))}
+    assert {f.name for f in FORMS} - told == twins
 
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda f: f.name)
