@@ -46,7 +46,7 @@ class Rivals:
         rest = [t for t in rest if t.cost < least + FAR]
         told = self.fits.scores(sorted(rest, key=lambda t: t.cost))
         likeliest = min(rest, key=lambda t: t.cost + told[t].cost)
-        close = [t for t in rest if t is likeliest or not self._tells(likeliest, t, told)]
+        close = [t for t in rest if t is likeliest or not self.tells(likeliest, t, told)]
         total = {t: t.cost + told[t].cost for t in close}
 
         roots = self.fits.apart.shape.roots
@@ -74,18 +74,21 @@ class Rivals:
             and t.cost < best.cost + far
             and (
                 t.cost < best.cost + self.fits.rules.entry
-                or not self._tells(best, t, {best: PredictiveScore(), t: PredictiveScore()})
+                or not self.tells(best, t, {best: PredictiveScore(), t: PredictiveScore()})
             )
         ]
         return min(close, key=lambda t: (len(t.term.values), t.cost), default=best)
 
-    def _tells(self, a: Tried, b: Tried, told: Mapping[Tried, PredictiveScore]) -> bool:
-        """Whether the records prefer a term to another by more than their noise."""
+    def tells(self, a: Tried, b: Tried, told: Mapping[Tried, PredictiveScore]) -> bool:
+        """Whether the records prefer a term to another by more than their noise; by no more than
+        the evidence itself falls.
+        """
         fitted = [x - y for x, y in zip(_stretches(b), _stretches(a), strict=True)]
         unseen = [told[b].stretches[c] - own for c, own in told[a].stretches.items()]
         rest = b.cost - a.cost - sum(float(f.sum()) for f in fitted)  # Occam's share
         rest += told[b].price - told[a].price
-        fall = noise.doubted(np.concatenate([*fitted, *unseen]), self.fits.rules.doubt)
+        falls = np.concatenate([*fitted, *unseen])
+        fall = min(noise.doubted(falls, self.fits.rules.doubt), float(falls.sum()))
         return fall + rest > self.fits.rules.entry
 
 
