@@ -51,7 +51,10 @@ STIFF = (8, 4)
 LANED_STILL = ("observed", "conditions", "updates")
 LANED = ("rates", "outputs", "conditions", "updates")
 PART_FLAGS = ("-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math")  # no bit changes
-STILL_FLAGS = ("-O1",)  # without states: more takes the compiler twice as long and gains nothing
+# Without states, and of a large part (a whole plant): more takes the compiler twice as long and
+# gains nothing.
+QUICK_FLAGS = ("-O1",)
+LARGE = 100_000  # characters of C
 
 Array = NDArray[np.float64]
 Kinds = tuple[int, NDArray[np.uint8] | None]  # rows until out of bounds; None: all are STEADY
@@ -366,7 +369,8 @@ def _compiled(part: Part) -> Path:
     target = host_platform()
     compiler = find_compiler(target)
     flags = (*PART_FLAGS, *own_processor(compiler, target))
-    flags += () if part.of("state") else STILL_FLAGS
+    quick = not part.of("state") or len(sources["model.c"]) > LARGE
+    flags += QUICK_FLAGS if quick else ()
     names = ["batch.c"]  # holds the others
     with tempfile.TemporaryDirectory(dir=home) as temporary:
         for name, text in sources.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,6 +98,30 @@ def test_code_for_others_is_for_any_processor() -> None:
     here = own_processor(replace(zig, zig=False), own)
     assert ("-march=native" in here) == (own.fmi3 == "x86_64-linux")
     assert own_processor(replace(zig, zig=False), abroad) == ()
+
+
+def test_a_large_part_is_compiled_quickly_and_gives_the_same_bits(
+    cart: Subsystem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flags: list[str] = []
+    own = batch.compile_library
+
+    def watched(*given: Any) -> Path:
+        flags.extend(given[-1])
+        return own(*given)
+
+    monkeypatch.setattr(batch, "compile_library", watched)
+    monkeypatch.setattr(batch, "LARGE", 0)
+    (tmp_path / "Toy.mo").write_text(CART, encoding="utf-8")
+    model = cut(tmp_path / "Toy.mo", "Toy.Cart", ["f", "v", "s"])
+    quick = Subsystem(build_part(model, tmp_path, "quick"))
+    assert "-O1" in flags
+    u = np.random.default_rng(3).normal(size=400)
+    runs = [
+        c.run(["tau", "K"], np.array([[0.1, 2.0], [0.02, 3.0]]), Drive({"u": u}), ["v"], PERIOD)
+        for c in (cart, quick)
+    ]
+    assert np.array_equal(*runs)
 
 
 def test_an_input_that_the_part_lacks_is_refused(cart: Subsystem) -> None:
