@@ -22,10 +22,11 @@ from pneugantry.jobs.job import ATTEMPTS, Ended, Factory, Job, answer, end_of, r
 __all__ = ["run_local"]
 
 START_ATTEMPTS = 3  # workers in a row that die before they are ready
-THREADS = (
+ONES = (
     "OPENBLAS_NUM_THREADS",
     "OMP_NUM_THREADS",
     "MKL_NUM_THREADS",
+    "MALLOC_ARENA_MAX",  # what a thread frees serves the others
 )  # one a worker: the cores are taken by the workers
 
 
@@ -146,7 +147,7 @@ def _end_with_parent() -> None:
 @contextmanager
 def _single_threaded() -> Iterator[None]:
     """The environment in which workers start."""
-    before = {name: os.environ.get(name) for name in THREADS}
+    before = {name: os.environ.get(name) for name in ONES}
     os.environ.update({name: value or "1" for name, value in before.items()})
     try:
         yield
