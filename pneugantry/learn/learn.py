@@ -138,13 +138,14 @@ class _Learning:
             return Learned(found, None, (), (), main(screens), False, NOTHING, 0.0)
         judge = Judge(found, self.fits, sum(s.tried for s in (*screens, *twofold)))
         if told is None and not any(map(judge.helps, tried)):
-            tried += self.rounds.further(twofold, tried)
+            tried += self.rounds.further(twofold, screens, tried)
             if not any(map(judge.helps, tried)):
                 return Learned(found, None, (), _ordered(tried), main(screens), False, NO_FIT, 0.0)
         tried, told = self._told(tried, screens, told)
         if told.formless or wanted(told.after):  # a single variable does not tell it all
             self.say("missing term: products")
-            tried, told = self._told([*tried, *self.rounds.further(twofold, tried)], screens, told)
+            tried = [*tried, *self.rounds.further(twofold, screens, tried)]
+            tried, told = self._told(tried, screens, told)
         screens += twofold
         answers, after = told.answers, told.after
         kept = main(screens), *judge.judged(answers[0], after)

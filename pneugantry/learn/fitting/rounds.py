@@ -19,6 +19,7 @@ from pneugantry.learn.screening.candidates import (
     most,
     of_few_parameters,
     shaped,
+    variables_of,
     without,
     worth_fitting,
 )
@@ -89,13 +90,21 @@ class Rounds:
                 made += self.shaping.fitted(fit, [c for c in likely if c not in known])
         return made
 
-    def further(self, screens: Sequence[Screen], tried: Sequence[Tried]) -> list[Tried]:
-        """The best candidates of screens that have not been fitted yet."""
+    def further(
+        self, products: Sequence[Screen], singles: Sequence[Screen], tried: Sequence[Tried]
+    ) -> list[Tried]:
+        """The best products that have not been fitted yet, and by themselves the variables that
+        they are of: one may do as well, in a form that no screen foretells.
+        """
         known = {(t.term.point, t.term.regressor) for t in tried}
         made: list[Tried] = []
-        for s in screens:
-            new = [c for c in self._worth(s) if (c.point, c.regressor) not in known]
+        for s in products:
+            worth = self._worth(s)
+            new = [c for c in worth if (c.point, c.regressor) not in known]
             made += self.shaping.fitted(s.fit, self._shaped(s, new[:FINALISTS]))
+            own = [c for x in singles if x.fit is s.fit for c in variables_of(x, worth[:FINALISTS])]
+            new = [c for c in own if (c.point, c.regressor) not in known]
+            made += self.shaping.fitted(s.fit, new)
         return made
 
     def best(self, base: Fit, screen: Screen) -> list[Tried]:

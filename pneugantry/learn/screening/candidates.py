@@ -10,7 +10,7 @@ from pneugantry.learn.curves.curve import FineKnots, Knots, Wave
 from pneugantry.learn.curves.memory import Remembered
 from pneugantry.learn.equations.points import Opened, Point
 from pneugantry.learn.screening.candidate import Candidate, Screen
-from pneugantry.learn.screening.regressors import TIME
+from pneugantry.learn.screening.regressors import TIME, Regressor
 
 __all__ = [
     "WORTH",
@@ -20,6 +20,7 @@ __all__ = [
     "most",
     "of_few_parameters",
     "shaped",
+    "variables_of",
     "without",
     "worth_fitting",
 ]
@@ -145,6 +146,20 @@ def shaped(screen: Screen, worth: Sequence[Candidate], rules: Rules) -> list[Can
             continue
         if pair in (fine if smooth else pairs):
             found.setdefault((*pair, "smooth curve" if smooth else _each(c)), c)
+    return list(found.values())
+
+
+def variables_of(screen: Screen, products: Sequence[Candidate]) -> list[Candidate]:
+    """Of a screen of single variables the curves of those that products are of, in the same
+    equations, that are foretold about as much.
+    """
+    found: dict[tuple[frozenset[Point], Regressor], Candidate] = {}
+    for p in products:
+        names = {p.regressor.name, p.regressor.times}
+        for c in (c for c in screen.candidates if c.gain > WORTH * p.gain):
+            own = c.regressor.alone and c.regressor.name in names and kind(c) == "curve"
+            if own and p.point in c.points:
+                found.setdefault((c.points, c.regressor), c)
     return list(found.values())
 
 

@@ -19,6 +19,7 @@ from pneugantry.learn.screening.candidates import (
     elsewhere,
     of_few_parameters,
     shaped,
+    variables_of,
     without,
 )
 from pneugantry.learn.screening.regressors import Regressor
@@ -64,6 +65,10 @@ class Likely:
     basis: Basis | Remembered
     gain: float
     alike: tuple[Equation, ...]
+
+    @property
+    def points(self) -> frozenset[Equation]:
+        return frozenset((self.point, *self.alike))
 
 
 def candidate(
@@ -133,6 +138,20 @@ def test_equations_that_were_tried_and_what_does_the_same_are_set_aside() -> Non
     screen = Screen(cast(Fit, None), every, {})
     assert without(screen, every[:1]).candidates == (left,)
     assert without(screen, ()).candidates == every
+
+
+def test_the_variables_of_a_product_are_looked_at_by_themselves() -> None:
+    raw, other = Equation("contact", "raw"), Equation("contact", "spring")
+
+    def told(name: str, gain: float, point: Equation, **more: str) -> Candidate:
+        return cast(Candidate, Likely(point, Regressor("contact", name, **more), SMOOTH, gain, ()))
+
+    product = told("v_z", 116.0, raw, times="rate")
+    rate, speed = told("rate", 113.0, raw), told("v_z", 20.0, raw)
+    turned, elsewhere_too = told("rate", 90.0, raw, speed="v_z"), told("rate", 200.0, other)
+    screen = Screen(cast(Fit, None), (elsewhere_too, rate, turned, speed), {})
+    assert variables_of(screen, [product]) == [rate]
+    assert variables_of(screen, []) == []
 
 
 def told_of(
