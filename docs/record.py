@@ -32,7 +32,7 @@ COMMANDS = {  # name: the command, without --json
     "rootlocus_z": "pneugantry rootlocus --axis z --lag z",
     "rootlocus_x": "pneugantry rootlocus --axis z --lag x",
     "motor": "pneugantry diagnose examples/motor/plant.toml",
-    "blind_nuisance": "pneugantry blind --set nuisance --seed 90870 --cases 60 --no-learn",
+    "blind_nuisance": "pneugantry blind --set nuisance --seed 90990 --cases 95 --no-learn",
     "blind_nofa": "pneugantry blind --set nofa --seed 87796 --cases 16 --no-learn",
     "blind_contour": "pneugantry blind --set contour --seed 87836 --cases 16 --no-learn",
     "blind_three": "pneugantry blind --set three --seed 90740 --cases 40 --no-learn",
