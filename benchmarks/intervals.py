@@ -18,6 +18,7 @@ import numpy as np
 
 from benchmarks.identify_coverage import truth_values
 from pneugantry.api.diagnosis import Diagnosis, diagnose
+from pneugantry.blind.score import key
 from pneugantry.blind.sets import SETS
 from pneugantry.engine.answer.result import NORMAL
 from pneugantry.engine.fitting.fit import Fit
@@ -81,8 +82,7 @@ def _of_rig(seed: int) -> list[Held]:
 
 
 def _right(found: Diagnosis, causes: Sequence[Mapping[str, str]]) -> bool:
-    wanted = {f"{c['effect']}/{c['axis']}".rstrip("/") for c in causes}
-    return set(found.found.decision.best.keys) == wanted
+    return set(found.found.decision.best.keys) == {key(c) for c in causes}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
