@@ -18,7 +18,7 @@ from pneugantry.plants.gantry.timing import ControllerView
 from pyfmi_runner.blocks import recomputed_commands
 from pyfmi_runner.build import default_model
 from pyfmi_runner.campaign import Campaign, LoggedRun
-from pyfmi_runner.log import MEASURED, PERIOD, SIGMA
+from pyfmi_runner.log import COLUMNS, MEASURED, PERIOD, SIGMA
 from pyfmi_runner.plant import DEFAULT_CLASS, own_profile, plant_parameters
 
 __all__ = ["commanded", "data_of", "measured_of", "plant_of", "record_of", "views_of"]
@@ -78,7 +78,9 @@ def plant_of(measured: Sequence[str] = MEASURED, thinning: int = 2) -> Plant:
         class_name=DEFAULT_CLASS,
         inputs=(*INPUTS, *EDGE),
         signals=tuple(
-            Signal(c, c, SIGMA[c] / np.sqrt(thinning)) for c in MEASURED if c in measured
+            Signal(c, c, SIGMA[c] / np.sqrt(thinning), COLUMNS[c].unit)
+            for c in MEASURED
+            if c in measured
         ),
         parameters={},
         nuisances=tuple(nuisances),

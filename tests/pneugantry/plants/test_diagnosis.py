@@ -16,6 +16,7 @@ from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.catalogue import catalogue_of
 from pneugantry.plants.gantry.converter import Converters
 from pneugantry.plants.gantry.describe import record_of
+from pneugantry.plants.gantry.describe import plant_of
 from pneugantry.plants.gantry.diagnosis import _coarse, _full_rate, diagnose, task_of
 from pneugantry.plants.gantry.excitation import not_excited
 from pneugantry.plants.gantry.nominal import parameters_of
@@ -176,3 +177,12 @@ def test_a_valves_delay_is_found_with_its_size_and_closes_the_gap(tmp_path: Path
     assert result["gap"]["log"] == "contour_straight"
     assert result["gap"]["shrink"] > 0.95
     assert result["closed_loop"]["shrink"] > 0.9
+
+
+def test_signals_have_the_units_of_a_log() -> None:
+    units = {s.name: s.unit for s in plant_of().signals}
+    assert units == {
+        **dict.fromkeys(("x", "z"), "m"),
+        **dict.fromkeys(("v_x", "v_z"), "m/s"),
+        **dict.fromkeys(("f_x", "f_z", "f_ax", "f_az"), "N"),
+    }
