@@ -15,8 +15,7 @@ from pneugantry.engine.answer.result import Diagnosis, to_json
 from pneugantry.engine.rules import Rules
 from pneugantry.plants.gantry.catalogue import catalogue_of
 from pneugantry.plants.gantry.converter import Converters
-from pneugantry.plants.gantry.describe import record_of
-from pneugantry.plants.gantry.describe import plant_of
+from pneugantry.plants.gantry.describe import plant_of, record_of
 from pneugantry.plants.gantry.diagnosis import _coarse, _full_rate, diagnose, task_of
 from pneugantry.plants.gantry.excitation import not_excited
 from pneugantry.plants.gantry.nominal import parameters_of
