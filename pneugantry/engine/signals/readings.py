@@ -16,7 +16,7 @@ import numpy as np
 from modelica_fmu.batch import Course
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.recent import Recent
-from pneugantry.engine.signals.sensors import affine, signal_of, slowness, true_signal
+from pneugantry.engine.signals.sensors import affine, read_with, slowness, true_signal
 from pneugantry.engine.signals.slow import stood_for
 from pneugantry.engine.signals.smooth import Widest, savgol, widest, widest_slope
 from pyfmi_runner.smoothing import jumps, smooth_axis, within_jumps
@@ -57,7 +57,7 @@ class Readings:
         that it is smoothed with.
         """
         own = (signal, self.pairs.get(signal))
-        mine = {k: v for k, v in errors.items() if signal_of(k) in own}
+        mine = {k: v for k, v in errors.items() if not set(own).isdisjoint(read_with(k))}
         key = (what, signal, record, tuple(mine.items()))
         return self._made.of(key, lambda: self._over_periods(what, signal, record, mine))
 

@@ -3,13 +3,13 @@ that a reading stands for.
 
 Parameters "sensors.SIGNAL.WHAT": scale (1), bias, drift (per s), lag (s, first order), delay (s),
 window (s: the reading is the mean of as long before it, as that of a speed from a way travelled),
-curve (share by which a reading as large as its spread is more), from.OTHER (share of
-another signal's reading that leaks in).
+curve (share by which a reading as large as its spread is more), from.OTHER (share of what
+another signal's sensor would read without this one that leaks in).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -21,7 +21,9 @@ from pyfmi_runner.first_order import first_order
 __all__ = [
     "PREFIX",
     "affine",
+    "leaks",
     "neutral",
+    "read_with",
     "sensed",
     "shifted",
     "signal_of",
@@ -43,6 +45,17 @@ def signal_of(name: str) -> str:
     return own if leaks else own.rpartition(".")[0]
 
 
+def leaks(name: str) -> bool:
+    """Whether a sensor's parameter is what leaks in from another signal."""
+    return ".from." in name
+
+
+def read_with(name: str) -> tuple[str, ...]:
+    """Signals whose readings a sensor's parameter moves, or what they stand for."""
+    own = signal_of(name)
+    return (own, name.removeprefix(f"{PREFIX}{own}.from.")) if leaks(name) else (own,)
+
+
 def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]) -> Array:
     """Reading (N,) of a true signal (N,)."""
     own = _own(signal, values)
@@ -56,13 +69,15 @@ def sensed(signal: str, true: Array, record: Record, values: Mapping[str, float]
     if window := own.get("window", 0.0):
         result = _averaged(result, window / record.period)
     result = result * own.get("scale", 1.0)
-    for other in _crosstalk(own, record):
-        result = result + other
     if drift := own.get("drift", 0.0):
         result = result + drift * record.period * np.arange(len(result))
     if curve := own.get("curve", 0.0):
         result = result * (1 + curve * (result / _spread(signal, record)) ** 2)
-    return np.asarray(result + own.get("bias", 0.0))
+    result = result + own.get("bias", 0.0)
+    if crosstalk := _crosstalk(signal, record, values):
+        kept, others = crosstalk
+        result = kept * result + others
+    return np.asarray(result)
 
 
 def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Array:
@@ -70,6 +85,9 @@ def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Arr
     own, result = _own(signal, values), record.signals[signal]
     if not own:
         return result
+    if crosstalk := _crosstalk(signal, record, values):
+        kept, others = crosstalk
+        result = (result - others) / kept
     result = result - own.get("bias", 0.0)
     if curve := own.get("curve", 0.0):
         straight, spread = result, _spread(signal, record)
@@ -78,8 +96,6 @@ def true_signal(signal: str, record: Record, values: Mapping[str, float]) -> Arr
         result = straight
     if drift := own.get("drift", 0.0):
         result = result - drift * record.period * np.arange(len(result))
-    for other in _crosstalk(own, record):
-        result = result - other
     return np.asarray(result / own.get("scale", 1.0))
 
 
@@ -110,14 +126,20 @@ def _named(signal: str, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
     return tuple((k.removeprefix(prefix), k) for k in own)
 
 
-def _crosstalk(own: Mapping[str, float], record: Record) -> Iterator[Array]:
-    """What other channels add to one, (N,) each; a record that lacks a channel shows nothing of
-    it.
+def _crosstalk(
+    signal: str, record: Record, values: Mapping[str, float]
+) -> tuple[float, Array] | None:
+    """The share of a signal's own reading that stays, and what the others' readings (N,) add to it.
+    They hold a share of this one: in r = g + c h, h = q - d g the reading is (1 - c d) g + c q. A
+    record that lacks a channel shows nothing of it.
     """
-    for key, share in own.items():
+    kept, added = 1.0, []
+    for key, share in _own(signal, values).items():
         source = key.removeprefix("from.")
         if source != key and share and source in record.signals:
-            yield share * record.signals[source]
+            kept -= share * values.get(f"{PREFIX}{source}.from.{signal}", 0.0)
+            added.append(share * record.signals[source])
+    return (kept, np.sum(added, axis=0)) if added else None
 
 
 def shifted(values: Array, rows: float) -> Array:

@@ -19,7 +19,7 @@ from pneugantry.engine.recent import Recent
 from pneugantry.engine.signals.commands import PREFIX as OF_INPUTS
 from pneugantry.engine.signals.commands import Lateness, acting, input_of, lateness, outside
 from pneugantry.engine.signals.readings import Readings
-from pneugantry.engine.signals.sensors import PREFIX, sensed, signal_of
+from pneugantry.engine.signals.sensors import PREFIX, read_with, sensed
 from pneugantry.engine.views.model_parts import longest_step, part_of
 from pneugantry.engine.views.pieces import Piece, Pieces
 from pneugantry.engine.views.view import Run, Values
@@ -103,7 +103,7 @@ class SubsystemView:
 
     def depends_on(self, parameter: str) -> bool:
         if parameter.startswith(PREFIX):
-            return signal_of(parameter) in self._all
+            return not self._all.isdisjoint(read_with(parameter))
         if parameter.startswith(OF_INPUTS):
             return input_of(parameter) in self._commanded
         return parameter in self._parameters
@@ -204,7 +204,7 @@ class SubsystemView:
             if name in piece.inputs or name in piece.states
         }
         errors = ((k, v) for k, v in given.items() if outside(k))
-        return tuple(sorted((k, v) for k, v in errors if _source_of(k) in read))
+        return tuple(sorted((k, v) for k, v in errors if not read.isdisjoint(_moved_by(k))))
 
     def _drive(self, record: Record, piece: Piece, felt: Errors) -> Drive:
         """Inputs and corrected states of a piece, from a record with these errors."""
@@ -242,6 +242,6 @@ class SubsystemView:
         return self._commands.of((record, name, late), made)
 
 
-def _source_of(error: str) -> str:
-    """The signal or input whose error it is."""
-    return input_of(error) if error.startswith(OF_INPUTS) else signal_of(error)
+def _moved_by(error: str) -> tuple[str, ...]:
+    """The input, or the signals, that an error moves."""
+    return (input_of(error),) if error.startswith(OF_INPUTS) else read_with(error)

@@ -76,15 +76,14 @@ def rerun(fmu: FmuFile, run: LoggedRun, values: Mapping[str, float]) -> dict[str
 def augmented_of(fmu: FmuFile, values: Mapping[str, float]) -> Augmented:
     """The engine's values as plant parameters, errors of the rig's sensors and delay of its loop.
 
-    Force channels read their own force, each other's reading and an offset, r = G t + C r + b; the
-    sensors of a run read the true forces, r = (I - C)^-1 (G t + b). A tachometer's delay adds to
-    its lag.
+    A force channel hears what the other makes of its force, r = (I + C) (G t + b); the sensors of
+    a run read the true forces. A tachometer's delay adds to its lag.
     """
     known = {k: v for k, v in values.items() if k in fmu.variables}
     gain = np.diag([_of(values, f"{f}.scale") for f in FORCES])
     leak = np.array([[_of(values, f"{own}.from.{other}") for other in FORCES] for own in FORCES])
     offset = np.array([_of(values, f"{f}.bias") for f in FORCES])
-    both = np.linalg.inv(np.eye(2) - leak)
+    both = np.eye(2) + leak
     shares, biases = both @ gain, both @ offset
     sensors = {}
     for i, f in enumerate(FORCES):

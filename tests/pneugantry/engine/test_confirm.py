@@ -91,7 +91,7 @@ def test_rows_at_the_start_that_do_not_count_are_left_out(
 
 
 def test_sensors_with_errors_say_what_they_would(cart: Plant, push: Record, cache: Path) -> None:
-    """Each reads the other's reading: r = G t + C r + b."""
+    """Each hears what the other's sensor makes of its signal: r = (I + C) (G t + b)."""
     record = measured(cart, push, cache, {})
     errors = {
         "sensors.force.scale": 1.1,
@@ -102,7 +102,7 @@ def test_sensors_with_errors_say_what_they_would(cart: Plant, push: Record, cach
     true = replay(cart, record, {}, cache).simulated
     said = replay(cart, record, errors, cache).simulated
     leak = np.array([[0.0, 0.05], [-0.04, 0.0]])
-    expected = np.linalg.solve(np.eye(2) - leak, (true * [1.1, 1.0] + [0.3, 0.0]).T).T
+    expected = (true * [1.1, 1.0] + [0.3, 0.0]) @ (np.eye(2) + leak).T
     np.testing.assert_allclose(said, expected, atol=1e-5)
 
 

@@ -24,6 +24,20 @@ def test_a_channel_that_the_record_lacks_adds_nothing() -> None:
     assert np.array_equal(true_signal("a", record, VALUES), a)
 
 
+def test_two_channels_that_leak_into_each_other_are_told_apart_again() -> None:
+    """r = (I + C) g: what leaks back does not count as a scale."""
+    rng = np.random.default_rng(0)
+    true, leak = rng.normal(size=(40, 2)), np.array([[0.0, 0.2], [-0.3, 0.0]])
+    own = true * (1.1, 0.9) + (0.3, 0.0)
+    values = {"sensors.a.from.b": 0.2, "sensors.b.from.a": -0.3}
+    values |= {"sensors.a.scale": 1.1, "sensors.a.bias": 0.3, "sensors.b.scale": 0.9}
+    read = own @ (np.eye(2) + leak).T
+    record = Record("both", 1e-3, {}, dict(zip("ab", read.T, strict=True)), {})
+    for i, name in enumerate("ab"):
+        np.testing.assert_allclose(sensed(name, true[:, i], record, values), read[:, i])
+        np.testing.assert_allclose(true_signal(name, record, values), true[:, i])
+
+
 def test_a_signal_s_name_may_hold_dots() -> None:
     """Its errors are none of a signal whose name its own begins with."""
     values = {"sensors.motor.u.bias": 0.25, "sensors.motor.u.from.motor": 0.5}
