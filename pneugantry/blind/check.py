@@ -48,7 +48,7 @@ def diagnose_cases(
     as of `Diagnoser`.
     """
     cases = sorted(p for p in folder.glob("case_*") if (p / "campaign.toml").is_file())
-    diagnoser = Diagnoser(learn=learn)
+    diagnoser = Diagnoser(learn=learn, strict=False)  # as `pneugantry diagnose`
     results = diagnose_campaigns(cases, diagnoser, workers=workers, scheduler=scheduler, done=done)
     return {path.name.removeprefix("case_"): result for path, result in results.items()}
 

@@ -105,8 +105,13 @@ def judged(name: str, truth: Mapping[str, Any], answer: Mapping[str, Any]) -> Ju
         none=_claim(chances, "none", not hypothesis),
         unknown=_claim(chances, "unknown", "unknown" in hypothesis),
         text=f"{name}: {kind} {sorted(map(key, causes)) or 'nothing'} in {sorted(blocks)}, "
-        f"found {verdict} {sorted(named)} in {where or '-'}",
+        f"found {verdict} {sorted(named)} in {where or '-'}{_reason(answer)}",
     )
+
+
+def _reason(answer: Mapping[str, Any]) -> str:
+    """Why a diagnosis failed, where it did."""
+    return f": {answer['reason']}" if answer.get("reason") else ""
 
 
 def _claim(chances: Mapping[str, float], name: str, so: bool) -> Claim | None:

@@ -161,6 +161,20 @@ def test_unusable_tables_are_refused_naming_file_column_and_mend(case: str) -> N
         assert word in text
 
 
+def test_an_axis_that_swings_is_no_noise() -> None:
+    """A valve that oscillates: 3 m/s at 6 Hz."""
+    table = sound_log().table.copy()
+    swing = 2 * np.pi * 6 * table["time"]
+    table["x"] += 0.08 * (1 - np.cos(swing))
+    table["v_x"] += 0.08 * 2 * np.pi * 6 * np.sin(swing)
+    check_table(table, "rig.csv")
+    with pytest.raises(InputError, match="v_x"):
+        check_table(table.assign(v_x=1e3 * table["v_x"]), "rig.csv")
+    still = table.assign(x=0.5, v_x=0.5 * np.random.default_rng(3).standard_normal(len(table)))
+    with pytest.raises(InputError, match="looks like mm/s"):
+        check_table(still, "rig.csv")
+
+
 def test_unreadable_files_are_refused_in_one_line(tmp_path: Path) -> None:
     whole = write_log(sound_log(), tmp_path / "whole.parquet").read_bytes()
     text = write_log(sound_log(), tmp_path / "whole.csv").read_text()

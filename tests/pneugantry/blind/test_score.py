@@ -75,6 +75,12 @@ def test_a_common_cause_has_two_right_blocks() -> None:
         assert judged("case", case, answer("unknown", where=where)).block is right
 
 
+def test_a_failed_diagnosis_says_why() -> None:
+    said = judged("7", truth("none"), {**answer("failed"), "reason": "z.csv: z: is missing"})
+    assert not said.right
+    assert said.text.endswith(": z.csv: z: is missing")
+
+
 def test_the_answer_set_must_hold_the_whole_truth() -> None:
     case = truth("both", Z, SUPPLY)
     assert judged("a", case, answer("unknown", answer_set=[["unknown", "presliding/z"]])).held
