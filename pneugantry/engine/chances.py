@@ -19,7 +19,9 @@ class Chances:
     entry: float = 40.0  # -2 log evidence that an effect must bring to be as likely as none
     unknown_at: float = 0.2  # excess (see `answer.decide`) at which unknown is as likely as not
     unknown_per: float = 0.03  # excess that makes it e times likelier
-    unknown_beside: float = 0.6  # as `unknown_at`, beside an effect, whose form may be another
+    # share of what stood out that an effect leaves at which that is as likely something unknown as
+    # another form of the effect; in variance (0172)
+    unknown_left: float = 0.18
     beside: float = 0.1  # that what is named beside something unknown in its view is there (0132)
     imitated: float = 0.04  # that what looks like a named effect is none the catalogue has (0140)
     # excess ratio of a sound rig, by view and signal

@@ -13,7 +13,14 @@ from dataclasses import dataclass
 from pneugantry.engine.answer.confirm import Gap, Replay
 from pneugantry.engine.answer.confirmed import Confirmed, confirm, worsens
 from pneugantry.engine.answer.decide import Decision, Evidence, decide, outstanding
-from pneugantry.engine.answer.evidence import evidence_of, left_by, likeliest, settled, vouched
+from pneugantry.engine.answer.evidence import (
+    evidence_of,
+    left_by,
+    likeliest,
+    settled,
+    stood_by,
+    vouched,
+)
 from pneugantry.engine.answer.imitation import imitators
 from pneugantry.engine.answer.location import where
 from pneugantry.engine.answer.result import Diagnosis, answer_set, causes_of
@@ -84,12 +91,13 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
             evidence = [*evidence, *more]
             confirmed = confirm(fitter, task, found.null, likeliest(evidence, task))
         left = left_by(fitter, task, likeliest(evidence, task))
-        if more := settled(fitter, task, found, evidence, left[0]):
+        stood = stood_by(fitter, found.null)
+        if more := settled(fitter, task, found, evidence, left[0], stood):
             evidence = [*evidence, *more]
             best = likeliest(evidence, task)
             confirmed = confirm(fitter, task, found.null, best)
             left = left_by(fitter, task, best)
-        return _answer(fitter, task, found, _Judged(tuple(evidence), confirmed, left), clock)
+        return _answer(fitter, task, found, _Judged(tuple(evidence), confirmed, left, stood), clock)
     finally:
         fitter.close()
 
@@ -129,11 +137,12 @@ def _answer(fitter: Fitter, task: Task, found: Search, judged: _Judged, clock: _
     best = likeliest(evidence, task)
     worse = bool(best.keys) and c.gap is not None and worsens(c.gap, c.plain)
     seen = c.gap if task.data.held_out else None
-    left = outstanding(judged.left, task.chances, seen, best)
+    stood = judged.stood if best.keys else None
+    left = outstanding(judged.left, task.chances, seen, best, stood)
     doubtful = _read_by(fitter, evidence, None if worse or not left.channel else left.channel[0])
     others, doubts = imitators(fitter, evidence, task.chances)
     decision = decide(
-        evidence, left.score, task.chances, worse=worse, doubtful=doubtful, imitators=others
+        evidence, left, task.chances, worse=worse, doubtful=doubtful, imitators=others
     )
     claimed = decision.best if not worse else found.null
     levels = dict.fromkeys((s.name for s in task.plant.signals), excess.level)
@@ -157,6 +166,7 @@ def _answer(fitter: Fitter, task: Task, found: Search, judged: _Judged, clock: _
         stages=clock.stages,
         weighed=(*((e.fit.keys, e.cost) for e in evidence), *others),
         stands_out=left.score,
+        stood_out=left.before,
         doubtful=doubtful,
     )
     return Found(
@@ -196,3 +206,4 @@ class _Judged:
     evidence: tuple[Evidence, ...]
     confirmed: Confirmed
     left: tuple[Excess, ...]  # as of `left_by`
+    stood: Excess  # as of `stood_by`

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from modelica_fmu.errors import InputError
-from pneugantry.engine.answer.decide import stands_out
+from pneugantry.engine.answer.decide import Outstanding, stands_out
 from pneugantry.engine.chances import UNEXPLAINED
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
@@ -273,5 +273,6 @@ def _blamed(found: Found) -> frozenset[str] | None:
         ratios[channel[0]] = max(ratios.get(channel[0], 0.0), found.excess.ratio(channel))
     most = max(ratios.values(), default=0.0)
     named = {v for v, ratio in ratios.items() if ratio > 1 + OUT * (most - 1)}
-    told = stands_out(math.log(max(most, 1.0)), found.task.chances, beside=False) >= UNEXPLAINED
+    left = Outstanding(math.log(max(most, 1.0)))
+    told = stands_out(left, found.task.chances) >= UNEXPLAINED
     return frozenset(named) if told else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pneugantry.engine.answer.decide import stands_out
+from pneugantry.engine.answer.decide import Outstanding, stands_out
 from pneugantry.engine.chances import UNEXPLAINED
 from pneugantry.engine.plant import Record
 from pneugantry.engine.run import Found
@@ -19,7 +19,7 @@ def wanted(found: Found) -> bool:
     is left to learn from.
     """
     task, told = found.task, found.decision
-    left = stands_out(found.diagnosis.stands_out, task.chances, beside=False)
+    left = stands_out(Outstanding(found.diagnosis.stands_out), task.chances)
     likely = max(told.unknown - told.imitated, left) >= UNEXPLAINED
     return likely and not isinstance(task.plant, ForeignPlant) and bool(whole(task))
 

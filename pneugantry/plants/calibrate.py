@@ -23,6 +23,7 @@ from pneugantry.plants.described import described_task
 __all__ = ["LEAST", "Rigs", "calibration_of"]
 
 LEAST = 10  # rigs of a calibration
+KEPT = ("verdict", "weighed", "stands_out", "stood_out", "doubtful", "seconds")
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def _rig(source: Source, task: Task, rules: Rules, seed: int) -> dict[str, Any]:
     return {
         "seed": seed,
         "truth": {"kind": rig.kind, "causes": causes, "what": rig.what},
-        "answer": {k: said[k] for k in ("verdict", "weighed", "stands_out", "doubtful", "seconds")},
+        "answer": {k: said[k] for k in KEPT},
     }
 
 

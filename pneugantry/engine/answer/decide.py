@@ -64,44 +64,67 @@ class Decision:
 
 @dataclass(frozen=True)
 class Outstanding:
-    """What stands out most of noise and tolerance."""
+    """What stands out most of noise and tolerance. Scores are logarithms of how far."""
 
-    score: float  # logarithm of how far
-    channel: Channel | None  # that shows it; None: a replay or a bent parameter does
+    score: float
+    channel: Channel | None = None  # that shows it; None: a replay or a bent parameter does
+    before: float | None = None  # score of the same channel beside no effect, where one is there
 
 
 def outstanding(
-    left: Sequence[Excess], chances: Chances, gap: Gap | None = None, fit: Fit | None = None
+    left: Sequence[Excess],
+    chances: Chances,
+    gap: Gap | None = None,
+    fit: Fit | None = None,
+    null: Excess | None = None,
 ) -> Outstanding:
     """How far the channel that stands out most does so: log of its ratio to the usual one. left: of
     the fitted records, then of others. Or how far the replay of a record that no fit saw does, as
     far as a view of such a record does, too (else it has missed an event), under the luckiest of
     the values that the fit leaves open and beyond how far these differ. Or how far beyond tolerance
     a fit without effects has bent a parameter (beside an effect it may be the effect's other side).
+    null: of the fitted records beside no effect, where `left` is beside one.
     """
     fitted, *others = left
-    found = [_loudest([fitted], chances)]
+    found = [_loudest([fitted], chances, null)]
     if gap is not None and gap.parted is None and not gap.bifurcates:
         least = min(gap.augmented, gap.spread[0] if gap.spread else gap.augmented)
         far = least / math.hypot(max(gap.floor, 1e-9), gap.open) / chances.replayed
         replayed = chances.replay * math.log(max(far, 1e-9))
-        shown = _loudest(others, chances)
+        shown = _loudest(others, chances, null)
         found.append(replace(shown, score=min(replayed, shown.score)))
     if fit is not None and not fit.keys:
         largest = max((abs(x) for x in deviations(fit.point).values()), default=0.0)
         found.append(Outstanding(chances.bent * (largest - chances.bent_from), None))
-    return max(found, key=lambda o: o.score)
+    return max(found, key=lambda o: _beyond(o, chances))
 
 
-def _loudest(left: Sequence[Excess], chances: Chances) -> Outstanding:
+def _loudest(left: Sequence[Excess], chances: Chances, null: Excess | None) -> Outstanding:
     """The channel that stands out most."""
     usual = chances.usual or {}
+
+    def score(excess: Excess, c: Channel) -> float:
+        return math.log(max(excess.ratio(c), 1e-9) / usual.get(c, 1.0))
+
     found = [
-        Outstanding(math.log(max(excess.ratio(c), 1e-9) / usual.get(c, 1.0)), c)
+        Outstanding(
+            score(excess, c), c, score(null, c) if null is not None and c in null.whole else None
+        )
         for excess in left
         for c in excess.whole
     ]
-    return max(found, key=lambda o: o.score, default=Outstanding(0.0, None))
+    return max(found, key=lambda o: _beyond(o, chances), default=Outstanding(0.0))
+
+
+def _beyond(left: Outstanding, chances: Chances) -> float:
+    """Log odds of something that the catalogue lacks. An effect of another form than the model's
+    leaves a share of what it has done; what only looks like one leaves more.
+    """
+    at = chances.unknown_at
+    if left.before is not None:
+        stood = max(math.expm1(2 * left.before), 0.0)
+        at = max(at, math.log1p(chances.unknown_left * stood) / 2)
+    return (left.score - at) / (chances.unknown_per * at / chances.unknown_at)
 
 
 Weighed = tuple[tuple[str, ...], float]  # effects, cost
@@ -114,13 +137,9 @@ def shares(weighed: Sequence[Weighed], chances: Chances) -> Array:
     return np.asarray(weights / weights.sum())
 
 
-def stands_out(score: float, chances: Chances, beside: bool) -> float:
-    """Probability that what stands out by `score` (see `outstanding`) is something that the
-    catalogue lacks; beside: besides an effect that it has, of which a part may be left.
-    """
-    share = chances.unknown_beside / chances.unknown_at if beside else 1.0
-    odds = (chances.unknown_at * share - score) / (chances.unknown_per * share)
-    return 1 / (1 + math.exp(min(odds, 700.0)))
+def stands_out(left: Outstanding, chances: Chances) -> float:
+    """Probability that what stands out is something that the catalogue lacks."""
+    return 1 / (1 + math.exp(min(-_beyond(left, chances), 700.0)))
 
 
 Belief = tuple[frozenset[str], bool]  # effects, and whether there is something unknown besides
@@ -128,20 +147,22 @@ Belief = tuple[frozenset[str], bool]  # effects, and whether there is something 
 
 def beliefs(
     weighed: Sequence[Weighed],
-    score: float,
+    left: Outstanding,
     doubtful: Collection[str],
     chances: Chances,
     least: float = 0.0,
 ) -> dict[Belief, float]:
-    """What may be wrong, with its probability; they sum to 1. Something unknown shows where it
-    stands out by `score`; of `doubtful` effects, which may only look like it, all or none are then
+    """What may be wrong, with its probability; they sum to 1. Something unknown shows where what is
+    `left` stands out; of `doubtful` effects, which may only look like it, all or none are then
     there. Or it hides behind what imitates it, the more likely the more effects that takes; where
     it was weighed itself, among the effects of a hypothesis, it is there.
     least: probability that something stands out has at least.
     """
     among = shares(weighed, chances)
     likeliest = weighed[int(np.argmax(among))][0]
-    out = max(stands_out(score, chances, bool(likeliest)), least)
+    if not likeliest:
+        left = replace(left, before=None)
+    out = max(stands_out(left, chances), least)
     found: dict[Belief, float] = {}
     for (named, _), share in zip(weighed, map(float, among), strict=True):
         keys = frozenset(named) - {UNKNOWN}
@@ -162,14 +183,14 @@ def beliefs(
 
 def decide(
     found: Sequence[Evidence],
-    score: float,
+    left: Outstanding,
     chances: Chances,
     *,
     worse: bool = False,
     doubtful: Collection[str] | None = None,
     imitators: Sequence[Weighed] = (),
 ) -> Decision:
-    """score: of what the likeliest fit leaves (`outstanding`). worse: whether its replay leaves a
+    """left: by the likeliest fit (`outstanding`). worse: whether its replay leaves a
     larger gap than the nominal one, so that it explains nothing. doubtful: effects that may only
     look like what stands out; None: any. imitators: hypotheses with something unknown that no fit
     stands for.
@@ -185,7 +206,7 @@ def decide(
     if doubtful is None:
         doubtful = {key for e in kept for key in e.fit.keys}
     found_by = {frozenset(e.fit.keys): e.fit for e in kept}
-    believed = beliefs(weighed, score, doubtful, chances, CLEAR if worse else 0.0)
+    believed = beliefs(weighed, left, doubtful, chances, CLEAR if worse else 0.0)
     answers = [
         Answer((*sorted(keys), UNKNOWN) if odd else found_by[keys].keys, p, found_by.get(keys))
         for (keys, odd), p in believed.items()

@@ -7,7 +7,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from pneugantry.engine.answer.confirm import Gap, Replay, gap_of, replays, values_on
-from pneugantry.engine.answer.decide import SURE, Evidence, decide, outstanding, stands_out
+from pneugantry.engine.answer.decide import (
+    SURE,
+    Evidence,
+    Outstanding,
+    decide,
+    outstanding,
+    stands_out,
+)
 from pneugantry.engine.answer.predict import Predictor
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.fit import Fit
@@ -17,7 +24,7 @@ from pneugantry.engine.selection.excess import Excess, excess_of, floors_of
 from pneugantry.engine.selection.search import Search
 from pneugantry.engine.task import Task
 
-__all__ = ["evidence_of", "left_by", "likeliest", "settled", "vouched"]
+__all__ = ["evidence_of", "left_by", "likeliest", "settled", "stood_by", "vouched"]
 
 Keys = tuple[str, ...]  # effects of a hypothesis, sorted
 RIVALS = 4  # likeliest hypotheses that are also judged by the record that no fit saw
@@ -147,7 +154,7 @@ def _costs(fits: Mapping[Keys, Fit], rules: Rules, temper: float) -> dict[Keys, 
 
 def likeliest(evidence: Sequence[Evidence], task: Task) -> Fit:
     """What is answered where nothing stands out."""
-    return decide(evidence, 0.0, task.chances).best
+    return decide(evidence, Outstanding(0.0), task.chances).best
 
 
 def vouched(
@@ -191,15 +198,25 @@ def left_by(fitter: Fitter, task: Task, fit: Fit) -> tuple[Excess, ...]:
     return tuple(found)
 
 
+def stood_by(fitter: Fitter, null: Fit) -> Excess:
+    """What stands out beside no effect, in the views of the records that were fitted."""
+    return excess_of(fitter, null, floors_of(fitter, null))
+
+
 def settled(
-    fitter: Fitter, task: Task, found: Search, evidence: Sequence[Evidence], left: Excess
+    fitter: Fitter,
+    task: Task,
+    found: Search,
+    evidence: Sequence[Evidence],
+    left: Excess,
+    stood: Excess,
 ) -> list[Evidence]:
-    """Where the answer leaves what stands out of noise (left: in the views): what was tried, brings
-    enough but for its doubt, and leaves nothing that does. What few stretches carry is doubted, for
-    all may be noise there; here it is not.
+    """Where the answer leaves what stands out of noise (left: in the views, where beside no effect
+    it stood out): what was tried, brings enough but for its doubt, and leaves nothing that does.
+    What few stretches carry is doubted, for all may be noise there; here it is not.
     """
     answer = likeliest(evidence, task)
-    if not _stands_out(left, answer, task.chances):
+    if not _stands_out(left, answer, task.chances, stood):
         return []
     few = _whole(fitter, _doubted(found, answer, fitter.rules)[:RIVALS])
     leave = [excess_of(fitter, f, floors_of(fitter, f)) for f in few]
@@ -207,13 +224,14 @@ def settled(
     return [
         Evidence(fit, cost - (answer.evidence - fit.evidence))
         for fit, own in zip(few, leave, strict=True)
-        if not _stands_out(own, fit, task.chances)
+        if not _stands_out(own, fit, task.chances, stood)
     ]
 
 
-def _stands_out(left: Excess, fit: Fit, chances: Chances) -> bool:
+def _stands_out(left: Excess, fit: Fit, chances: Chances, stood: Excess) -> bool:
     """Whether what a fit leaves in the views is rather something unknown than noise."""
-    return stands_out(outstanding([left], chances, fit=fit).score, chances, bool(fit.keys)) > SURE
+    null = stood if fit.keys else None
+    return stands_out(outstanding([left], chances, fit=fit, null=null), chances) > SURE
 
 
 def _doubted(found: Search, answer: Fit, rules: Rules) -> list[Fit]:

@@ -122,6 +122,7 @@ class Diagnosis:
     stages: Mapping[str, float] = field(default_factory=dict)  # s, by name
     weighed: tuple[tuple[tuple[str, ...], float], ...] = ()  # effects and cost, as decided upon
     stands_out: float = 0.0  # what the answer leaves beyond the noise, see `outstanding`
+    stood_out: float | None = None  # the same channel's beside no effect; None: the answer has none
     doubtful: tuple[str, ...] = ()  # effects weighed that may only look like it
     changes: Changes | None = None  # where there are two campaigns
 
@@ -206,6 +207,7 @@ def to_json(d: Diagnosis) -> dict[str, Any]:
         ],
         "weighed": [{"effects": list(k), "cost": _number(c)} for k, c in d.weighed],
         "stands_out": _number(d.stands_out),
+        "stood_out": None if d.stood_out is None else _number(d.stood_out),
         "doubtful": list(d.doubtful),
         "stages": dict(d.stages),
         "seconds": d.seconds,

@@ -1,7 +1,8 @@
 """Weights of the decision from diagnosed rigs whose truth is known, and how well probabilities
 under them say how often they are right.
 
-What a rig's diagnosis weighed (`gap/1`: weighed, stands_out, doubtful) is enough: nothing is fitted
+What a rig's diagnosis weighed (`gap/1`: weighed, stands_out, stood_out,
+doubtful) is enough: nothing is fitted
 again.
 """
 
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pneugantry.engine.answer.decide import Belief, Weighed, beliefs
+from pneugantry.engine.answer.decide import Belief, Outstanding, Weighed, beliefs
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.plant import Array
 
@@ -35,8 +36,8 @@ __all__ = [
 PARTS = 5  # of the rigs, each left out in turn
 BINS = 5  # of probability, of a table of reliability
 LEAST = 0.01  # probability that a truth has at least: one rig must not decide
-FITTED = ("temper", "entry", "unknown_at", "unknown_per", "unknown_beside", "beside", "imitated")
-SHARES = ("beside", "imitated")  # of these, shares of 1
+FITTED = ("temper", "entry", "unknown_at", "unknown_per", "unknown_left", "beside", "imitated")
+SHARES = ("unknown_left", "beside", "imitated")  # of these, shares of 1
 # Their logarithms (of a share: of its odds) have a spread of 1 about the present ones: a few cases
 # move them little.
 
@@ -50,6 +51,7 @@ class Known:
     weighed: tuple[Weighed, ...]
     stands_out: float
     doubtful: frozenset[str]  # effects weighed that may only look like what stands out
+    stood_out: float | None = None
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,7 @@ def known_case(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> Known:
         weighed,
         float(answer["stands_out"]),
         frozenset(answer.get("doubtful", (k for own, _ in weighed for k in own))),
+        answer.get("stood_out"),
     )
 
 
@@ -99,7 +102,8 @@ def _of(case: Known, chances: Chances) -> float:
 
 
 def _believed(case: Known, chances: Chances) -> dict[Belief, float]:
-    return beliefs(case.weighed, case.stands_out, case.doubtful, chances)
+    left = Outstanding(case.stands_out, before=case.stood_out)
+    return beliefs(case.weighed, left, case.doubtful, chances)
 
 
 def fitted(cases: Sequence[Known], start: Chances) -> Chances:

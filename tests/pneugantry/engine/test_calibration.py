@@ -80,7 +80,9 @@ def test_a_case_is_read_from_truth_and_answer() -> None:
         ],
     }
     answer = {"weighed": [{"effects": [], "cost": 0.0}, {"effects": ["drag/x"], "cost": -80.0}]}
-    case = known_case(truth, {**answer, "stands_out": 0.5, "doubtful": ["drag/x"]})
+    left = {"stands_out": 0.5, "stood_out": 0.9}
+    case = known_case(truth, {**answer, **left, "doubtful": ["drag/x"]})
+    assert (case.stands_out, case.stood_out) == (0.5, 0.9)
     assert case.doubtful == {"drag/x"}
     assert case.effects == {"drag/x"}
     assert case.unknown

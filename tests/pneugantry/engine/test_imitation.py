@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneugantry.engine.answer.decide import UNKNOWN, Evidence, beliefs, decide
+from pneugantry.engine.answer.decide import UNKNOWN, Evidence, Outstanding, beliefs, decide
 from pneugantry.engine.answer.imitation import expected, imitations, imitators
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.fit import Fit
@@ -142,7 +142,7 @@ def test_what_imitates_an_effect_is_weighed_beside_it(
     chances = Chances()
     found = [Evidence(fit, -300.0)]
     others, notes = imitators(fitter, found, chances)
-    made = decide(found, 0.0, chances, imitators=others)
+    made = decide(found, Outstanding(0.0), chances, imitators=others)
     assert unknown[0] < made.unknown < unknown[1]
     assert made.unknown - made.imitated == pytest.approx(0.04, abs=0.02)
     assert made.verdict == ("ambiguous" if ways is ONE_WAY else "identified")
@@ -151,6 +151,6 @@ def test_what_imitates_an_effect_is_weighed_beside_it(
 
 def test_something_unknown_that_is_weighed_is_believed_beside_the_other_effects() -> None:
     weighed = [(("lag/x", "curve/x"), -300.0), (("lag/x", UNKNOWN), -300.0)]
-    found = beliefs(weighed, -1.0, (), Chances(imitated=0.0))
+    found = beliefs(weighed, Outstanding(-1.0), (), Chances(imitated=0.0))
     assert found[frozenset({"lag/x"}), True] == pytest.approx(0.5, abs=1e-3)
     assert sum(found.values()) == pytest.approx(1.0)

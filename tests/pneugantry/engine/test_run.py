@@ -13,7 +13,7 @@ from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, recor
 
 from pneugantry.engine.answer.confirm import Gap
 from pneugantry.engine.answer.confirmed import Confirmed, confirm
-from pneugantry.engine.answer.decide import Decision, Evidence, decide, outstanding
+from pneugantry.engine.answer.decide import Decision, Evidence, Outstanding, decide, outstanding
 from pneugantry.engine.answer.evidence import (
     _compared,
     _costs,
@@ -21,6 +21,7 @@ from pneugantry.engine.answer.evidence import (
     evidence_of,
     left_by,
     settled,
+    stood_by,
     vouched,
 )
 from pneugantry.engine.answer.predict import Predictor
@@ -258,7 +259,9 @@ def fit_of(evidence: float, *keys: str) -> Evidence:
 
 
 def test_probabilities_of_all_answers_sum_to_one() -> None:
-    found = decide([fit_of(0.0), fit_of(-300.0, "drag"), fit_of(-290.0, "mass")], 0.1, Chances())
+    found = decide(
+        [fit_of(0.0), fit_of(-300.0, "drag"), fit_of(-290.0, "mass")], Outstanding(0.1), Chances()
+    )
     assert sum(a.probability for a in found.answers) == pytest.approx(1.0)
     assert found.chosen == ("drag",)
     assert found.verdict == "ambiguous"
@@ -266,7 +269,7 @@ def test_probabilities_of_all_answers_sum_to_one() -> None:
 
 def test_an_effect_that_may_be_there_besides_makes_nothing_ambiguous() -> None:
     more = fit_of(-325.0, "drag", "mass")
-    found = decide([fit_of(0.0), fit_of(-300.0, "drag"), more], 0.0, Chances())
+    found = decide([fit_of(0.0), fit_of(-300.0, "drag"), more], Outstanding(0.0), Chances())
     assert 0.1 < sum(a.probability for a in found.answers if "mass" in a.keys) < 0.5
     assert found.verdict == "identified"
 
@@ -274,14 +277,14 @@ def test_an_effect_that_may_be_there_besides_makes_nothing_ambiguous() -> None:
 def test_evidence_decides_between_none_and_an_effect() -> None:
     chances = Chances()
     for gain, verdict in ((chances.entry / 3, "none"), (chances.entry * 3, "identified")):
-        found = decide([fit_of(0.0), fit_of(-gain, "drag")], 0.0, chances)
+        found = decide([fit_of(0.0), fit_of(-gain, "drag")], Outstanding(0.0), chances)
         assert found.verdict == verdict
-    level = decide([fit_of(0.0), fit_of(-chances.entry, "drag")], -9.0, chances)
+    level = decide([fit_of(0.0), fit_of(-chances.entry, "drag")], Outstanding(-9.0), chances)
     assert level.none == pytest.approx(0.5)
 
 
 def test_what_stands_out_is_unknown_beside_what_is_known() -> None:
-    found = decide([fit_of(0.0), fit_of(-500.0, "drag")], 2.0, Chances())
+    found = decide([fit_of(0.0), fit_of(-500.0, "drag")], Outstanding(2.0), Chances())
     assert found.verdict == "unknown"
     assert found.chosen == ("drag",)
     assert {a.keys for a in found.answers[:2]} == {("drag", "unknown"), ("unknown",)}
@@ -290,7 +293,7 @@ def test_what_stands_out_is_unknown_beside_what_is_known() -> None:
 
 
 def test_an_effect_that_cannot_look_like_what_stands_out_is_believed() -> None:
-    found = decide([fit_of(0.0), fit_of(-500.0, "drag")], 2.0, Chances(), doubtful=())
+    found = decide([fit_of(0.0), fit_of(-500.0, "drag")], Outstanding(2.0), Chances(), doubtful=())
     assert found.verdict == "unknown"
     assert sum(a.probability for a in found.answers if "drag" in a.keys) > 0.99
     assert found.answers[0].keys == ("drag", "unknown")
@@ -298,21 +301,40 @@ def test_an_effect_that_cannot_look_like_what_stands_out_is_believed() -> None:
 
 def test_beside_an_effect_unknown_asks_for_more() -> None:
     """A rig owes no effect its textbook form: what is left of it is no second one."""
-    chances = Chances()
-    between = (chances.unknown_at + chances.unknown_beside) / 2
-    assert decide([fit_of(0.0)], between, chances).verdict == "unknown"
-    assert decide([fit_of(0.0), fit_of(-500.0, "drag")], between, chances).verdict == "identified"
+    chances, found = Chances(), [fit_of(0.0), fit_of(-500.0, "drag")]
+    most = Outstanding(0.5, before=2.0)  # 3 % of the variance
+    assert decide([fit_of(0.0)], most, chances).verdict == "unknown"
+    assert decide(found, most, chances).verdict == "identified"
+
+
+@pytest.mark.parametrize("before", [0.55, 0.9, None])
+def test_an_effect_that_leaves_most_of_what_stood_out_only_looks_like_it(
+    before: float | None,
+) -> None:
+    found = [fit_of(0.0), fit_of(-500.0, "drag")]
+    assert decide(found, Outstanding(0.5, before=before), Chances()).verdict == "unknown"
+
+
+def test_what_the_effect_has_done_little_to_is_what_tells() -> None:
+    """A large part is left of little, a small one of much: the first is something else."""
+    left = Excess(1.0, {}, {("a", "v"): 2.0, ("b", "v"): 1.5}, {})
+    null = replace(left, whole={("a", "v"): 9.0, ("b", "v"): 1.5})
+    assert outstanding([left], Chances()).channel == ("a", "v")
+    beside = outstanding([left], Chances(), null=null)
+    assert beside.channel == ("b", "v")
+    assert beside.before == beside.score
 
 
 def test_what_something_unknown_may_well_look_like_is_not_identified() -> None:
     """At 0.6 a cause is no more than likely; where it cannot look like what stands out, it is."""
     chances = Chances()
     found = [fit_of(0.0), fit_of(-500.0, "drag")]
-    made = decide(found, score := chances.unknown_beside - 0.04, chances)
+    left = Outstanding(0.54, before=1.25)  # near the share at which both are as likely
+    made = decide(found, left, chances)
     assert 0.2 < made.unknown < 0.5
     assert made.verdict == "ambiguous"
     assert [a.keys for a in made.answers[:2]] == [("drag",), ("unknown",)]
-    assert decide(found, score, chances, doubtful=()).verdict == "identified"
+    assert decide(found, left, chances, doubtful=()).verdict == "identified"
 
 
 def test_a_parameter_bent_far_beyond_tolerance_counts_for_unknown() -> None:
@@ -389,7 +411,8 @@ def test_what_is_doubted_counts_where_it_explains_all_that_stands_out(
     task = Task(plant, list(fitter.simulation.views.values()), data, known, parts)
     found = search(fitter, fitter.null(), known)
     left = left_by(fitter, task, found.null)[0]
-    kept = settled(fitter, task, found, [Evidence(found.null, 0.0)], left)
+    stood = stood_by(fitter, found.null)
+    kept = settled(fitter, task, found, [Evidence(found.null, 0.0)], left, stood)
     assert [e.fit.keys for e in kept] == ([("drag",)] if explained else [])
     assert all(e.cost == e.fit.evidence - found.null.evidence for e in kept)
 
@@ -400,7 +423,8 @@ def test_nothing_doubted_counts_where_nothing_stands_out(plant: Plant, parts: Pa
     task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
     found = search(fitter, fitter.null(), CATALOGUE)
     left = left_by(fitter, task, found.best)[0]
-    assert settled(fitter, task, found, [Evidence(found.best, 0.0)], left) == []
+    stood = stood_by(fitter, found.null)
+    assert settled(fitter, task, found, [Evidence(found.best, 0.0)], left, stood) == []
 
 
 def test_effects_that_share_a_parameter_fit_it_once(plant: Plant, parts: Path) -> None:
@@ -418,7 +442,7 @@ def test_effects_that_share_a_parameter_fit_it_once(plant: Plant, parts: Path) -
 
 
 def test_an_answer_that_replays_worse_is_none() -> None:
-    found = decide([fit_of(0.0), fit_of(-500.0, "drag")], 0.0, Chances(), worse=True)
+    found = decide([fit_of(0.0), fit_of(-500.0, "drag")], Outstanding(0.0), Chances(), worse=True)
     assert found.verdict == "unknown"
 
 
