@@ -112,8 +112,10 @@ def _torn(path: Path) -> bool:
 
 def _kept(path: Path, stamp: str) -> list[dict[str, Any]]:
     """Rigs of an earlier call for the same description, files and effects; a line that a stop cut
-    off is left out.
+    off is left out, and what another version has said.
     """
+    from pneugantry.plants.calibrate import KEPT
+
     found = []
     if path.is_file():
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -121,6 +123,6 @@ def _kept(path: Path, stamp: str) -> list[dict[str, Any]]:
                 rig = json.loads(line)
             except ValueError:
                 continue
-            if rig.get("plant") == stamp:
+            if rig.get("plant") == stamp and set(KEPT) <= set(rig.get("answer", ())):
                 found.append(rig)
     return found

@@ -20,7 +20,7 @@ from pneugantry.engine.run import run
 from pneugantry.engine.task import Task
 from pneugantry.plants.described import described_task
 
-__all__ = ["LEAST", "Rigs", "calibration_of"]
+__all__ = ["KEPT", "LEAST", "Rigs", "calibration_of"]
 
 LEAST = 10  # rigs of a calibration
 KEPT = ("verdict", "weighed", "stands_out", "stood_out", "doubtful", "seconds")

@@ -70,7 +70,8 @@ def chances_of(plant: Path, catalogue: Path | None = None) -> tuple[Chances, str
         told = json.loads(path.read_text(encoding="utf-8"))
         weights = {k: float(v) for k, v in told["chances"].items()}
         same = told["plant"] == stamp_of(plant, catalogue)
-        chances = replace(Chances(), **{k: weights[k] for k in FITTED})  # type: ignore[arg-type]
+        known = {k: weights[k] for k in FITTED if k in weights}
+        chances = replace(Chances(), **known)  # type: ignore[arg-type]
     except (ValueError, KeyError, TypeError, AttributeError):
         raise InputError(
             "is no calibration",
@@ -80,6 +81,8 @@ def chances_of(plant: Path, catalogue: Path | None = None) -> tuple[Chances, str
     if not same:
         what = f"{plant.name}, a file that it names or the catalogue"
         return Chances(), f"{what} has changed since {path.name} was made; {hint}"
+    if len(known) < len(FITTED):
+        return Chances(), f"{path.name} was made by another version; {hint}"
     return chances, ""
 
 

@@ -14,6 +14,7 @@ import pytest
 from pneugantry.cli import main
 from pneugantry.commands.calibrate import _kept, _rigs
 from pneugantry.jobs.job import Ended, Job
+from pneugantry.plants.calibrate import KEPT
 from pneugantry.plants.calibration_file import chances_of, stamp_of
 
 MOTOR = Path(__file__).parents[2] / "examples" / "motor"
@@ -68,6 +69,9 @@ def test_other_effects_are_another_calibration(plant: Path) -> None:
     assert note.endswith(f"pneugantry calibrate {plant} --catalogue {other}")
     kept = plant.with_suffix(".rigs.jsonl")
     assert [len(_kept(kept, stamp)) for stamp in (plain, given)] == [10, 0]
+    older = kept.with_name("older.jsonl")
+    older.write_text(kept.read_text(encoding="utf-8").replace("stood_out", "was_out"), "utf-8")
+    assert _kept(older, plain) == []
     for changed in ("data/sines.csv", "Motor.mo", "effects/unbalance.toml"):
         file = plant.parent / changed
         text = file.read_text(encoding="utf-8")
@@ -85,6 +89,11 @@ def test_a_changed_description_needs_another_one(capsys: Capture, plant: Path) -
     capsys.readouterr()
     assert main(["diagnose", str(changed), "--no-learn"]) == 0
     assert "has changed since other.calibration.json was made" in capsys.readouterr().out
+    made = json.loads(changed.with_suffix(".calibration.json").read_text(encoding="utf-8"))
+    made["plant"] = stamp_of(changed)
+    made["chances"]["unknown_beside"] = made["chances"].pop("unknown_left")
+    changed.with_suffix(".calibration.json").write_text(json.dumps(made), encoding="utf-8")
+    assert "other.calibration.json was made by another version" in chances_of(changed)[1]
     changed.with_suffix(".calibration.json").write_text("{}", encoding="utf-8")
     assert main(["diagnose", str(changed), "--no-learn"]) == 2
     assert "other.calibration.json: is no calibration" in capsys.readouterr().err
@@ -117,11 +126,12 @@ def test_a_line_that_a_stop_cut_off_costs_no_other(
     cut = plant.with_name("cut.toml")
     shutil.copy(plant, cut)
     stamp, kept = stamp_of(cut), cut.with_suffix(".rigs.jsonl")
-    lines = [json.dumps({"seed": seed, "plant": stamp}) for seed in range(3)]
+    said = {"answer": dict.fromkeys(KEPT)}
+    lines = [json.dumps({"seed": seed, "plant": stamp, **said}) for seed in range(3)]
     kept.write_text("\n".join(lines)[:-20], encoding="utf-8")
 
     def run(factory: object, jobs: list[Job], **more: object) -> list[Ended]:
-        return [Ended(job.key, value={"seed": job.key}) for job in jobs]
+        return [Ended(job.key, value={"seed": job.key, **said}) for job in jobs]
 
     monkeypatch.setattr("pneugantry.jobs.run.run_jobs", run)
     options = {"cases": 10, "seed": 0, "catalogue": None, "workers": 1, "scheduler": None}
