@@ -154,7 +154,7 @@ def beliefs(
 ) -> dict[Belief, float]:
     """What may be wrong, with its probability; they sum to 1. Something unknown shows where what is
     `left` stands out; of `doubtful` effects, which may only look like it, all or none are then
-    there. Or it hides behind what imitates it, the more likely the more effects that takes; where
+    there. Or it hides behind one effect that imitates it, the more likely the more there are; where
     it was weighed itself, among the effects of a hypothesis, it is there.
     least: probability that something stands out has at least.
     """
@@ -173,7 +173,7 @@ def beliefs(
         kept = keys - frozenset(doubtful)
         for belief, part in (
             ((keys, False), (1 - out) * true),
-            ((frozenset[str](), True), (1 - out) * (1 - true)),
+            *(((keys - {k}, True), (1 - out) * (1 - true) / len(keys)) for k in keys),
             ((keys, True), out * chances.beside),
             ((kept, True), out * (1 - chances.beside)),
         ):

@@ -315,6 +315,14 @@ def test_an_effect_that_leaves_most_of_what_stood_out_only_looks_like_it(
     assert decide(found, Outstanding(0.5, before=before), Chances()).verdict == "unknown"
 
 
+def test_what_one_effect_imitates_takes_the_others_not_away() -> None:
+    found = [fit_of(0.0), fit_of(-500.0, "drag"), fit_of(-900.0, "drag", "mass")]
+    made = decide(found, Outstanding(-9.0), Chances(imitated=0.1))
+    held = {k: sum(a.probability for a in made.answers if k in a.keys) for k in ("drag", "mass")}
+    assert held == pytest.approx({"drag": 1 - 0.19 / 2, "mass": 1 - 0.19 / 2})
+    assert made.unknown == pytest.approx(0.19)
+
+
 def test_what_the_effect_has_done_little_to_is_what_tells() -> None:
     """A large part is left of little, a small one of much: the first is something else."""
     left = Excess(1.0, {}, {("a", "v"): 2.0, ("b", "v"): 1.5}, {})
