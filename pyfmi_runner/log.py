@@ -539,7 +539,7 @@ def _check_units(
     for position, name in (("x", "v_x"), ("z", "v_z")):
         if name not in numbers:
             continue
-        noise = float(np.std(np.diff(numbers[name])))
+        noise = float(np.std(np.diff(numbers[name])))  # a tachometer's in mm/s is 1000 times it
         travelled = numbers.get(position, np.zeros(0))
         if noise > 150 * SIGMA[name] and not _moves_at(numbers[name], travelled):
             refuse(

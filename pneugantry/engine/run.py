@@ -16,9 +16,9 @@ from pneugantry.engine.answer.decide import Decision, Evidence, decide, outstand
 from pneugantry.engine.answer.evidence import (
     evidence_of,
     left_by,
+    left_in_views,
     likeliest,
     settled,
-    stood_by,
     vouched,
 )
 from pneugantry.engine.answer.imitation import imitators
@@ -92,7 +92,7 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
             confirmed = confirm(fitter, task, found.null, likeliest(evidence, task))
         best = likeliest(evidence, task)
         left = left_by(fitter, task, best)
-        stood = stood_by(fitter, found.null) if best.keys else left[0]
+        stood = left_in_views(fitter, found.null) if best.keys else left[0]
         if more := settled(fitter, task, found, evidence, left[0], stood):
             evidence = [*evidence, *more]
             best = likeliest(evidence, task)
@@ -207,4 +207,4 @@ class _Judged:
     evidence: tuple[Evidence, ...]
     confirmed: Confirmed
     left: tuple[Excess, ...]  # as of `left_by`
-    stood: Excess  # as of `stood_by`
+    stood: Excess  # what stands out beside no effect, in the views

@@ -23,7 +23,7 @@ from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.signals.commands import drives_of
-from pneugantry.engine.signals.sensors import PREFIX, sensed
+from pneugantry.engine.signals.sensors import PREFIX, leaks, sensed
 from pneugantry.engine.threads import THREADS, on_threads
 from pneugantry.engine.views.foreign import ForeignPlant, foreign_signals
 from pneugantry.engine.views.model_parts import longest_step, part_of
@@ -178,9 +178,9 @@ def _readings(names: Sequence[str], true: Array, record: Record, values: Values)
     another simulated reading, not a measured one.
     """
     errors = {k: v for k, v in values.items() if k.startswith(PREFIX)}
-    leaks = any(".from." in k and v for k, v in errors.items())
+    leaking = any(leaks(k) and v for k, v in errors.items())
     said = true
-    for _ in range(LEAKS if leaks else 1):
+    for _ in range(LEAKS if leaking else 1):
         heard = dict(zip(names, said.T, strict=True))
         said = np.column_stack(
             [sensed(n, true[:, i], _hearing(record, n, heard), errors) for i, n in enumerate(names)]

@@ -24,7 +24,7 @@ from pneugantry.engine.selection.excess import Excess, excess_of, floors_of
 from pneugantry.engine.selection.search import Search
 from pneugantry.engine.task import Task
 
-__all__ = ["evidence_of", "left_by", "likeliest", "settled", "stood_by", "vouched"]
+__all__ = ["evidence_of", "left_by", "left_in_views", "likeliest", "settled", "vouched"]
 
 Keys = tuple[str, ...]  # effects of a hypothesis, sorted
 RIVALS = 4  # likeliest hypotheses that are also judged by the record that no fit saw
@@ -186,9 +186,14 @@ def vouched(
     return kept
 
 
+def left_in_views(fitter: Fitter, fit: Fit) -> Excess:
+    """What a fit leaves in the views of the records that were fitted."""
+    return excess_of(fitter, fit, floors_of(fitter, fit))
+
+
 def left_by(fitter: Fitter, task: Task, fit: Fit) -> tuple[Excess, ...]:
     """What a fit leaves in the views: of the records that were fitted, then of each other one."""
-    found = [excess_of(fitter, fit, floors_of(fitter, fit))]
+    found = [left_in_views(fitter, fit)]
     for record in task.data.unseen:
         predictor = Predictor(fitter, task.views, record)
         try:
@@ -196,11 +201,6 @@ def left_by(fitter: Fitter, task: Task, fit: Fit) -> tuple[Excess, ...]:
         finally:
             predictor.close()
     return tuple(found)
-
-
-def stood_by(fitter: Fitter, null: Fit) -> Excess:
-    """What stands out beside no effect, in the views of the records that were fitted."""
-    return excess_of(fitter, null, floors_of(fitter, null))
 
 
 def settled(
@@ -219,7 +219,7 @@ def settled(
     if not _stands_out(left, answer, task.chances, stood):
         return []
     few = _whole(fitter, _doubted(found, answer, fitter.rules)[:RIVALS])
-    leave = [excess_of(fitter, f, floors_of(fitter, f)) for f in few]
+    leave = [left_in_views(fitter, f) for f in few]
     cost = next(e.cost for e in evidence if e.fit is answer)
     return [
         Evidence(fit, cost - (answer.evidence - fit.evidence))

@@ -1,9 +1,8 @@
 """Weights of the decision from diagnosed rigs whose truth is known, and how well probabilities
 under them say how often they are right.
 
-What a rig's diagnosis weighed (`gap/1`: weighed, stands_out, stood_out,
-doubtful) is enough: nothing is fitted
-again.
+What a rig's diagnosis weighed (`gap/1`: weighed, stands_out, stood_out, doubtful) is enough:
+nothing is fitted again.
 """
 
 from __future__ import annotations

@@ -41,8 +41,8 @@ def neutral(name: str) -> float:
 
 def signal_of(name: str) -> str:
     """The signal that a sensor's parameter belongs to; its name may hold dots."""
-    own, leaks, _ = name.removeprefix(PREFIX).partition(".from.")
-    return own if leaks else own.rpartition(".")[0]
+    own, leak, _ = name.removeprefix(PREFIX).partition(".from.")
+    return own if leak else own.rpartition(".")[0]
 
 
 def leaks(name: str) -> bool:

@@ -20,8 +20,8 @@ from pneugantry.engine.answer.evidence import (
     _turned,
     evidence_of,
     left_by,
+    left_in_views,
     settled,
-    stood_by,
     vouched,
 )
 from pneugantry.engine.answer.predict import Predictor
@@ -419,7 +419,7 @@ def test_what_is_doubted_counts_where_it_explains_all_that_stands_out(
     task = Task(plant, list(fitter.simulation.views.values()), data, known, parts)
     found = search(fitter, fitter.null(), known)
     left = left_by(fitter, task, found.null)[0]
-    stood = stood_by(fitter, found.null)
+    stood = left_in_views(fitter, found.null)
     kept = settled(fitter, task, found, [Evidence(found.null, 0.0)], left, stood)
     assert [e.fit.keys for e in kept] == ([("drag",)] if explained else [])
     assert all(e.cost == e.fit.evidence - found.null.evidence for e in kept)
@@ -431,7 +431,7 @@ def test_nothing_doubted_counts_where_nothing_stands_out(plant: Plant, parts: Pa
     task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
     found = search(fitter, fitter.null(), CATALOGUE)
     left = left_by(fitter, task, found.best)[0]
-    stood = stood_by(fitter, found.null)
+    stood = left_in_views(fitter, found.null)
     assert settled(fitter, task, found, [Evidence(found.best, 0.0)], left, stood) == []
 
 
