@@ -131,8 +131,10 @@ def _typed(
 
 
 def _switching(system: HybridSystem, layout: Layout, expressions: Expressions) -> tuple[str, ...]:
-    """States whose rate reads a relation."""
-    relations = column([r.symbol for r in system.relations])
+    """States whose rate reads a relation that more than the clock decides."""
+    still = {"time", *(s.symbol.name() for s in (*layout.parameters, *layout.calculated))}
+    among = [r for r in system.relations if not _symbols_in(r.indicator) <= still]
+    relations = column([r.symbol for r in among])
     return tuple(
         s.name
         for s, rate in zip(layout.states, expressions.derivatives, strict=True)

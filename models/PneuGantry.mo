@@ -80,7 +80,8 @@ package PneuGantry "Pneumatic gantry robot that tracks a workpiece's edge with a
     Ratio wanted "Steady loss of supply pressure";
   equation
     // Until the first command has passed the valve rests, as f_a does at the start.
-    u_late = noEvent(if time < delay_time then u_0 elseif delay_time > 0 then delay(u, if delay_time > 0 then delay_time else 1e-3, 0.2) else u);
+    u_late = if delay_time > 0 and time < delay_time then u_0
+      else noEvent(if delay_time > 0 then delay(u, if delay_time > 0 then delay_time else 1e-3, 0.2) else u);
     when sample(0, if play > 0 then play_period else 1e9) then
       u_play = if play_centred and not pre(placed) then u_late else max(min(pre(u_play), u_late + play), u_late - play);
       u_narrow = if play_centred and not pre(placed) then u_late else max(min(pre(u_narrow), u_late + play*(1 - play_spread)), u_late - play*(1 - play_spread));

@@ -97,6 +97,9 @@ static const char *state_name(size_t i) { return model_variables[model_state_ref
 
 /* ---- delays ------------------------------------------------------------------------------------------------------------------- */
 
+/* By which two times may differ that are one: the end of a step and where the next one says that it begins. */
+static double time_slack(double time) { return 1e-12 * (1 + fabs(time)); }
+
 static int history_push(History *h, double time, double value) {
     if (h->n == h->capacity) {
         size_t capacity = h->capacity ? 2 * h->capacity : 64;
@@ -115,7 +118,7 @@ static int history_push(History *h, double time, double value) {
 /* A second entry at the same time is a jump; constant stretches are kept as two entries. */
 static int history_record(History *h, double time, double value) {
     size_t last = h->n - 1;
-    if (h->n > 0 && time <= h->time[last]) {
+    if (h->n > 0 && time <= h->time[last] + time_slack(time)) {
         if (value == h->value[last]) return 1;
         if (h->n > 1 && h->time[last - 1] == h->time[last]) {
             h->value[last] = value;
@@ -141,7 +144,7 @@ static void history_trim(History *h, double before) {
 }
 
 static int history_reached(const History *h, size_t k, double time, int right) {
-    const double slack = 1e-12;
+    const double slack = time_slack(time);
     return right ? h->time[k] <= time + slack : h->time[k] < time - slack;
 }
 
@@ -393,8 +396,6 @@ static CoreStatus iterate_events(Instance *s) {
 }
 
 /* ---- time events -------------------------------------------------------------------------------------------------------------- */
-
-static double time_slack(double time) { return 1e-12 * (1 + fabs(time)); }
 
 static double next_tick(const Instance *s, int i) { return s->c.tick_start[i] + (double)s->c.tick_count[i] * s->c.tick_interval[i]; }
 

@@ -13,6 +13,7 @@ from test_cut import CART, MEASURED
 
 from modelica_fmu import batch
 from modelica_fmu.batch import (
+    Array,
     Correction,
     Course,
     Drive,
@@ -64,6 +65,42 @@ def test_inputs_at_the_rows_differ_from_those_behind_them(cart: Subsystem) -> No
     pair = cart.run(["K"], np.array([[2.0]]), Drive({"u": (zero, held)}), ["f"], PERIOD)
     same = cart.run(["K"], np.array([[2.0]]), Drive({"u": held}), ["f"], PERIOD)
     np.testing.assert_allclose(pair, same, atol=1e-9)
+
+
+LATE = """package Toy
+  model Lag
+    parameter Real d(max = 0.2) = 0;
+    input Real u;
+    Real f(start = 0, fixed = true);
+  equation
+    0.05*der(f) = (if d > 0 and time < d then 0
+      else noEvent(if d > 0 then delay(u, if d > 0 then d else 1e-3, 0.2) else u)) - f;
+  end Lag;
+end Toy;
+"""
+
+
+def late_lag(u: Array, late: float) -> Array:
+    """f of `LATE` at the rows, u held over each: sum of the steps' answers, as the closed form."""
+    time = PERIOD * np.arange(len(u))
+    since = np.maximum(time[:, None] - (PERIOD * np.arange(len(u)) + late), 0.0)
+    steps = np.diff(u, prepend=0.0)
+    return np.asarray((1 - np.exp(-since / 0.05)) @ steps)
+
+
+def test_a_late_input_s_jumps_lie_where_they_are(tmp_path: Path) -> None:
+    """Between rows, at them, and right beside them; and over a long record, for rows' times are
+    rounded: where one ends is not to the last bit where the next one begins.
+    """
+    (tmp_path / "Toy.mo").write_text(LATE, encoding="utf-8")
+    model = cut(tmp_path / "Toy.mo", "Toy.Lag", ["f"])
+    lag = Subsystem(build_part(model, tmp_path, "lag"))
+    u = np.random.default_rng(1).standard_normal(2000)
+    late = np.array([0.0, 0.0035, 0.004, 0.004 + 1e-9, 0.0047, 0.02])
+    found = lag.run(["d"], late[:, None], Drive({"u": u}), ["f"], PERIOD)[:, :, 0]
+    for own, d in zip(found, late, strict=True):
+        np.testing.assert_allclose(own, late_lag(u, d), atol=1e-7)
+    assert model.switching == ()  # the clock alone decides when a late input begins
 
 
 def test_inputs_may_change_within_rows(cart: Subsystem) -> None:

@@ -215,10 +215,11 @@ class Fitter:
         solution = self.descents.by_view(firsts, known, cells, rivals, share)
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
         before, after = (self._beside(s, base, known, cells) for s in (best, solution))
-        if after > before:  # where the views lead apart is worse than where one of them stood
-            solution, after = best, before
-        if after - self._beside(base, base, known, cells) < self.rules.hopeless:
-            solution = self.descents.jointly(solution, known, cells)
+        ends = [solution] if after <= before else [best, solution]  # views may lead apart
+        least = self._beside(base, base, known, cells) + self.rules.hopeless
+        if min(before, after) < least:
+            ends = [self.descents.jointly(s, known, cells) for s in ends]
+        solution = min(ends, key=lambda s: self._beside(s, base, known, cells))
         return self._finished(hypothesis, solution, known, base.scale, base)
 
     def firsts(

@@ -66,11 +66,15 @@ def contending(
     """
     rough = added(fitter, base, predicted(fitter, screened, bar, ("gain", "plain")), None)
     rough += _unbent(fitter, base, rough)
+    in_vain = all(f.evidence >= base.evidence for f in rough)
+    if in_vain:  # other forms of what gains nothing cost more than a look at everything else
+        rough += _scouted(fitter, base, screened, rough, bar)
     reformed = other_forms(fitter, base, rough)
     rough += reformed
     if spent(fitter) < 1:
         rough += _unbent(fitter, base, reformed)
-    rough += _scouted(fitter, base, screened, rough, bar)
+    if not in_vain:
+        rough += _scouted(fitter, base, screened, rough, bar)
     if _open(fitter, base, rough, bar):
         distant = predicted(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
         told = [

@@ -4,7 +4,7 @@ ended apart are brought together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import pytest
 from test_frugal import hypothesis
 from test_search import CATALOGUE, fitter_of, parts, plant
 
+from pneugantry.engine.fitting.descents import Descents
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.problem import Parabola, Solution, prior, standing
@@ -20,7 +21,7 @@ from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.selection.rivals import _in_place
 from pneugantry.engine.selection.trail import Trail
-from pneugantry.engine.views.simulation import Point
+from pneugantry.engine.views.simulation import Cell, Point
 
 __all__ = ["parts", "plant"]
 
@@ -93,6 +94,33 @@ def test_views_that_ended_apart_go_no_farther_than_is_good(plant: Plant, parts: 
     fitter.close()
     assert standing(problem, agreed) < standing(problem, least) - 100
     assert standing(problem, agreed) < standing(problem, start)
+
+
+def test_an_end_that_is_behind_a_start_at_first_is_followed_all_the_same(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A descent of views by themselves goes by another measure, and may stop before the valley's
+    floor: of the start, which was better then, no descent leads on.
+    """
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, own = fitter.null(), hypothesis("drag")
+    coordinates, begun = fitter.coordinates, list[float]()
+    jointly = fitter.descents.jointly
+
+    def stopped(starts: Sequence[Solution], *args: object) -> Solution:
+        point = coordinates.first(own, null, {**null.nominal, "drag": 1.0})
+        return Solution(point, fitter.simulation.residuals(point, fitter.simulation.cells), {})
+
+    def led(at: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+        begun.append(round(at.point.values(None)["drag"], 6))
+        return at if begun[-1] == 0.0 else jointly(at, known, cells)
+
+    monkeypatch.setattr(Descents, "by_view", lambda self, *args: stopped(*args))
+    monkeypatch.setattr(Descents, "jointly", lambda self, *args: led(*args))
+    found = fitter.explore(own, null)
+    fitter.close()
+    assert begun == [0.0, 1.0]
+    assert found.values(None)["drag"] == pytest.approx(2.0, rel=0.1)
 
 
 def test_an_end_is_made_exact(plant: Plant, parts: Path) -> None:

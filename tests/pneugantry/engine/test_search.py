@@ -18,6 +18,7 @@ from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis, effect_coordinate
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.selection import contenders
 from pneugantry.engine.selection.contenders import _open, _unbent, contending, finalists
 from pneugantry.engine.selection.excess import excess_of, floors_of, unexplained
 from pneugantry.engine.selection.rivals import _joined, _replacing, reformed
@@ -255,6 +256,25 @@ def test_what_makes_a_loud_view_quieter_is_fitted_whatever_is_predicted(
     fitter.close()
     assert loud == ["v"]
     assert not {"slow_current", "leak", "mass"} & {f.keys[-1] for f in fits}
+    assert min(fits, key=lambda f: f.evidence).keys == ("drag",)
+
+
+@pytest.mark.parametrize(("predicted", "order"), [("leak", "sf"), ("drag", "fs")])
+def test_everything_else_is_looked_at_before_other_forms_of_what_gains_nothing(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch, predicted: str, order: str
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, done = fitter.null(), list[str]()
+    for name, letter in (("_scouted", "s"), ("other_forms", "f")):
+        own = getattr(contenders, name)
+        monkeypatch.setattr(
+            contenders, name, lambda *args, o=own, x=letter: (done.append(x), o(*args))[1]
+        )
+    forms = main_forms(fitter, list(CATALOGUE.values()))
+    told = [Candidate(e, f, {}, *(2 * [100.0 * (e.key == predicted)])) for e, f in forms]
+    fits = contending(fitter, null, told, 30.0, forms, Memory())
+    fitter.close()
+    assert "".join(done)[:2] == order
     assert min(fits, key=lambda f: f.evidence).keys == ("drag",)
 
 
