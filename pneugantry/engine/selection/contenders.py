@@ -176,9 +176,7 @@ def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
     the nominal plant, where what it leaves stands out and it has not been surveyed, for its
     equations are the base's. Tolerance that is bent to make up for an effect holds it where it is.
     """
-    if fit.hypothesis.settings != base.hypothesis.settings or not unexplained(fitter, base):
-        return fit
-    if not unexplained(fitter, fit):
+    if fit.hypothesis.settings != base.hypothesis.settings or not unexplained(fitter, fit):
         return fit
     other = fitter.explore(fit.hypothesis, base, [fit.values(None)], fit)
     main = _in_main_form(fitter, base, fit)

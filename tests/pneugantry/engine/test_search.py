@@ -278,6 +278,25 @@ def test_everything_else_is_looked_at_before_other_forms_of_what_gains_nothing(
     assert min(fits, key=lambda f: f.evidence).keys == ("drag",)
 
 
+@pytest.mark.parametrize("left", [[], ["v"]])
+def test_what_leaves_much_in_a_view_that_only_it_moves_is_surveyed(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch, left: list[str]
+) -> None:
+    """Nothing of the base moves that view, so that it is not the base that leaves something."""
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, own, surveyed = fitter.null(), CATALOGUE["drag"], list[Hypothesis]()
+    fit = fitter.explore(null.hypothesis.plus(own, own.forms[0]), null)
+    afar = fitter.from_afar
+    monkeypatch.setattr(contenders, "unexplained", lambda _, f: left if f.keys else [])
+    monkeypatch.setattr(
+        fitter, "from_afar", lambda h, *args: (surveyed.append(h), afar(h, *args))[1]
+    )
+    best = finalists(fitter, null, [fit], 30.0)
+    fitter.close()
+    assert [h.keys for h in surveyed] == [("drag",) for _ in left]
+    assert best[0].evidence <= fit.evidence
+
+
 def test_what_nothing_predicts_is_tried_until_the_effort_is_spent(
     plant: Plant, parts: Path
 ) -> None:
