@@ -1,5 +1,7 @@
 """Identified parameters of stored campaigns are those of the slow way, which solved anew for every
-Jacobian and by scipy's least squares: a trusted answer, frozen before the chord method came.
+Jacobian and by scipy's least squares: a trusted answer, frozen before the chord method came. Two of
+them were frozen again when a speed that jumps was smoothed otherwise (0157), which moves what their
+logs tell by up to 0.4 %; the code that fits had not changed.
 """
 
 from __future__ import annotations
@@ -39,6 +41,9 @@ def test_the_answer_is_that_of_the_slow_way(name: str) -> None:
 
 def agree(now: dict[str, Any], before: dict[str, Any]) -> None:
     assert now["rests_on"] == before["rests_on"]
+    if before["value"] is None:
+        assert now["value"] is None
+        return
     if before["ci95"] is None or before["ci95"][0] is None:
         assert now["value"] == pytest.approx(before["value"], rel=1e-4, nan_ok=True)
         return
