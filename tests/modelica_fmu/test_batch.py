@@ -93,14 +93,21 @@ def test_a_late_input_s_jumps_lie_where_they_are(tmp_path: Path) -> None:
     rounded: where one ends is not to the last bit where the next one begins.
     """
     (tmp_path / "Toy.mo").write_text(LATE, encoding="utf-8")
-    model = cut(tmp_path / "Toy.mo", "Toy.Lag", ["f"])
-    lag = Subsystem(build_part(model, tmp_path, "lag"))
+    lag = Subsystem(build_part(cut(tmp_path / "Toy.mo", "Toy.Lag", ["f"]), tmp_path, "lag"))
     u = np.random.default_rng(1).standard_normal(2000)
     late = np.array([0.0, 0.0035, 0.004, 0.004 + 1e-9, 0.0047, 0.02])
     found = lag.run(["d"], late[:, None], Drive({"u": u}), ["f"], PERIOD)[:, :, 0]
     for own, d in zip(found, late, strict=True):
         np.testing.assert_allclose(own, late_lag(u, d), atol=1e-7)
-    assert model.switching == ()  # the clock alone decides when a late input begins
+
+
+@pytest.mark.parametrize(("decides", "switching"), [("time", ()), ("f", ("f",)), ("u", ("f",))])
+def test_what_the_clock_alone_decides_makes_no_state_switching(
+    tmp_path: Path, decides: str, switching: tuple[str, ...]
+) -> None:
+    text = LATE.replace("time < d", f"{decides} < d")
+    (tmp_path / "Toy.mo").write_text(text, encoding="utf-8")
+    assert cut(tmp_path / "Toy.mo", "Toy.Lag", ["f"]).switching == switching
 
 
 def test_inputs_may_change_within_rows(cart: Subsystem) -> None:

@@ -219,7 +219,9 @@ class Fitter:
         least = self._beside(base, base, known, cells) + self.rules.hopeless
         if min(before, after) < least:
             ends = [self.descents.jointly(s, known, cells) for s in ends]
-        solution = min(ends, key=lambda s: self._beside(s, base, known, cells))
+        solution = ends[0]
+        if len(ends) > 1:
+            solution = min(ends, key=lambda s: self._beside(s, base, known, cells))
         return self._finished(hypothesis, solution, known, base.scale, base)
 
     def firsts(

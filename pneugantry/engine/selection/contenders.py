@@ -62,12 +62,13 @@ def contending(
     """What is predicted to gain most, with the best in their other forms. Where what all that
     leaves stands out in some views, whatever else these read: an event that a simulation misses (a
     break-away) shows in no prediction, and a fit of that view alone tells which are worth one of
-    all. Where that does, too, also what is predicted from the nominal plant on, of which `far` is.
+    all; it comes before other forms where nothing predicted gains, for they cost more. Where that
+    leaves something as well, what is predicted from the nominal plant on, too, of which `far` is.
     """
     rough = added(fitter, base, predicted(fitter, screened, bar, ("gain", "plain")), None)
     rough += _unbent(fitter, base, rough)
     in_vain = all(f.evidence >= base.evidence for f in rough)
-    if in_vain:  # other forms of what gains nothing cost more than a look at everything else
+    if in_vain:
         rough += _scouted(fitter, base, screened, rough, bar)
     reformed = other_forms(fitter, base, rough)
     rough += reformed
