@@ -23,7 +23,7 @@ class Chances:
     # another form of the effect; in variance (0172)
     unknown_left: float = 0.18
     beside: float = 0.1  # that what is named beside something unknown in its view is there (0132)
-    imitated: float = 0.04  # that what looks like a named effect is none the catalogue has (0140)
+    imitated: float = 0.02  # that what looks like a named effect is none the catalogue has (0175)
     # excess ratio of a sound rig, by view and signal
     usual: Mapping[tuple[str, str], float] | None = None
     replay: float = 0.2  # excess that a replay's gap e times the usual one counts as

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from benchmarks.calibrate import cases_in
+import pytest
+
+from benchmarks.calibrate import cases_in, main
 from pneugantry.engine.calibration.weights import PARTS
 
 TRUTH = {"kind": "one", "causes": [{"effect": "drag", "axis": "x", "known": True}]}
@@ -28,3 +30,20 @@ def test_truth_lies_beside_a_diagnosis_or_is_sealed_above_it(tmp_path: Path) -> 
     assert len(found) == PARTS + 1  # one of the sealed ones has not been diagnosed
     assert [c.unknown for c in found].count(True) == 1
     assert {c.effects for c in found} == {frozenset({"drag/x"})}
+
+
+def test_other_weights_are_held_against_the_present_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for seed in range(PARTS):
+        put(tmp_path / f"rig_{seed}" / "truth.json", TRUTH)
+        put(tmp_path / f"rig_{seed}" / "diagnosis.json", SAID)
+    assert main(["--with", "imitated=0.5", str(tmp_path)]) == 0
+    head, now, other = capsys.readouterr().out.splitlines()
+    assert head.startswith(f"{PARTS} rigs")
+    assert other.endswith("imitated 0.5")
+    assert float(now.split()[0]) > float(other.split()[0])  # what it named was there
+    with pytest.raises(SystemExit) as stopped:
+        main(["--with", "imitated", str(tmp_path)])
+    assert stopped.value.code == 2
+    assert "imitated" in capsys.readouterr().err

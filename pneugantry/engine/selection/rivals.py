@@ -49,7 +49,9 @@ def exchanged(trail: Trail, best: Fit) -> Fit:
     rivals = [*_rivals(trail, best), *_joined(trail, best), *_in_place(trail, best)]
     trail.tried += rivals
     top = min((best, *rivals), key=lambda f: f.evidence)
-    return best if top is best else trail.replaced(best, top)
+    same = top.hypothesis.forms == best.hypothesis.forms
+    least = trail.fitter.rules.entry if same else 0.0  # for the same again, a little better
+    return trail.replaced(best, top) if best.evidence - top.evidence > least else best
 
 
 def _rivals(trail: Trail, best: Fit) -> list[Fit]:
