@@ -21,7 +21,7 @@ from pneugantry.engine.fitting.problem import (
     predicted,
     standing,
 )
-from pneugantry.engine.fitting.surveys import ROUGH, End, Surveys
+from pneugantry.engine.fitting.surveys import ROUGH, End, Pace, Surveys
 from pneugantry.engine.fitting.weighing import FAILED, Weighing
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Point, Simulation
@@ -106,11 +106,13 @@ class Descents:
             return start
         return Solution(best.point, best.residuals, columns, tangents=tangents)
 
-    def jointly(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """All views together, from new columns on."""
+    def jointly(
+        self, start: Solution, known: Parabola, cells: Sequence[Cell], bar: float = math.inf
+    ) -> Solution:
+        """All views together, from new columns on; given up where that stays behind a bar."""
         if start.settled:
             return start
-        return self.descended(self.with_columns(start, known, cells), known, cells)
+        return self.descended(self.with_columns(start, known, cells), known, cells, bar)
 
     def polished(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
         """Jointly, and again from the best point about where that ends, until none is better.
@@ -131,13 +133,16 @@ class Descents:
                 break
         return solution
 
-    def descended(self, start: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
-        """All views together, under the colour that their residuals have."""
+    def descended(
+        self, start: Solution, known: Parabola, cells: Sequence[Cell], bar: float = math.inf
+    ) -> Solution:
+        """All views together, under the colour that their residuals have; bar: as of `jointly`."""
         problem, solution = self.surveys.problem(cells, known), start
         for fall in (ROUGH, self.rules.converged):
-            before = solution.point
-            solution = descend(problem, solution, self.noise.coloured(solution.residuals), fall)
-            if solution.point is before:
+            before, pace = solution.point, Pace(problem, bar)
+            colour = self.noise.coloured(solution.residuals)
+            solution = descend(problem, solution, colour, fall, pace.behind)
+            if solution.point is before or pace.over:
                 break
         return solution
 

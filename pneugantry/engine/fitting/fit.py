@@ -18,6 +18,7 @@ from pneugantry.engine.views.simulation import Cell, Columns, Point, Residuals
 __all__ = [
     "Fit",
     "Lead",
+    "Race",
     "as_of",
     "borne",
     "deviations",
@@ -193,6 +194,14 @@ def theta_in(point: Point, coordinates: Sequence[Coordinate]) -> Array:
             old, at = known[c.name]
             theta[i] = at if old == c else c.theta(old.value(at))
     return theta
+
+
+@dataclass(frozen=True, eq=False)
+class Race:
+    """What a hypothesis is held against while it is fitted."""
+
+    ahead: Fit  # the best of its rivals so far
+    worth: float  # share of what that one falls below the base, which this must have in sight
 
 
 def as_of(fit: Fit, point: Point) -> Solution:

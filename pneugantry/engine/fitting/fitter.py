@@ -17,6 +17,7 @@ from pneugantry.engine.fitting.descents import Descents
 from pneugantry.engine.fitting.fit import (
     Fit,
     Lead,
+    Race,
     as_of,
     borne,
     deviations,
@@ -195,14 +196,15 @@ class Fitter:
         hypothesis: Hypothesis,
         base: Fit,
         starts: Sequence[Mapping[str, float]] = (),
-        ahead: Fit | None = None,
+        race: Race | None = None,
         thorough: bool = True,
         fresh: int = FRESH,
     ) -> Fit:
         """A hypothesis near `base`: views that its effects do not touch are their parabolas there.
-        starts: values of effect parameters to start from, too. ahead: the best of its rivals so
-        far, behind which less is tried. thorough: views above the noise are surveyed, too; they
-        always are under other equations than the base's, by surveys `fresh` times as large.
+        starts: values of effect parameters to start from, too. race: the best of its rivals so
+        far, behind which less is tried, and what does not come near given up. thorough: views above
+        the noise are surveyed, too; they always are under other equations than the base's, by
+        surveys `fresh` times as large.
         """
         own, known, cells = self.beside_base(hypothesis, base)
         firsts = self.firsts(hypothesis, base, starts, cells)
@@ -210,7 +212,7 @@ class Fitter:
             ranked = sorted(firsts[1:], key=lambda s: self._beside(s, base, known, cells))
             firsts = [firsts[0], *ranked[: FIRSTS - 1]]
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
-        rivals = [as_of(f, own) for f in (base, ahead) if f is not None]
+        rivals = [as_of(f, own) for f in (base, *([race.ahead] if race else []))]
         share = fresh if another else int(thorough)
         solution = self.descents.by_view(firsts, known, cells, rivals, share)
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
@@ -218,11 +220,26 @@ class Fitter:
         ends = [solution] if after <= before else [best, solution]  # views may lead apart
         least = self._beside(base, base, known, cells) + self.rules.hopeless
         if min(before, after) < least:
-            ends = [self.descents.jointly(s, known, cells) for s in ends]
+            bar = self.bar(rivals, race, known, cells)
+            ends = [self.descents.jointly(s, known, cells, bar) for s in ends]
         solution = ends[0]
         if len(ends) > 1:
             solution = min(ends, key=lambda s: self._beside(s, base, known, cells))
         return self._finished(hypothesis, solution, known, base.scale, base)
+
+    def bar(
+        self,
+        rivals: Sequence[Solution],
+        race: Race | None,
+        known: Parabola,
+        cells: Sequence[Cell],
+    ) -> float:
+        """What a fit has to come below in some cells. rivals: base and what is ahead of it."""
+        if race is None:
+            return math.inf
+        problem = self.surveys.problem(cells, known)
+        base, ahead = (standing(problem, r) for r in rivals)
+        return base - race.worth * max(base - ahead, 0.0) + self.rules.hopeless
 
     def firsts(
         self,

@@ -19,7 +19,7 @@ from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Point, Simulation
 
-__all__ = ["ROUGH", "End", "Surveys", "in_view"]
+__all__ = ["ROUGH", "End", "Pace", "Surveys", "in_view"]
 
 SIZES = (2.0, 5.0, 10.0)  # of a survey's points, in prior spreads of tolerance
 BESIDE = 0.4  # share of these sizes beside an effect, which takes the rest
@@ -35,6 +35,25 @@ class End:
     solution: Solution
     lowest: float  # of what is known there, too
     contends: bool  # with what is known
+
+
+class Pace:
+    """How a descent falls towards a bar."""
+
+    def __init__(self, problem: Problem, bar: float, stuck: bool = False) -> None:
+        """stuck: a step that led nowhere counts as well, after which columns may be made anew."""
+        self.problem, self.bar, self.stuck = problem, bar, stuck
+        self.last, self.over = math.inf, False
+        self.at: Point | None = None
+
+    def behind(self, steps: int, solution: Solution) -> bool:
+        """Whether it is farther above the bar than `patience` falls like its last."""
+        if self.bar == math.inf or (solution.point is self.at and not self.stuck):
+            return False
+        before, self.last, self.at = self.last, standing(self.problem, solution), solution.point
+        fall = max(before - self.last, 0.0)
+        self.over = steps > 1 and self.last - self.bar > self.problem.rules.patience * fall
+        return self.over
 
 
 class Surveys:
@@ -81,17 +100,9 @@ class Surveys:
         return found
 
     def raced(self, problem: Problem, start: Solution, bar: float) -> Solution:
-        """A view's descent by steps that look over events, given up where it is farther above a
-        bar than `patience` falls like its last.
-        """
-        last = math.inf
-
-        def behind(steps: int, solution: Solution) -> bool:
-            nonlocal last
-            before, last = last, standing(problem, solution)
-            return steps > 1 and last - bar > self.rules.patience * (before - last)
-
-        return descend(problem, start, None, ROUGH, behind)
+        """A view's descent by steps that look over events, given up where it is `behind`."""
+        pace = Pace(problem, bar, stuck=True)
+        return descend(problem, start, None, ROUGH, pace.behind)
 
     def surveyed(
         self,

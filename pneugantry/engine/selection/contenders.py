@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fit import Fit, Race
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.selection.excess import unexplained
@@ -179,7 +179,7 @@ def _surveyed(fitter: Fitter, base: Fit, fit: Fit) -> Fit:
     """
     if fit.hypothesis.settings != base.hypothesis.settings or not unexplained(fitter, fit):
         return fit
-    other = fitter.explore(fit.hypothesis, base, [fit.values(None)], fit)
+    other = fitter.explore(fit.hypothesis, base, [fit.values(None)], Race(fit, 0.0))
     main = _in_main_form(fitter, base, fit)
     starts = [{**base.nominal, **s} for s in usual(fitter, base, main.effects[-1][1])]
     far = fitter.from_afar(main, base, starts[:SIDES])

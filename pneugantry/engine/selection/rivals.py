@@ -38,7 +38,7 @@ def reformed(trail: Trail, best: Fit, effects: Sequence[Offer]) -> Fit:
             hypothesis = best.hypothesis.without(effect.key).plus(effect, other)
             if other is not form:  # tried before, too: from a worse optimum, that says little
                 tried.append((hypothesis, [best.values(None)]))
-    fits = explored(fitter, best, tried, None)
+    fits = explored(fitter, best, tried, best, worth=1.0)
     trail.tried += fits
     top = min((best, *fits), key=lambda f: f.evidence)
     return trail.polished(top) if best.evidence - top.evidence > fitter.rules.entry else best
@@ -74,7 +74,7 @@ def _rivals(trail: Trail, best: Fit) -> list[Fit]:
         screened = screen(fitter, base, offers, {})
         chosen = predicted(fitter, screened, trail.bar, ("gain", "plain"))
         own = (effect.key, form.name)
-        fits += added(fitter, base, [c for c in chosen if form_of(c[0]) != own], best)
+        fits += added(fitter, base, [c for c in chosen if form_of(c[0]) != own], best, worth=1.0)
     return fits
 
 
@@ -94,7 +94,8 @@ def _joined(trail: Trail, best: Fit) -> list[Fit]:
             other, its = rival.hypothesis.effects[-1]
             if other.block == effect.block and other.key not in best.keys:
                 tried += [(h.plus(other, its), [rival.values(None)]) for h in own.values()]
-    fits = explored(fitter, best, [t for t in tried if t[0].forms not in trail.known], None)
+    untried = [t for t in tried if t[0].forms not in trail.known]
+    fits = explored(fitter, best, untried, best, worth=1.0)
     return [f for f in fits if best.evidence - f.evidence > trail.bar]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 
-from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fit import Fit, Race
 from pneugantry.engine.fitting.fitter import FRESH, Fitter
 from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.hypotheses.hypothesis import Forms, Hypothesis
@@ -90,10 +90,15 @@ def without(fitter: Fitter, fit: Fit, keys: Sequence[str]) -> list[Fit]:
 
 
 def added(
-    fitter: Fitter, base: Fit, chosen: Sequence[Sequence[Candidate]], ahead: Fit | None
+    fitter: Fitter,
+    base: Fit,
+    chosen: Sequence[Sequence[Candidate]],
+    ahead: Fit | None,
+    worth: float | None = None,
 ) -> list[Fit]:
     """Effects from the base, each from its candidates' starts, and from the others; those that keep
-    the base's equations first, for they tell how much the others are to gain.
+    the base's equations first, for they tell how much the others are to gain. worth: as of
+    `explored`.
     """
     made: list[Fit] = []
     settings = base.hypothesis.settings
@@ -101,7 +106,7 @@ def added(
     for keeps in (True, False):
         front = best_fit([*made, *([ahead] if ahead else [])])
         own = [t for t in tried if (t[0].settings == settings) is keeps]
-        made += explored(fitter, base, own, front)
+        made += explored(fitter, base, own, front, worth)
     return made
 
 
@@ -110,17 +115,22 @@ def explored(
     base: Fit,
     tried: Sequence[Trial],
     ahead: Fit | None,
+    worth: float | None = None,
 ) -> list[Fit]:
     """Hypotheses near a base, each from some starts, side by side. Where the best so far leaves
-    nothing to explain, other equations are surveyed only where they contend with it.
+    nothing to explain, other equations are surveyed only where they contend with it. ahead: that
+    one; worth: share of its gain with which a fit is of use (None: what is worth being fitted).
     """
     if not tried:
         return []
     best = min((f for f in (base, ahead) if f is not None), key=lambda f: f.evidence)
     fresh = FRESH if left_open(fitter, best) else 1
+    race = None
+    if ahead is not None:
+        race = Race(ahead, fitter.rules.hopeful if worth is None else worth)
 
     def one(each: Trial) -> Fit:
-        return fitter.explore(each[0], base, each[1], ahead, thorough=False, fresh=fresh)
+        return fitter.explore(each[0], base, each[1], race, thorough=False, fresh=fresh)
 
     return fitter.together(one, tried, [h for h, _ in tried])
 

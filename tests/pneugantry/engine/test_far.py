@@ -111,9 +111,9 @@ def test_an_end_that_is_behind_a_start_at_first_is_followed_all_the_same(
         point = coordinates.first(own, null, {**null.nominal, "drag": 1.0})
         return Solution(point, fitter.simulation.residuals(point, fitter.simulation.cells), {})
 
-    def led(at: Solution, known: Parabola, cells: Sequence[Cell]) -> Solution:
+    def led(at: Solution, known: Parabola, cells: Sequence[Cell], bar: float) -> Solution:
         begun.append(round(at.point.values(None)["drag"], 6))
-        return at if begun[-1] == 0.0 else jointly(at, known, cells)
+        return at if begun[-1] == 0.0 else jointly(at, known, cells, bar)
 
     monkeypatch.setattr(Descents, "by_view", lambda self, *args: stopped(*args))
     monkeypatch.setattr(Descents, "jointly", lambda self, *args: led(*args))

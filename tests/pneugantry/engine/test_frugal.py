@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,11 +10,13 @@ import numpy as np
 import pytest
 from test_search import CATALOGUE, effect, fitter_of, parts, plant
 
-from pneugantry.engine.fitting.problem import Solution, prior
+from pneugantry.engine.fitting.fit import Race, as_of
+from pneugantry.engine.fitting.problem import Solution, prior, standing
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.selection.scouts import Scouts
 from pneugantry.engine.selection.screening import MANY, screen
+from pneugantry.engine.views.simulation import Point
 
 __all__ = ["parts", "plant"]
 
@@ -62,6 +65,49 @@ def test_a_scout_tells_what_a_view_gains(plant: Plant, parts: Path) -> None:
     assert gains["leak"] == 0  # the view of the speed does not read it
     assert gains["mass"] < fitter.rules.effect  # tolerance has it already
     assert gains["current_scale"] < 0.5 * gains["drag"]
+
+
+@pytest.mark.parametrize("short", [1e4, -500.0])
+def test_a_descent_that_does_not_come_near_what_is_ahead_is_given_up(
+    plant: Plant, parts: Path, short: float
+) -> None:
+    """short: by how much the least lies above the bar (a fit has `Rules.hopeless` to spare)."""
+    fitter = fitter_of(plant, parts, drag=40.0)
+    own, cells = fitter.coordinates.of(hypothesis("drag"), 1.0), tuple(fitter.simulation.cells)
+    known, point = prior(own), Point(own, np.full(len(own), 2.0), {})
+    problem = fitter.surveys.problem(cells, known)
+    start = Solution(point, fitter.simulation.residuals(point, cells), {})
+
+    def led(bar: float) -> tuple[float, float]:
+        before = fitter.simulation.evaluations
+        end = fitter.descents.jointly(start, known, cells, bar)
+        return standing(problem, end), fitter.simulation.evaluations - before
+
+    least, whole = led(math.inf)
+    raced, less = led(least - short)
+    fitter.close()
+    if short > 0:
+        assert raced > least + 100
+        assert less < 0.8 * whole
+    else:
+        assert (raced, less) == (least, whole)
+
+
+def test_a_rival_has_a_share_of_what_is_ahead_to_bring(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=40.0)
+    null = fitter.null()
+    ahead = fitter.explore(hypothesis("drag"), null)
+    own, known, cells = fitter.beside_base(hypothesis("mass"), null)
+    rivals = [as_of(f, own) for f in (null, ahead)]
+    none, half, all_ = (
+        fitter.bar(rivals, Race(ahead, worth), known, cells) for worth in (0.0, 0.5, 1.0)
+    )
+    fitter.close()
+    fall = none - all_
+    assert none - half == pytest.approx(fall / 2)
+    assert fall > 1000
+    again = fitter.bar(rivals[:1] * 2, Race(null, 1.0), known, cells)
+    assert again == pytest.approx(none)
 
 
 def test_what_is_settled_is_not_fitted_again(plant: Plant, parts: Path) -> None:

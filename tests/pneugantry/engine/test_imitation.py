@@ -139,7 +139,7 @@ def test_what_imitates_an_effect_is_weighed_beside_it(
     ways: dict[str, tuple[float, ...]], unknown: tuple[float, float]
 ) -> None:
     fitter, fit = curve_of(ways)
-    chances = Chances()
+    chances = Chances(imitated=0.04)
     found = [Evidence(fit, -300.0)]
     others, notes = imitators(fitter, found, chances)
     made = decide(found, Outstanding(0.0), chances, imitators=others)
