@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.calibration.weights import (
     FITTED,
     PARTS,
+    SHARES,
     Known,
     calibrated,
     error,
@@ -90,10 +92,10 @@ def _compared(cases: Sequence[Known], weights: Sequence[Chances]) -> None:
 
 
 def _weight(given: str) -> tuple[str, float]:
-    """Of NAME=VALUE. Raises ArgumentTypeError where that is none."""
+    """Of NAME=VALUE. Raises ArgumentTypeError where that is none, or beyond its bounds."""
     name, _, value = given.partition("=")
     try:
-        if name in FITTED:
+        if name in FITTED and 0 < float(value) < (1 if name in SHARES else math.inf):
             return name, float(value)
     except ValueError:
         pass

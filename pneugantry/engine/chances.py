@@ -13,7 +13,7 @@ UNEXPLAINED = 0.2
 
 @dataclass(frozen=True)
 class Chances:
-    """Weights of the decision; the defaults are those of decision 0105, fit your own plant's."""
+    """Weights of the decision; the defaults are those of decision 0105 where no other is named."""
 
     temper: float = 6.0  # -2 log evidence that makes a hypothesis e^(1/2) times less likely
     entry: float = 40.0  # -2 log evidence that an effect must bring to be as likely as none

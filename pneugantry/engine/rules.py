@@ -40,11 +40,11 @@ class Rules:
     stride: float = 0.3  # step of an effect's, in usual sizes
     converged: float = 2.0  # fall of -2 log posterior below which a fit has converged
     screened: int = 3  # effects that are fitted at each step, in each of two orders
-    hopeful: float = 0.3  # share of the best predicted gain from which on an effect is fitted
+    hopeful: float = 0.3  # share of the best gain from which on an effect is fitted (0176)
     hopeless: float = (
         500.0  # rise of -2 log likelihood that ends a fit and its surveys (0106, 0122)
     )
-    patience: float = 4.0  # falls like its last that a descent may be behind what is known (0120)
+    patience: float = 4.0  # falls like its last that a descent may be behind a bar (0120, 0176)
     reformed: int = 2  # effects that are then tried in their other forms
     entry: float = 10.0  # fall of -2 log evidence that is worth a step (field: very strong)
     effect: float = 22.0  # and that an effect must bring, beside what the catalogue's size costs

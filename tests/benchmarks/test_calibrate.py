@@ -43,7 +43,11 @@ def test_other_weights_are_held_against_the_present_ones(
     assert head.startswith(f"{PARTS} rigs")
     assert other.endswith("imitated 0.5")
     assert float(now.split()[0]) > float(other.split()[0])  # what it named was there
+
+
+@pytest.mark.parametrize("given", ["imitated", "imitated=1.5", "temper=0", "entry=nan", "age=3"])
+def test_what_is_no_weight_is_refused(given: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
-        main(["--with", "imitated", str(tmp_path)])
+        main(["--with", given, "."])
     assert stopped.value.code == 2
-    assert "imitated" in capsys.readouterr().err
+    assert f"'{given}': NAME=VALUE" in capsys.readouterr().err

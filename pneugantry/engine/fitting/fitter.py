@@ -220,26 +220,22 @@ class Fitter:
         ends = [solution] if after <= before else [best, solution]  # views may lead apart
         least = self._beside(base, base, known, cells) + self.rules.hopeless
         if min(before, after) < least:
-            bar = self.bar(rivals, race, known, cells)
+            bar = self.bar_of(race, base, own, known, cells)
             ends = [self.descents.jointly(s, known, cells, bar) for s in ends]
         solution = ends[0]
         if len(ends) > 1:
             solution = min(ends, key=lambda s: self._beside(s, base, known, cells))
         return self._finished(hypothesis, solution, known, base.scale, base)
 
-    def bar(
-        self,
-        rivals: Sequence[Solution],
-        race: Race | None,
-        known: Parabola,
-        cells: Sequence[Cell],
+    def bar_of(
+        self, race: Race | None, base: Fit, own: Point, known: Parabola, cells: Sequence[Cell]
     ) -> float:
-        """What a fit has to come below in some cells. rivals: base and what is ahead of it."""
+        """What a fit in some cells has to come below in a race (`standing`)."""
         if race is None:
             return math.inf
         problem = self.surveys.problem(cells, known)
-        base, ahead = (standing(problem, r) for r in rivals)
-        return base - race.worth * max(base - ahead, 0.0) + self.rules.hopeless
+        start, ahead = (standing(problem, as_of(f, own)) for f in (base, race.ahead))
+        return start - race.worth * max(start - ahead, 0.0) + self.rules.hopeless
 
     def firsts(
         self,

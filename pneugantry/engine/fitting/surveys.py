@@ -38,21 +38,23 @@ class End:
 
 
 class Pace:
-    """How a descent falls towards a bar."""
+    """How a descent falls towards a bar, by `standing`."""
 
-    def __init__(self, problem: Problem, bar: float, stuck: bool = False) -> None:
-        """stuck: a step that led nowhere counts as well, after which columns may be made anew."""
-        self.problem, self.bar, self.stuck = problem, bar, stuck
+    def __init__(self, problem: Problem, bar: float, own: bool = False) -> None:
+        """own: whether the descent goes by this measure. By another one a step may raise it, and
+        after one that led nowhere columns are made anew: neither tells then.
+        """
+        self.problem, self.bar, self.own = problem, bar, own
         self.last, self.over = math.inf, False
-        self.at: Point | None = None
 
     def behind(self, steps: int, solution: Solution) -> bool:
         """Whether it is farther above the bar than `patience` falls like its last."""
-        if self.bar == math.inf or (solution.point is self.at and not self.stuck):
+        if self.bar == math.inf:
             return False
-        before, self.last, self.at = self.last, standing(self.problem, solution), solution.point
-        fall = max(before - self.last, 0.0)
-        self.over = steps > 1 and self.last - self.bar > self.problem.rules.patience * fall
+        before, self.last = self.last, standing(self.problem, solution)
+        fall = before - self.last
+        if self.own or fall > 0:
+            self.over = steps > 1 and self.last - self.bar > self.problem.rules.patience * fall
         return self.over
 
 
@@ -101,7 +103,7 @@ class Surveys:
 
     def raced(self, problem: Problem, start: Solution, bar: float) -> Solution:
         """A view's descent by steps that look over events, given up where it is `behind`."""
-        pace = Pace(problem, bar, stuck=True)
+        pace = Pace(problem, bar, own=True)
         return descend(problem, start, None, ROUGH, pace.behind)
 
     def surveyed(

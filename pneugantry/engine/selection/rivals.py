@@ -38,7 +38,7 @@ def reformed(trail: Trail, best: Fit, effects: Sequence[Offer]) -> Fit:
             hypothesis = best.hypothesis.without(effect.key).plus(effect, other)
             if other is not form:  # tried before, too: from a worse optimum, that says little
                 tried.append((hypothesis, [best.values(None)]))
-    fits = explored(fitter, best, tried, best, worth=1.0)
+    fits = explored(fitter, best, tried, best)
     trail.tried += fits
     top = min((best, *fits), key=lambda f: f.evidence)
     return trail.polished(top) if best.evidence - top.evidence > fitter.rules.entry else best
@@ -48,10 +48,12 @@ def exchanged(trail: Trail, best: Fit) -> Fit:
     """With another effect in the place of one, or beside it, where that does better."""
     rivals = [*_rivals(trail, best), *_joined(trail, best), *_in_place(trail, best)]
     trail.tried += rivals
-    top = min((best, *rivals), key=lambda f: f.evidence)
-    same = top.hypothesis.forms == best.hypothesis.forms
-    least = trail.fitter.rules.entry if same else 0.0  # for the same again, a little better
-    return trail.replaced(best, top) if best.evidence - top.evidence > least else best
+    enough = best.evidence - trail.fitter.rules.entry  # for the same again, a little better
+    others = [
+        f for f in rivals if f.evidence < enough or f.hypothesis.forms != best.hypothesis.forms
+    ]
+    top = min((best, *others), key=lambda f: f.evidence)
+    return best if top is best else trail.replaced(best, top)
 
 
 def _rivals(trail: Trail, best: Fit) -> list[Fit]:
@@ -61,6 +63,7 @@ def _rivals(trail: Trail, best: Fit) -> list[Fit]:
     """
     fitter, known = trail.fitter, trail.known
     fits = _replacing(trail, best)
+    worth = 1.0 if len(best.keys) > 1 else None  # of one effect rivals are bases of other searches
     for effect, form in best.hypothesis.effects:
         rest = best.hypothesis.without(effect.key)
         base = trail.best_of(rest)
@@ -74,7 +77,7 @@ def _rivals(trail: Trail, best: Fit) -> list[Fit]:
         screened = screen(fitter, base, offers, {})
         chosen = predicted(fitter, screened, trail.bar, ("gain", "plain"))
         own = (effect.key, form.name)
-        fits += added(fitter, base, [c for c in chosen if form_of(c[0]) != own], best, worth=1.0)
+        fits += added(fitter, base, [c for c in chosen if form_of(c[0]) != own], best, worth)
     return fits
 
 
@@ -95,7 +98,7 @@ def _joined(trail: Trail, best: Fit) -> list[Fit]:
             if other.block == effect.block and other.key not in best.keys:
                 tried += [(h.plus(other, its), [rival.values(None)]) for h in own.values()]
     untried = [t for t in tried if t[0].forms not in trail.known]
-    fits = explored(fitter, best, untried, best, worth=1.0)
+    fits = explored(fitter, best, untried, best)
     return [f for f in fits if best.evidence - f.evidence > trail.bar]
 
 

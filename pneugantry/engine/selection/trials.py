@@ -118,8 +118,9 @@ def explored(
     worth: float | None = None,
 ) -> list[Fit]:
     """Hypotheses near a base, each from some starts, side by side. Where the best so far leaves
-    nothing to explain, other equations are surveyed only where they contend with it. ahead: that
-    one; worth: share of its gain with which a fit is of use (None: what is worth being fitted).
+    nothing to explain, other equations are surveyed only where they contend with it. ahead: the
+    best beside the base, if any; worth: share of its gain that a fit must have in sight (None:
+    `Rules.hopeful`).
     """
     if not tried:
         return []

@@ -5,15 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from test_search import CATALOGUE, effect, fitter_of, parts, plant
 
-from pneugantry.engine.fitting.fit import Race, as_of
+from pneugantry.engine.fitting.descents import Descents
+from pneugantry.engine.fitting.fit import Fit, Race, as_of
 from pneugantry.engine.fitting.problem import Solution, prior, standing
+from pneugantry.engine.fitting.surveys import Pace
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
+from pneugantry.engine.rules import Rules
+from pneugantry.engine.selection.rivals import exchanged
 from pneugantry.engine.selection.scouts import Scouts
 from pneugantry.engine.selection.screening import MANY, screen
 from pneugantry.engine.views.simulation import Point
@@ -93,21 +99,76 @@ def test_a_descent_that_does_not_come_near_what_is_ahead_is_given_up(
         assert (raced, less) == (least, whole)
 
 
-def test_a_rival_has_a_share_of_what_is_ahead_to_bring(plant: Plant, parts: Path) -> None:
+def test_a_rival_has_a_share_of_what_is_ahead_to_bring(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     fitter = fitter_of(plant, parts, drag=40.0)
     null = fitter.null()
     ahead = fitter.explore(hypothesis("drag"), null)
     own, known, cells = fitter.beside_base(hypothesis("mass"), null)
-    rivals = [as_of(f, own) for f in (null, ahead)]
-    none, half, all_ = (
-        fitter.bar(rivals, Race(ahead, worth), known, cells) for worth in (0.0, 0.5, 1.0)
-    )
+    problem = fitter.surveys.problem(cells, known)
+    start, end = (standing(problem, as_of(f, own)) for f in (null, ahead))
+
+    def bar(worth: float, than: Fit = ahead) -> float:
+        return fitter.bar_of(Race(than, worth), null, own, known, cells) - fitter.rules.hopeless
+
+    assert start > end + 1000
+    assert [bar(w) for w in (0.0, 0.5, 1.0)] == pytest.approx([start, (start + end) / 2, end])
+    assert bar(1.0, null) == pytest.approx(start)
+    bars, jointly = list[float](), Descents.jointly
+
+    def led(self: Descents, at: Solution, *args: Any) -> Solution:
+        bars.append(args[-1])
+        return jointly(self, at, *args)
+
+    monkeypatch.setattr(Descents, "jointly", led)
+    fitter.explore(hypothesis("mass"), null, race=Race(ahead, 0.5))
+    fitter.explore(hypothesis("mass"), null)
     fitter.close()
-    fall = none - all_
-    assert none - half == pytest.approx(fall / 2)
-    assert fall > 1000
-    again = fitter.bar(rivals[:1] * 2, Race(null, 1.0), known, cells)
-    assert again == pytest.approx(none)
+    assert set(bars) == {bar(0.5) + fitter.rules.hopeless, math.inf}
+
+
+def test_a_rise_by_another_measure_does_not_end_a_descent(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    point = Point((), np.zeros(0), {})
+    cells = tuple(fitter.simulation.cells)
+    problem = fitter.surveys.problem(cells, prior(()))
+    residuals = fitter.simulation.residuals(point, cells)
+    fitter.close()
+
+    def told(own: bool, sizes: tuple[float, ...]) -> list[bool]:
+        pace = Pace(problem, -math.inf, own)
+        ends = [Solution(point, {c: k * r for c, r in residuals.items()}, {}) for k in sizes]
+        return [pace.behind(i, end) for i, end in enumerate(ends)]
+
+    assert told(True, (9.0, 8.0, 8.0)) == [False, False, True]
+    assert told(False, (9.0, 8.0, 8.0, 8.1)) == [False] * 4
+    assert told(False, (9.0, 8.0, 7.0)) == [False, False, True]
+
+
+def test_the_same_effects_a_little_better_are_no_other_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nor do they hide another that is better by less."""
+
+    def fit(key: str, evidence: float) -> Any:
+        return SimpleNamespace(hypothesis=hypothesis(key), evidence=evidence)
+
+    best, again, other = fit("drag", 1000.0), fit("drag", 993.0), fit("mass", 994.0)
+    trail: Any = SimpleNamespace(
+        fitter=SimpleNamespace(rules=Rules()), tried=[], replaced=lambda old, new: new
+    )
+    for name in ("_rivals", "_joined", "_in_place"):
+        monkeypatch.setattr(f"pneugantry.engine.selection.rivals.{name}", lambda *args: [])
+
+    def answer(*found: Any) -> Any:
+        monkeypatch.setattr("pneugantry.engine.selection.rivals._rivals", lambda *args: found)
+        return exchanged(trail, best)
+
+    much = fit("drag", 980.0)
+    assert answer(again) is best
+    assert answer(again, other) is other
+    assert answer(again, other, much) is much
 
 
 def test_what_is_settled_is_not_fitted_again(plant: Plant, parts: Path) -> None:
