@@ -20,6 +20,7 @@ from pneugantry.engine.selection.screening import (
 )
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import (
+    Trial,
     added,
     best_fit,
     best_of_each,
@@ -65,11 +66,12 @@ def contending(
     all; it comes before other forms where nothing predicted gains, for they cost more. Where that
     leaves something as well, what is predicted from the nominal plant on, too, of which `far` is.
     """
-    rough = added(fitter, base, predicted(fitter, screened, bar, ("gain", "plain")), None)
+    foretold = predicted(fitter, screened, bar, ("gain", "plain"))
+    rough = added(fitter, base, [told_of(fitter, base, own) for own in foretold], None)
     rough += _unbent(fitter, base, rough)
     in_vain = all(f.evidence >= base.evidence for f in rough)
     if in_vain:
-        rough += _scouted(fitter, base, screened, rough, bar)
+        rough += _scouted(fitter, base, screened, rough, bar, sized=True)
     reformed = other_forms(fitter, base, rough)
     rough += reformed
     if spent(fitter) < 1:
@@ -89,10 +91,15 @@ def contending(
 
 
 def _scouted(
-    fitter: Fitter, base: Fit, screened: Sequence[Candidate], rough: Sequence[Fit], bar: float
+    fitter: Fitter,
+    base: Fit,
+    screened: Sequence[Candidate],
+    rough: Sequence[Fit],
+    bar: float,
+    sized: bool = False,
 ) -> list[Fit]:
     """Of what reads a view that stays open, whatever is predicted of it, what gains in that view by
-    itself.
+    itself. sized: from usual sizes, too, where nothing predicts one.
     """
     left = _open(fitter, base, rough, bar)
     known = {(e.key, form.name) for f in rough for e, form in f.hypothesis.effects[-1:]}
@@ -101,14 +108,16 @@ def _scouted(
         for c in screened
         if form_of(c) not in known and not fitter.coordinates.readers(c.form).isdisjoint(left)
     ]
-    scouts, worth = Scouts(fitter, base, left), []
+    scouts, worth = Scouts(fitter, base, left), list[Trial]()
     others = predicted(fitter, rest, bar, ("gain", "plain"), every=True)
     for at in range(0, len(others), SCOUTED):
         if spent(fitter) >= 1:
             break
-        few = others[at : at + SCOUTED]
-        gains = scouts.gains([told_of(fitter, base, own) for own in few])
-        worth += [own for own, gain in zip(few, gains, strict=True) if gain > bar]
+        told = [told_of(fitter, base, own) for own in others[at : at + SCOUTED]]
+        if sized:
+            told = [(h, s or usual(fitter, base, h.effects[-1][1])[:SIDES]) for h, s in told]
+        gains = scouts.gains(told)
+        worth += [trial for trial, gain in zip(told, gains, strict=True) if gain > bar]
     return added(fitter, base, worth, best_fit(rough))
 
 

@@ -18,6 +18,7 @@ from pneugantry.engine.selection.trials import (
     form_of,
     main_forms,
     predicted,
+    told_of,
     unbent_values,
     without,
 )
@@ -77,7 +78,8 @@ def _rivals(trail: Trail, best: Fit) -> list[Fit]:
         screened = screen(fitter, base, offers, {})
         chosen = predicted(fitter, screened, trail.bar, ("gain", "plain"))
         own = (effect.key, form.name)
-        fits += added(fitter, base, [c for c in chosen if form_of(c[0]) != own], best, worth)
+        told = [told_of(fitter, base, c) for c in chosen if form_of(c[0]) != own]
+        fits += added(fitter, base, told, best, worth)
     return fits
 
 

@@ -92,17 +92,15 @@ def without(fitter: Fitter, fit: Fit, keys: Sequence[str]) -> list[Fit]:
 def added(
     fitter: Fitter,
     base: Fit,
-    chosen: Sequence[Sequence[Candidate]],
+    tried: Sequence[Trial],
     ahead: Fit | None,
     worth: float | None = None,
 ) -> list[Fit]:
-    """Effects from the base, each from its candidates' starts, and from the others; those that keep
-    the base's equations first, for they tell how much the others are to gain. worth: as of
-    `explored`.
+    """Effects beside a base; those that keep its equations first, for they tell how much the others
+    are to gain. worth: as of `explored`.
     """
     made: list[Fit] = []
     settings = base.hypothesis.settings
-    tried = [told_of(fitter, base, own) for own in chosen]
     for keeps in (True, False):
         front = best_fit([*made, *([ahead] if ahead else [])])
         own = [t for t in tried if (t[0].settings == settings) is keeps]
@@ -136,9 +134,7 @@ def explored(
     return fitter.together(one, tried, [h for h, _ in tried])
 
 
-def told_of(
-    fitter: Fitter, base: Fit, own: Sequence[Candidate]
-) -> tuple[Hypothesis, list[Mapping[str, float]]]:
+def told_of(fitter: Fitter, base: Fit, own: Sequence[Candidate]) -> Trial:
     """A base with the effect of some candidates, and where it starts beside the base."""
     effect, form = own[0].effect, own[0].form
     candidates = [c.starts for c in own]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,13 +20,25 @@ from pneugantry.engine.hypotheses.hypothesis import Hypothesis, effect_coordinat
 from pneugantry.engine.plant import Array, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.selection import contenders
-from pneugantry.engine.selection.contenders import _open, _unbent, contending, finalists
+from pneugantry.engine.selection.contenders import (
+    _open,
+    _scouted,
+    _unbent,
+    contending,
+    finalists,
+)
 from pneugantry.engine.selection.excess import excess_of, floors_of, unexplained
 from pneugantry.engine.selection.rivals import _joined, _replacing, reformed
 from pneugantry.engine.selection.screening import Candidate, Memory, screen
 from pneugantry.engine.selection.search import resumed, search
 from pneugantry.engine.selection.trail import Trail
-from pneugantry.engine.selection.trials import main_forms, other_forms, spent, spent_in_all
+from pneugantry.engine.selection.trials import (
+    Trial,
+    main_forms,
+    other_forms,
+    spent,
+    spent_in_all,
+)
 from pneugantry.engine.views.build import build_views
 from pneugantry.engine.views.cuts import sharp_views
 from pneugantry.engine.views.simulation import Cell
@@ -268,7 +281,9 @@ def test_everything_else_is_looked_at_before_other_forms_of_what_gains_nothing(
     for name, letter in (("_scouted", "s"), ("other_forms", "f")):
         own = getattr(contenders, name)
         monkeypatch.setattr(
-            contenders, name, lambda *args, o=own, x=letter: (done.append(x), o(*args))[1]
+            contenders,
+            name,
+            lambda *args, o=own, x=letter, **more: (done.append(x), o(*args, **more))[1],
         )
     forms = main_forms(fitter, list(CATALOGUE.values()))
     told = [Candidate(e, f, {}, *(2 * [100.0 * (e.key == predicted)])) for e, f in forms]
@@ -276,6 +291,40 @@ def test_everything_else_is_looked_at_before_other_forms_of_what_gains_nothing(
     fitter.close()
     assert "".join(done)[:2] == order
     assert min(fits, key=lambda f: f.evidence).keys == ("drag",)
+
+
+def test_what_nothing_predicts_is_looked_at_from_its_usual_sizes(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """About the base a slope may say nothing: the view by itself then stays where it is."""
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, own = fitter.null(), CATALOGUE["drag"]
+    gains, seen = contenders.Scouts.gains, list[tuple[int, float]]()
+
+    def looked(self: contenders.Scouts, tried: Sequence[Trial]) -> list[float]:
+        found = gains(self, tried)
+        seen.extend((len(starts), gain) for (_, starts), gain in zip(tried, found, strict=True))
+        return found
+
+    monkeypatch.setattr(contenders.Scouts, "gains", looked)
+    monkeypatch.setattr(fitter, "firsts", _without_slopes(fitter.firsts))
+    fits = _scouted(fitter, null, [Candidate(own, own.forms[0], {}, 0.0, 0.0)], [], 30.0, True)
+    fitter.close()
+    assert [n for n, _ in seen] == [2]
+    assert seen[0][1] > 30.0
+    assert [f.keys for f in fits] == [("drag",)]
+
+
+def _without_slopes(firsts: Callable[..., list[Solution]]) -> Callable[..., list[Solution]]:
+    """Where a hypothesis starts, the base without columns of the effect."""
+
+    def made(*args: Any) -> list[Solution]:
+        found = firsts(*args)
+        names = {c.name for c in found[0].point.coordinates if c.effect}
+        bare = {k: c * (k[1] not in names) for k, c in found[0].columns.items()}
+        return [replace(found[0], columns=bare), *found[1:]]
+
+    return made
 
 
 @pytest.mark.parametrize("left", [[], ["v"]])
