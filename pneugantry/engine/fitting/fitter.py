@@ -46,11 +46,9 @@ from pneugantry.engine.views.view import View
 
 __all__ = ["FRESH", "Fitter"]
 
-DAMPED = (0.0, 1e-3, 1e-2, 0.1, 1.0)  # steps to the least of the views' parabolas that are tried
 FRESH = 2  # times as large is a survey where other equations hold: nothing is known of their optima
 FIRSTS = 3  # of many starts those from which a hypothesis is fitted near a base, it included
 SIDES = 2  # of many starts those from which an effect is sized
-SIZED = 4  # steps of an effect's size alone, at most
 LEGS = 2  # descents from afar, each from the end of the one before, undamped
 FAR_OFF = 3.0  # spreads of the rig's tolerance from which on a deviation is much
 OTHER = 0.05  # change of the logarithm of a rig's tolerance from which on it is another

@@ -102,7 +102,7 @@ class Surveys:
         return found
 
     def raced(self, problem: Problem, start: Solution, bar: float) -> Solution:
-        """A view's descent by steps that look over events, given up where it is `behind`."""
+        """A view's descent by steps that look over events, given up where it is behind (`Pace`)."""
         pace = Pace(problem, bar, own=True)
         return descend(problem, start, None, ROUGH, pace.behind)
 
