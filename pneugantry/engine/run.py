@@ -23,6 +23,7 @@ from pneugantry.engine.answer.evidence import (
 )
 from pneugantry.engine.answer.imitation import imitators
 from pneugantry.engine.answer.location import where
+from pneugantry.engine.answer.predict import Unseen
 from pneugantry.engine.answer.result import Diagnosis, answer_set, causes_of
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
@@ -72,6 +73,7 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
     """Diagnoses the records of a task. say: told the name of each stage as it begins."""
     clock = _Clock()
     fitter = Fitter(task.plant, task.views, task.data.fitted, rules)
+    unseen = Unseen(fitter, task.views, task.data.unseen)
     try:
         say("tolerance")
         null = fitter.null()
@@ -79,36 +81,37 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
         say("search")
         found = search(fitter, null, task.catalogue)
         clock.lap("search")
-        evidence, confirmed = _judged(fitter, task, found, clock, say)
+        evidence, confirmed = _judged(fitter, task, unseen, found, clock, say)
         if confirmed.lost and task.data.held_out:
             say("search again")
             further = resumed(fitter, found, task.catalogue)
             clock.lap("search")
             if further is not found:
                 found = further
-                evidence, confirmed = _judged(fitter, task, found, clock, say)
+                evidence, confirmed = _judged(fitter, task, unseen, found, clock, say)
         if confirmed.lost and (more := vouched(fitter, task, found, evidence, confirmed.pair)):
             evidence = [*evidence, *more]
             confirmed = confirm(fitter, task, found.null, likeliest(evidence, task))
         best = likeliest(evidence, task)
-        left = left_by(fitter, task, best)
+        left = left_by(fitter, unseen, best)
         stood = left_in_views(fitter, found.null) if best.keys else left[0]
         if more := settled(fitter, task, found, evidence, left[0], stood):
             evidence = [*evidence, *more]
             best = likeliest(evidence, task)
             confirmed = confirm(fitter, task, found.null, best)
-            left = left_by(fitter, task, best)
+            left = left_by(fitter, unseen, best)
         return _answer(fitter, task, found, _Judged(tuple(evidence), confirmed, left, stood), clock)
     finally:
+        unseen.close()
         fitter.close()
 
 
 def _judged(
-    fitter: Fitter, task: Task, found: Search, clock: _Clock, say: Say
+    fitter: Fitter, task: Task, unseen: Unseen, found: Search, clock: _Clock, say: Say
 ) -> tuple[list[Evidence], Confirmed]:
     """What a search has found, beside the record that no fit saw."""
     say("held-out record")
-    evidence = evidence_of(fitter, task, found)
+    evidence = evidence_of(fitter, task, unseen, found)
     clock.lap("held-out record")
     say("confirmation")
     confirmed = confirm(fitter, task, found.null, likeliest(evidence, task))

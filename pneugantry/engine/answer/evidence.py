@@ -15,7 +15,7 @@ from pneugantry.engine.answer.decide import (
     outstanding,
     stands_out,
 )
-from pneugantry.engine.answer.predict import Predictor
+from pneugantry.engine.answer.predict import Unseen
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
@@ -31,7 +31,7 @@ RIVALS = 4  # likeliest hypotheses that are also judged by the record that no fi
 AS_WELL = 2.0  # times the gap of an answer's replay before it left a record, of one that keeps it
 
 
-def evidence_of(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
+def evidence_of(fitter: Fitter, task: Task, unseen: Unseen, found: Search) -> list[Evidence]:
     """All that was tried; the likeliest few with what the held-out record says of them, beside the
     nuisances alone, the others with what it says of the most that they contain.
 
@@ -41,11 +41,11 @@ def evidence_of(fitter: Fitter, task: Task, found: Search) -> list[Evidence]:
     """
     temper = task.chances.temper
     fits = _compared(fitter, (*found.tried, found.null, found.best), temper)
-    costs = _judged(fitter, task, fits, found.null)
+    costs = _judged(fitter, task, unseen, fits, found.null)
     for fewer, more in _turned(_costs(fits, fitter.rules, temper), costs):
         (gone,) = set(more) - set(fewer)
         other = fitter.again(fitter.explore(fits[more].hypothesis.without(gone), fits[more]))
-        tried = _judged(fitter, task, {**fits, fewer: other}, found.null)
+        tried = _judged(fitter, task, unseen, {**fits, fewer: other}, found.null)
         if tried[fewer] < costs[fewer]:
             fits, costs = {**fits, fewer: other}, tried
     return [Evidence(fit, costs[k]) for k, fit in fits.items() if _bring(k, costs)]
@@ -84,14 +84,16 @@ def _rivals(costs: Mapping[Keys, float], rules: Rules) -> list[Keys]:
     return [k for k in ranked if costs[k] < costs[ranked[0]] + rules.hopeless]
 
 
-def _judged(fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit) -> dict[Keys, float]:
+def _judged(
+    fitter: Fitter, task: Task, unseen: Unseen, fits: Mapping[Keys, Fit], null: Fit
+) -> dict[Keys, float]:
     """Costs of fits, with what records say of them that none has seen: of the likeliest, but for
     what is hopelessly far behind.
     """
     costs = before = _costs(fits, fitter.rules, task.chances.temper)
     judged: dict[Keys, float] = {(): 0.0}
     while new := [k for k in _rivals(costs, fitter.rules) if k not in judged]:
-        judged = _predicted_better(fitter, task, {k: fits[k] for k in (*judged, *new)}, null)
+        judged = _predicted_better(unseen, {k: fits[k] for k in (*judged, *new)}, null)
         costs = {k: before[k] - judged[_most(k, judged)] for k in before}
     return costs
 
@@ -105,21 +107,11 @@ def _turned(before: Mapping[Keys, float], after: Mapping[Keys, float]) -> list[t
     return [(k, more) for k in fewer if k and before[k] < before[more]]
 
 
-def _predicted_better(
-    fitter: Fitter, task: Task, fits: Mapping[Keys, Fit], null: Fit
-) -> dict[Keys, float]:
+def _predicted_better(unseen: Unseen, fits: Mapping[Keys, Fit], null: Fit) -> dict[Keys, float]:
     """How much better each fit predicts the records that none saw than the nuisances alone."""
-    found = dict.fromkeys(fits, 0.0)
     own = sorted((k for k in fits if k), key=lambda k: fits[k].evidence)
-    for held in task.data.unseen if own else ():
-        predictor = Predictor(fitter, task.views, held)
-        try:
-            gains = predictor.gains([fits[k] for k in own], null)
-        finally:
-            predictor.close()
-        for k, gain in zip(own, gains, strict=True):
-            found[k] += gain
-    return found
+    gains = unseen.gains([fits[k] for k in own], null)
+    return dict.fromkeys(fits, 0.0) | dict(zip(own, gains, strict=True))
 
 
 def _most(keys: Keys, judged: Collection[Keys]) -> Keys:
@@ -191,16 +183,10 @@ def left_in_views(fitter: Fitter, fit: Fit) -> Excess:
     return excess_of(fitter, fit, floors_of(fitter, fit))
 
 
-def left_by(fitter: Fitter, task: Task, fit: Fit) -> tuple[Excess, ...]:
+def left_by(fitter: Fitter, unseen: Unseen, fit: Fit) -> tuple[Excess, ...]:
     """What a fit leaves in the views: of the records that were fitted, then of each other one."""
-    found = [left_in_views(fitter, fit)]
-    for record in task.data.unseen:
-        predictor = Predictor(fitter, task.views, record)
-        try:
-            found.append(predictor.excess(fit, found[0].level))
-        finally:
-            predictor.close()
-    return tuple(found)
+    here = left_in_views(fitter, fit)
+    return here, *unseen.excesses(fit, here.level)
 
 
 def settled(

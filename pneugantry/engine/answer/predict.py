@@ -31,7 +31,7 @@ from pneugantry.engine.selection.excess import Excess, excess_of, floors_of
 from pneugantry.engine.views.simulation import Cell, Point
 from pneugantry.engine.views.view import View
 
-__all__ = ["Prediction", "PredictiveScore", "Predictor"]
+__all__ = ["Prediction", "PredictiveScore", "Predictor", "Unseen"]
 
 WIDER = tuple(float(w) for w in 10 ** (np.arange(7) / 2))  # times a fit's covariance
 WIDENED = 4  # at most
@@ -78,8 +78,8 @@ class Prediction:
 
 
 class Predictor:
-    """One record beside fits to others. plain: under noise of the sensors' own colour, not of what
-    the first of them leaves.
+    """One record beside fits to others. It keeps what it has found of each fit, for who is compared
+    changes. plain: under noise of the sensors' own colour, not of what the first of them leaves.
     """
 
     def __init__(
@@ -87,6 +87,8 @@ class Predictor:
     ) -> None:
         self.fitter = Fitter(fitter.plant, views, (record,), fitter.rules)
         self.plain = plain
+        self._began: dict[Fit, tuple[Solution, Solution]] = {}
+        self._narrow: dict[tuple[Fit, Fit], Prediction] = {}  # by a fit, and who leaves the noise
 
     def close(self) -> None:
         self.fitter.close()
@@ -124,11 +126,16 @@ class Predictor:
         """Each fit's, equally wide, under the noise that the first leaves, if not another one."""
         self.fitter.prepare([f.hypothesis for f in fits])
         together = self.fitter.simulation.side_by_side
-        starts = together(self._starts, fits)
-        noise_of = self.fitter.noise.plain if self.plain else self.fitter.noise.coloured
-        of_views = of_views or noise_of(starts[0][1].residuals)
-        told = [*zip(fits, starts, strict=True)]
-        found = together(lambda each: self._predicted(each[0], 1.0, each[1], of_views), told)
+        new = [f for f in fits if f not in self._began]
+        self._began |= zip(new, together(self._starts, new), strict=True)
+        narrow = self._narrow if of_views is None else {}
+        if of_views is None:
+            noise_of = self.fitter.noise.plain if self.plain else self.fitter.noise.coloured
+            of_views = noise_of(self._began[fits[0]][1].residuals)
+        narrowly = partial(self._predicted, 1.0, of_views)
+        new = [f for f in fits if (f, fits[0]) not in narrow]
+        narrow |= {(f, fits[0]): p for f, p in zip(new, together(narrowly, new), strict=True)}
+        found = [narrow[f, fits[0]] for f in fits]
         for _ in range(WIDENED):
             hoped = {w: min(self._on_paper(f, w) for f in found) for w in WIDER}
             wider, least = min(hoped, key=lambda w: hoped[w]), min(f.cost for f in found)
@@ -149,8 +156,9 @@ class Predictor:
         return start, descend(Problem(sim, rules, cells, known), start, None, ROUGH)
 
     def _predicted(
-        self, fit: Fit, wider: float, starts: Sequence[Solution], of_views: Noise
+        self, wider: float, of_views: Noise, fit: Fit, starts: Sequence[Solution] = ()
     ) -> Prediction:
+        """starts: where its descents begin, if not where the fit has them."""
         sim, rules = self.fitter.simulation, self.fitter.rules
         _, known = self._known(fit, wider)
         problem, weighing = Problem(sim, rules, tuple(sim.cells), known), Weighing(of_views, rules)
@@ -158,7 +166,8 @@ class Predictor:
         def misfit(s: Solution) -> float:
             return sum(weighing.costs(s.residuals).values())
 
-        ends = [descend(problem, s, of_views, rules.converged) for s in starts]
+        begun = starts or self._began[fit]
+        ends = [descend(problem, s, of_views, rules.converged) for s in begun]
         end = min(ends, key=lambda s: misfit(s) + known.cost(s.point.theta))
         normal, gradient = weighing.normal(end.point, end.residuals, end.columns)
         price = _price(end.point.theta, known, normal)
@@ -166,7 +175,7 @@ class Predictor:
 
     def _wider(self, wider: float, of_views: Noise, found: Prediction) -> Prediction:
         """The same with another width, from where it ended."""
-        return self._predicted(found.fit, wider, [found.solution], of_views)
+        return self._predicted(wider, of_views, found.fit, [found.solution])
 
     def _on_paper(self, found: Prediction, wider: float) -> float:
         """What it costs with another width, were it as straight as its columns."""
@@ -199,6 +208,26 @@ class Predictor:
         left = found.solution.residuals
         by_stretch = {c: self.fitter.noise.stretches(c, r, of_views[c]) for c, r in left.items()}
         return PredictiveScore(found.price, by_stretch, {c: r.size for c, r in left.items()})
+
+
+class Unseen:
+    """All records that no fit saw."""
+
+    def __init__(self, fitter: Fitter, views: Sequence[View], records: Sequence[Record]) -> None:
+        self._predictors = tuple(Predictor(fitter, views, record) for record in records)
+
+    def close(self) -> None:
+        for predictor in self._predictors:
+            predictor.close()
+
+    def gains(self, fits: Sequence[Fit], base: Fit) -> list[float]:
+        """As of `Predictor`, summed over the records."""
+        each = [p.gains(fits, base) for p in self._predictors if fits]
+        return [sum(own) for own in zip(*each, strict=True)] if each else [0.0 for _ in fits]
+
+    def excesses(self, fit: Fit, level: float) -> list[Excess]:
+        """As of `Predictor`, of each record."""
+        return [p.excess(fit, level) for p in self._predictors]
 
 
 def _price(theta: Array, known: Parabola, normal: Array) -> float:

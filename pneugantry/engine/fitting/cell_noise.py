@@ -13,7 +13,7 @@ import numpy as np
 from pneugantry.engine.fitting import noise
 from pneugantry.engine.fitting.noise import Noise, Whitener
 from pneugantry.engine.fitting.weighing import FAILED
-from pneugantry.engine.plant import Array, Plant
+from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Residuals, Simulation
@@ -22,6 +22,7 @@ from pneugantry.engine.views.synthetic import changes_of, noisy
 __all__ = ["CellNoise"]
 
 KEPT = 256  # residuals of cells whose colour is kept
+DRAWN = 64  # records with one more draw of noise that are kept
 
 
 class CellNoise:
@@ -34,6 +35,7 @@ class CellNoise:
         self._floors: dict[Cell, tuple[Whitener, ...]] = {}
         self._erring = {cell: self._quoted_errors(cell) for cell in simulation.cells}
         self._colours: Recent[tuple[Array, tuple[Whitener, ...]]] = Recent(KEPT)  # by array
+        self._drawn: Recent[Record] = Recent(DRAWN)
 
     def quoted(self) -> dict[str, tuple[Whitener, ...]]:
         """White noise as the sensors are said to have, with the quoted errors of a right model."""
@@ -71,12 +73,20 @@ class CellNoise:
         if cell not in self._floors:
             view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
             values: dict[str, float] = dict(record.parameters)
-            changes = changes_of(view, record, [noisy(self.plant, record)], values)
+            changes = changes_of(view, record, [self.noisier(cell[1])], values)
             self._floors[cell] = tuple(
                 known or noise.pure([c[:, i] for c in changes], sigma)
                 for i, (sigma, known) in enumerate(zip(view.sigmas, self.erring(cell), strict=True))
             )
         return self._floors[cell]
+
+    def noisier(self, record: str, draw: str = "") -> Record:
+        """A record with one more draw of its sensors' quoted noise: the same whenever it is asked
+        for, so that views read it once.
+        """
+        own = self.simulation.records[record]
+        named = replace(own, name=own.name + draw)
+        return self._drawn.of((record, draw), lambda: noisy(self.plant, named))
 
     def erring(self, cell: Cell) -> tuple[Whitener | None, ...]:
         """Of each signal of a cell's view: noise with the quoted error of a right model; None where

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -61,7 +62,7 @@ class Fit:
     def keys(self) -> tuple[str, ...]:
         return self.hypothesis.keys
 
-    @property
+    @cached_property
     def evidence(self) -> float:
         """-2 log evidence; smaller is better."""
         return sum(float(s.sum()) for s in self.stretches.values()) + self.cost

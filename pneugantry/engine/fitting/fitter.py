@@ -40,6 +40,7 @@ from pneugantry.engine.hypotheses.hypothesis import (
     Hypothesis,
 )
 from pneugantry.engine.plant import Plant, Record
+from pneugantry.engine.recent import Recent
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Point, Simulation
 from pneugantry.engine.views.view import View
@@ -51,6 +52,7 @@ FIRSTS = 3  # of many starts those from which a hypothesis is fitted near a base
 SIDES = 2  # of many starts those from which an effect is sized
 LEGS = 2  # descents from afar, each from the end of the one before, undamped
 FAR_OFF = 3.0  # spreads of the rig's tolerance from which on a deviation is much
+OPEN = 16  # fits of which is kept what they leave
 OTHER = 0.05  # change of the logarithm of a rig's tolerance from which on it is another
 T = TypeVar("T")
 Found = TypeVar("Found")
@@ -75,6 +77,7 @@ class Fitter:
         self.surveys = Surveys(self.simulation, self.noise, rules)
         self.descents = Descents(self.simulation, self.noise, self.surveys, rules)
         self.since = 0.0  # evaluations that the effects took which have been found
+        self.left_open: Recent[list[str]] = Recent(OPEN)  # by fit, views (`selection.excess`)
 
     def close(self) -> None:
         self.simulation.close()

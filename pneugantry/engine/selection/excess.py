@@ -9,17 +9,17 @@ that the model lacks.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.noise import LONGEST, NOISIEST, Whitener, drifting, spread
-from pneugantry.engine.plant import Array, Plant, Record
+from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.threads import on_threads
 from pneugantry.engine.views.simulation import Cell
-from pneugantry.engine.views.synthetic import changes_of, noisy
+from pneugantry.engine.views.synthetic import changes_of
 
 __all__ = ["Channel", "Excess", "Floors", "excess_of", "floors_of", "unexplained"]
 
@@ -53,6 +53,10 @@ def unexplained(fitter: Fitter, fit: Fit) -> list[str]:
     """Views in which a fit leaves what would be called unknown, were it all: what stands out as the
     excess of an answer does, or stays down only because the fit has bent a parameter far.
     """
+    return list(fitter.left_open.of(fit, lambda: _unexplained(fitter, fit)))
+
+
+def _unexplained(fitter: Fitter, fit: Fit) -> list[str]:
     loud, bent = fitter.loud(fit), fitter.bent(fit)
     others = [v for v in loud if v not in bent]
     if not others:
@@ -64,15 +68,13 @@ def unexplained(fitter: Fitter, fit: Fit) -> list[str]:
 
 def floors_of(fitter: Fitter, fit: Fit, views: Collection[str] | None = None) -> Floors:
     """Colour and size of the quoted noise in each view and record; views: in these alone."""
-    records = fitter.simulation.records
-    drawn = {n: [_drawn(fitter.plant, r, k) for k in range(DRAWS)] for n, r in records.items()}
     cells = [c for c in fitter.simulation.cells if views is None or c[0] in views]
-    made = on_threads(lambda c: _floors_in(fitter, fit, c, drawn[c[1]]), cells)
+
+    def drawn(record: str) -> list[Record]:
+        return [fitter.noise.noisier(record, f", draw {k}") for k in range(DRAWS)]
+
+    made = on_threads(lambda c: _floors_in(fitter, fit, c, drawn(c[1])), cells)
     return {key: floor for own in made for key, floor in own.items()}
-
-
-def _drawn(plant: Plant, record: Record, number: int) -> Record:
-    return noisy(plant, replace(record, name=f"{record.name}, draw {number}"))
 
 
 def _floors_in(fitter: Fitter, fit: Fit, cell: Cell, others: Sequence[Record]) -> Floors:

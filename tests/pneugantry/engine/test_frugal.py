@@ -19,6 +19,7 @@ from pneugantry.engine.fitting.surveys import Pace
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.rivals import exchanged
 from pneugantry.engine.selection.scouts import Scouts
 from pneugantry.engine.selection.screening import MANY, screen
@@ -226,3 +227,20 @@ def test_of_very_many_starts_few_are_simulated_in_every_record(plant: Plant, par
     assert kept
     assert min(kept) > 0  # towards the rig's
     assert spent < (len(starts) / 2 + 2 * MANY) * each  # one record of two tells which go on
+
+
+def test_what_a_fit_leaves_is_found_once(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor is a record's noise drawn again for each fit."""
+    fitter, done = fitter_of(plant, parts, drag=2.0), list[Fit]()
+    null, own = fitter.null(), fitter.loud
+    monkeypatch.setattr(fitter, "loud", lambda fit: (done.append(fit), own(fit))[1])
+    other = replace(null, settled=True)
+    told = [unexplained(fitter, fit) for fit in (null, null, other)]
+    name = next(iter(fitter.simulation.records))
+    assert fitter.noise.noisier(name) is fitter.noise.noisier(name)
+    assert fitter.noise.noisier(name, ", draw 0") is not fitter.noise.noisier(name)
+    fitter.close()
+    assert told == 3 * [["v"]]
+    assert done == [null, other]

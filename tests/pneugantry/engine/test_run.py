@@ -24,7 +24,7 @@ from pneugantry.engine.answer.evidence import (
     settled,
     vouched,
 )
-from pneugantry.engine.answer.predict import Predictor
+from pneugantry.engine.answer.predict import Predictor, Unseen
 from pneugantry.engine.answer.result import to_json
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.autoregression import quoted
@@ -101,6 +101,31 @@ def test_a_record_that_no_fit_saw_speaks_for_the_effect_that_is_there(
     fitter.close()
     assert gains["drag"] > 5
     assert gains["current_bias"] < 2
+
+
+def test_what_a_record_says_of_a_fit_is_found_once(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever it is compared with."""
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, begun = fitter.null(), list[Fit]()
+    drag, leak = (
+        fitter.explore(null.hypothesis.plus(e, e.forms[0]), null)
+        for e in (CATALOGUE["drag"], CATALOGUE["leak"])
+    )
+    views, held = list(fitter.simulation.views.values()), record("held", 3, drag=2.0)
+    kept, afresh = (Unseen(fitter, views, (held,)) for _ in range(2))
+    own = Predictor._starts
+    monkeypatch.setattr(Predictor, "_starts", lambda p, fit: (begun.append(fit), own(p, fit))[1])
+    first, both = kept.gains([drag], null), kept.gains([drag, leak], null)
+    assert begun == [null, drag, leak]
+    assert afresh.gains([drag, leak], null) == pytest.approx(both, abs=1e-6)
+    assert both[0] == pytest.approx(first[0], abs=1.0)
+    assert kept.excesses(drag, 1.0)[0].level == 1.0
+    assert begun == [null, drag, leak, null, drag, leak]
+    for unseen in (kept, afresh):
+        unseen.close()
+    fitter.close()
 
 
 def test_what_is_too_sure_of_itself_foretells_as_widely_as_the_best_of_all(
@@ -241,7 +266,9 @@ def test_what_a_held_out_record_turns_round_is_fitted_again_from_there(
     wrong = replace(right, point=right.point.moved(theta), settled=False)
     data = Data(tuple(fitter.simulation.records.values()), record("held", 3, drag=2.0))
     task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
-    found = evidence_of(fitter, task, Search(null, wrong, (), (wrong, pair)))
+    unseen = Unseen(fitter, task.views, data.unseen)
+    found = evidence_of(fitter, task, unseen, Search(null, wrong, (), (wrong, pair)))
+    unseen.close()
     fitter.close()
     costs = {e.fit.keys: e.cost for e in found}
     own = next(e.fit for e in found if e.fit.keys == ("drag",))
@@ -418,7 +445,7 @@ def test_what_is_doubted_counts_where_it_explains_all_that_stands_out(
     data = Data(tuple(fitter.simulation.records.values()), None)
     task = Task(plant, list(fitter.simulation.views.values()), data, known, parts)
     found = search(fitter, fitter.null(), known)
-    left = left_by(fitter, task, found.null)[0]
+    left = left_by(fitter, Unseen(fitter, task.views, data.unseen), found.null)[0]
     stood = left_in_views(fitter, found.null)
     kept = settled(fitter, task, found, [Evidence(found.null, 0.0)], left, stood)
     assert [e.fit.keys for e in kept] == ([("drag",)] if explained else [])
@@ -430,7 +457,7 @@ def test_nothing_doubted_counts_where_nothing_stands_out(plant: Plant, parts: Pa
     data = Data(tuple(fitter.simulation.records.values()), None)
     task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
     found = search(fitter, fitter.null(), CATALOGUE)
-    left = left_by(fitter, task, found.best)[0]
+    left = left_by(fitter, Unseen(fitter, task.views, data.unseen), found.best)[0]
     stood = left_in_views(fitter, found.null)
     assert settled(fitter, task, found, [Evidence(found.best, 0.0)], left, stood) == []
 
