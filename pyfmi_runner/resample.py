@@ -14,6 +14,8 @@ __all__ = ["even_stamps", "is_regular", "on_grid", "resampled"]
 
 Array = NDArray[np.float64]
 HELD = ("u_x", "u_z", "f_nd", "v_td", "phase")  # act until the next one
+LABELS = frozenset({"phase"})  # numbers that stand for something, of which there is no mean
+INSTANT = 1e-9  # s, within which a sample counts as at a row
 UNEVEN = 0.5  # of a period: stamps within it count as the rows of a 1 kHz log
 GAP_ROWS = 5.0  # typical steps, and
 GAP = 0.02  # s, from which on rows are missing rather than late
@@ -34,9 +36,9 @@ def even_stamps(rows: int, rate: float) -> Array:
 def resampled(columns: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     """Columns at 1 kHz from `time` [s] on, and a sentence that says how.
 
-    Commands and wanted values hold until the next one; sensors run on straight lines between
-    samples, or are averaged over a millisecond where there are more. Raises InputError for stamps
-    that do not increase and for gaps.
+    Commands and wanted values hold until the next one, a row in which one changes has its mean;
+    sensors run on straight lines between samples, or are averaged over a millisecond where there
+    are more. Raises InputError for stamps that do not increase and for gaps.
     """
     return on_grid(columns, PERIOD, HELD)
 
@@ -53,12 +55,11 @@ def on_grid(
     grid = time[0] + np.arange(rows) * period
     fine = typical < 0.75 * period
     result: dict[str, Array] = {"time": np.round(grid, 9)}
-    latest = np.clip(np.searchsorted(time, grid + 1e-9, side="right") - 1, 0, len(time) - 1)
     for name, values in columns.items():
         if name == "time":
             continue
         if name in held:
-            result[name] = values[latest]
+            result[name] = _acting(time, values, grid, period, name in LABELS)
         else:
             straight = np.interp(grid, time, values)
             result[name] = _averaged(time, values, grid, period) if fine else straight
@@ -68,8 +69,9 @@ def on_grid(
     uneven = float(np.max(np.abs(steps / typical - 1.0)))
     stamps = f", stamps uneven by up to {100 * uneven:.0f} %" if uneven > 0.05 else ""
     return result, (
-        f"recorded at {1 / typical:.4g} Hz{stamps}: resampled to {rate}, commands held, sensors "
-        f"{how}; their noise is then smaller than 1 sigma, so that a gap below 1 is possible"
+        f"recorded at {1 / typical:.4g} Hz{stamps}: resampled to {rate}, commands held, one that "
+        f"changes within a row as its mean, sensors {how}; their noise is then smaller than 1 "
+        "sigma, so that a gap below 1 is possible"
     )
 
 
@@ -89,6 +91,28 @@ def _check(time: Array, steps: Array) -> None:
             field="time",
             hint="cut the log there, or fill the missing rows",
         )
+
+
+def _acting(time: Array, values: Array, grid: Array, period: float, label: bool) -> Array:
+    """What acts until the next sample, over each row. Where it changes on the way its mean: taken
+    as it is at the row, it would be late by half a row. A switch and a label have no mean.
+    """
+
+    def latest(at: Array) -> NDArray[np.intp]:
+        return np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
+
+    first = latest(grid + INSTANT)
+    held = values[first]
+    if label or np.isin(values, (0.0, 1.0)).all():
+        return held
+    summed = np.append(0.0, np.cumsum(values[:-1] * np.diff(time)))
+
+    def integral(to: Array) -> Array:
+        own = latest(to)
+        return np.asarray(summed[own] + values[own] * (to - time[own]))
+
+    means = (integral(grid + period) - integral(grid)) / period
+    return np.where(latest(grid + period - INSTANT) > first, means, held)
 
 
 def _averaged(time: Array, values: Array, grid: Array, period: float) -> Array:

@@ -161,6 +161,23 @@ def test_uneven_stamps_and_faster_logs() -> None:
     assert "averaged over each millisecond" in said
 
 
+def test_a_command_that_changes_within_a_row_acts_for_the_rest_of_it() -> None:
+    """Between rows its integral is that of what was commanded, neither late nor early."""
+    rng = np.random.default_rng(1)
+    time = np.append(0.0, np.sort(rng.uniform(0.0, 2.0, 1400)))
+    stamps = {"time": time, "x": 0.0 * time}
+    command, switch = np.round(5 * np.sin(9 * time), 1), (time > 1.0).astype(float)
+    columns, said = resampled({**stamps, "u_x": command, "u_z": switch, "phase": 2 * switch})
+    steps = np.diff(time, append=columns["time"][-1] + 1e-3)
+    assert columns["u_x"].sum() * 1e-3 == pytest.approx(command @ steps, abs=1e-9)
+    own = np.searchsorted(time, columns["time"] + 1e-9, side="right") - 1
+    unchanged = own[:-1] == own[1:]
+    np.testing.assert_array_equal(columns["u_x"][:-1][unchanged], command[own[:-1]][unchanged])
+    assert set(np.unique(columns["u_z"])) == {0.0, 1.0}
+    assert set(np.unique(columns["phase"])) == {0.0, 2.0}
+    assert "changes within a row" in said
+
+
 @pytest.mark.parametrize(
     ("time", "words"),
     [

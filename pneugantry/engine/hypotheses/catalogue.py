@@ -14,8 +14,9 @@ file.
 
 A parameter has: neutral = 0.0 (value without the effect; relative = true: the nominal value, which
 is not 0), scale (a usual size), low, high, unit, starts = [..] (further starting values), positive
-= true (fitted as its logarithm: neutral or nominal value > 0), step = 0.001 (values so far apart
-are optima of their own, as of a delay that a sampled controller sees in whole periods).
+= true (fitted as its logarithm: neutral or nominal value > 0; a usual size off is a factor of
+exp(scale/neutral)), step = 0.001 (values so far apart are optima of their own, as of a delay that a
+sampled controller sees in whole periods).
 """
 
 from __future__ import annotations

@@ -101,9 +101,9 @@ def nuisance_coordinate(n: Nuisance, nominal: float, record: str | None) -> Coor
 def effect_coordinate(
     p: Parameter, nominal: float, spread: float, described: bool = False
 ) -> Coordinate:
-    """An effect's parameter; theta is 1 at its usual size, at e times its centre if fitted as its
-    logarithm. described: the nominal value is one that a plant's description sets, so that it is
-    what holds without the effect, neutral or not.
+    """An effect's parameter; theta is 1 at its usual size, at exp(scale/neutral) times its centre
+    if fitted as its logarithm. described: the nominal value is one that a plant's description sets,
+    so that it is what holds without the effect, neutral or not.
     """
     made = _effect_coordinate(p, nominal, spread)
     return replace(made, none=made.theta(nominal)) if described else made
@@ -117,7 +117,7 @@ def _effect_coordinate(p: Parameter, nominal: float, spread: float) -> Coordinat
         return Coordinate(
             p.name,
             centre,
-            p.scale if p.relative else 1.0,
+            p.scale * factor / centre,
             low,
             high,
             logarithmic=True,

@@ -234,7 +234,7 @@ class Term:
                 made.append(Parameter(name, 0.0, spread, -bound, bound, starts=(value,)))
             elif self.law.shapes[k - 1] == "width":
                 low, high = value / NARROW, value * NARROW
-                made.append(Parameter(name, value, spread, low, high, positive=True))
+                made.append(Parameter(name, value, value, low, high, positive=True))
             else:
                 made.append(
                     Parameter(name, value, spread, value - NARROW * spread, value + NARROW * spread)

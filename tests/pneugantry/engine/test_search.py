@@ -790,7 +790,10 @@ def test_a_constant_error_is_seen_beside_a_record_that_fits_badly(
 
 
 def test_a_logarithmic_parameter_steps_by_shares_of_itself() -> None:
-    stiff = Parameter("sigma", 1e5, 8e4, 2e3, 3e6, positive=True)
+    """A usual size off its neutral value it is what its scale tells, near enough."""
+    stiff = Parameter("sigma", 1e5, 1e4, 2e3, 3e6, positive=True)
     c = effect_coordinate(stiff, 0.0, 2.0)
-    assert c.value(1.0) == pytest.approx(1e5 * np.e)
-    assert c.theta(2e5) == pytest.approx(np.log(2))
+    assert c.value(1.0) == pytest.approx(1e5 * np.exp(0.1))
+    assert c.theta(2e5) == pytest.approx(10 * np.log(2))
+    share = effect_coordinate(Parameter("m", 1.0, 0.1, 0.1, 9.0, relative=True), 40.0, 2.0)
+    assert share.value(1.0) == pytest.approx(40.0 * np.exp(0.1))
