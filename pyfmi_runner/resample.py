@@ -40,13 +40,16 @@ def resampled(columns: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     sensors run on straight lines between samples, or are averaged over a millisecond where there
     are more. Raises InputError for stamps that do not increase and for gaps.
     """
-    return on_grid(columns, PERIOD, HELD)
+    found, told, how = on_grid(columns, PERIOD, HELD)
+    return found, f"{told}, {how}"
 
 
 def on_grid(
     columns: Mapping[str, Array], period: float, held: Collection[str]
-) -> tuple[dict[str, Array], str]:
-    """As `resampled`, with rows `period` s apart and the columns `held` that act until the next."""
+) -> tuple[dict[str, Array], str, str]:
+    """As `resampled`, with rows `period` s apart and the columns `held` that act until the next;
+    what was done to these columns, and how that is done to any.
+    """
     time = columns["time"]
     steps = np.diff(time)
     _check(time, steps)
@@ -68,10 +71,12 @@ def on_grid(
     how = f"averaged over each {span}" if fine else "on straight lines between samples"
     uneven = float(np.max(np.abs(steps / typical - 1.0)))
     stamps = f", stamps uneven by up to {100 * uneven:.0f} %" if uneven > 0.05 else ""
-    return result, (
-        f"recorded at {1 / typical:.4g} Hz{stamps}: resampled to {rate}, commands held, one that "
-        f"changes within a row as its mean, sensors {how}; their noise is then smaller than 1 "
-        "sigma, so that a gap below 1 is possible"
+    told = f"recorded at {1 / typical:.4g} Hz{stamps}: resampled to {rate}"
+    return (
+        result,
+        told,
+        f"commands held, one that changes within a row as its mean, sensors {how}; their noise is "
+        "then smaller than 1 sigma, so that a gap below 1 is possible",
     )
 
 

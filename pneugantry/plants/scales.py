@@ -13,6 +13,7 @@ import numpy as np
 from modelica_fmu.errors import RunError
 from pneugantry.engine.answer.confirm import Replay, replays
 from pneugantry.engine.run import Found
+from pneugantry.engine.signals.sensors import PREFIX
 
 __all__ = ["with_doubtful_units"]
 
@@ -25,19 +26,32 @@ FACTORS = {  # times what the model tells: what may have been recorded
     math.pi / 180: "radians for degrees",
     30 / math.pi: "turns a minute for rad/s",
     math.pi / 30: "rad/s for turns a minute",
+    3.6: "km/h for m/s",
+    1 / 3.6: "m/s for km/h",
     1e5: "pascals for bars",
     1e-5: "bars for pascals",
 }
 NEAR = 1.3  # factor by which a model may be off
+FAR = 2.0  # scale of a sensor from which on, or its inverse, another unit may be behind it
 ALIKE = 0.8  # correlation of readings and simulation from which on one may be the other, scaled
 
 
 def with_doubtful_units(found: Found) -> Found:
-    """An answer "unknown" with a note on each log and signal that reads as another unit would."""
-    if found.diagnosis.verdict != "unknown":
+    """An answer that is "unknown", or a scale of a sensor no sensor has, with a note on each log
+    and signal that reads as another unit would.
+    """
+    diagnosis = found.diagnosis
+    sizes = {n: size.value for c in diagnosis.causes for n, size in c.parameters.items()}
+    if diagnosis.verdict != "unknown" and not any(_beyond(n, v) for n, v in sizes.items()):
         return found
     notes = (*found.diagnosis.notes, *_doubtful(found))
     return replace(found, diagnosis=replace(found.diagnosis, notes=notes))
+
+
+def _beyond(parameter: str, value: float) -> bool:
+    """Whether it is a sensor's scale, of a size that is rather another unit's."""
+    scale = parameter.startswith(PREFIX) and parameter.endswith(".scale")
+    return scale and not 1 / FAR < value < FAR
 
 
 def _doubtful(found: Found) -> Iterator[str]:

@@ -29,6 +29,7 @@ __all__ = [
 
 CLAIMS = ("identified", "ambiguous")
 TINY = 1e-9
+PERHAPS = 0.05  # probability from which on what may be there as well is worth a word
 LEFT = 2.0  # times the floor, from which on what is left of a gap is worth a word
 
 
@@ -209,7 +210,24 @@ def headline(found: dict[str, Any], summaries: dict[str, str] | None = None) -> 
         return f"{text}; with the first one, {far}.{_doubt(found)}"
     named = [_named(cause, summaries or {}) for cause in _best(found)]
     verb = ", explain" if len(named) > 1 else ", explains" if named else " explains"
-    return f"{', and '.join(named) or 'An effect'}{verb} the fitted logs; {far}.{_doubt(found)}"
+    more = _perhaps(found)
+    return (
+        f"{', and '.join(named) or 'An effect'}{verb} the fitted logs; {far}.{more}{_doubt(found)}"
+    )
+
+
+def _perhaps(found: dict[str, Any]) -> str:
+    """What may be there as well: of other answers of the set, what they have beyond the first."""
+    first, *others = [set(keys) for keys in found["answer_set"]] or [set()]
+    more = {k for keys in others if first < keys for k in keys - first}
+    chances = {cause_name(c): c["probability"] for c in found["causes"]}
+    chances["unknown"] = found.get("unknown_probability") or math.nan
+    told = [
+        f"{_words([k])} (probability {chance(chances[k])})"
+        for k in sorted(more, key=lambda k: -chances.get(k, 0.0))
+        if chances.get(k, 0.0) >= PERHAPS
+    ]
+    return f" There may be {' or '.join(told)} as well." if told else ""
 
 
 def _best(found: dict[str, Any]) -> list[dict[str, Any]]:

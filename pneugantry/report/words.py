@@ -214,6 +214,7 @@ def next_steps(facts: dict[str, Any], learned: Mapping[str, Any] | None, source:
             "Look at the signals below where the augmented plant leaves the measured ones.",
         ]
     command = f"pneugantry diagnose {source}" if source else "The same command with"
+    plan = f"pneugantry plan {source}" if source else "pneugantry plan"
     augmented = f"{command} --augmented out/ writes the plant with the"
     if learned is not None and learned["accepted"]:
         return [f"{augmented} learnt term, as Modelica and FMU: simulate with that one."]
@@ -226,7 +227,11 @@ def next_steps(facts: dict[str, Any], learned: Mapping[str, Any] | None, source:
             "Fix the cause on the rig if it can be fixed, record again: the verdict should be "
             "none.",
         ],
-        "ambiguous": ["Run the next experiment below and add its log."],
+        "ambiguous": [
+            "Run the next experiment below and add its log."
+            if facts.get("next_experiment")
+            else f"{plan} tells which effects these logs tell apart: record what it lacks."
+        ],
         "unknown": [
             look,
             "Describe the effect in a catalogue of your own (--catalogue) and diagnose again.",

@@ -17,7 +17,7 @@ from pneugantry.engine.signals.tables import (
     FINEST,
     STAMPS,
     Column,
-    factor,
+    conversion,
     noise_of,
     read_columns,
 )
@@ -58,6 +58,7 @@ class Logs:
         self.period: float | None = own.number("period", None, FINEST, COARSEST)
         self.time: Column | None = STAMPS if self.period is None else None
         self.unused: set[str] = set()  # columns of logs that nothing names
+        self.how: dict[str, None] = {}  # logs were resampled
         if "time" in own:
             given = own.table["time"]
             named = isinstance(given, str)
@@ -75,6 +76,7 @@ class Logs:
             self.period = record.period  # all are brought to the first one's, if none is given
             (held if out else fitted).append(record)
             notes += said
+        notes += [f"resampled: {how}" for how in self.how]
         if not fitted:
             self.top.refuse("log", "every log is held out", 'give at least one log use = "fit"')
         everywhere = {s for r in (*fitted, *held) for s in r.signals}
@@ -103,6 +105,7 @@ class Logs:
         held = {f"input {n}" for n in driving if n not in straight}
         table = read_columns(file, wanted, set(self.signals), self.time, self.period, held)
         self.unused |= table.unused
+        self.how |= {table.how: None} if table.how else {}
         rows = _rows(table.columns, file)
         inputs = {
             n: table.columns[f"input {n}"] if n in driving else np.full(rows, s)
@@ -198,13 +201,13 @@ def _column(entry: Fields, name: str, usual: str = "1") -> Column:
     """A column in the model's unit, `usual` if it is not given: `recorded` tells the recorder's."""
     unit = entry.of_type("unit", str, usual)
     recorded = entry.of_type("recorded", str, unit)
-    by = factor(recorded, unit)
-    if by is None:
-        hint = "name units of one quantity, such as mm and m, or give scale"
+    told = conversion(recorded, unit)
+    if told is None:
+        hint = "name units of one quantity, such as km/h and m/s, or give scale"
         entry.refuse("recorded", f"{recorded!r} is not known in {unit!r}", hint)
         raise AssertionError
+    scale = entry.number("scale", 1.0)
+    by, offset = told
     return Column(
-        entry.of_type("column", str, name),
-        by * entry.number("scale", 1.0),
-        entry.number("offset", 0.0),
+        entry.of_type("column", str, name), by * scale, offset * scale + entry.number("offset", 0.0)
     )

@@ -5,9 +5,12 @@ description gives. CSV, Parquet and MATLAB files.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -18,7 +21,10 @@ from pyfmi_runner.log import parsed_numbers, read_table
 from pyfmi_runner.log_import import UNITS
 from pyfmi_runner.resample import on_grid
 
-__all__ = ["STAMPS", "Column", "Table", "factor", "noise_of", "read_columns"]
+if TYPE_CHECKING:
+    import pint
+
+__all__ = ["STAMPS", "Column", "Table", "conversion", "noise_of", "read_columns"]
 
 EVEN = 1e-3  # of a period: stamps within it, and the rate too, need no resampling
 FINEST, COARSEST = 1e-5, 10.0  # s, periods that a description may name
@@ -46,18 +52,39 @@ class Table:
     columns: Mapping[str, Array]  # by the description's names
     notes: tuple[str, ...]
     unused: frozenset[str] = frozenset()  # columns of the file that the description does not name
+    how: str = ""  # rows were brought to a grid, if they were
 
 
-def factor(recorded: str, wanted: str) -> float | None:
-    """What a value in the unit `recorded` is multiplied with to be in `wanted`; None: nobody
-    knows.
+def conversion(recorded: str, wanted: str) -> tuple[float, float] | None:
+    """Scale and offset by which a value in the unit `recorded` becomes one in `wanted`, units as
+    Modelica writes them ("N.m", "m/s2"); None: they are no units of one quantity.
     """
     if recorded == wanted:
-        return 1.0
+        return 1.0, 0.0
     for family in UNITS.values():
         if recorded in family and wanted in family:
-            return family[recorded] / family[wanted]
-    return None
+            return family[recorded] / family[wanted], 0.0
+    import pint  # costs half a second, for who records in other units than these
+
+    units = _units()
+    try:
+        own, other = (units.parse_units(_in_products(unit)) for unit in (recorded, wanted))
+        none, one = (float(units.Quantity(k, own).to(other).magnitude) for k in (0.0, 1.0))
+    except (pint.PintError, ValueError, TypeError, AttributeError):
+        return None
+    return one - none, none
+
+
+@cache
+def _units() -> pint.UnitRegistry[float]:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def _in_products(unit: str) -> str:
+    """A unit as Modelica writes it, with signs for products and powers."""
+    return "" if unit == "1" else re.sub(r"(?<=[A-Za-z])(?=-?\d)", "**", unit.replace(".", "*"))
 
 
 def read_columns(
@@ -122,11 +149,11 @@ def _evened(
     if np.max(np.abs(steps / grid - 1)) <= EVEN and abs(mean / grid - 1) <= EVEN:
         return Table(grid, columns, ())
     try:
-        even, said = on_grid({**columns, "time": stamps}, grid, held)
+        even, said, how = on_grid({**columns, "time": stamps}, grid, held)
     except InputError as error:
         raise _of_file(error, file) from None
     del even["time"]
-    return Table(grid, even, (f"{file.name}: {said}",))
+    return Table(grid, even, (f"{file.name}: {said}",), how=how)
 
 
 def _of_file(error: InputError, file: Path) -> InputError:

@@ -16,7 +16,7 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.describe import Described, case_of, described, views_of
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.plant import Plant, Record
-from pneugantry.engine.signals.tables import factor, noise_of
+from pneugantry.engine.signals.tables import conversion, noise_of
 from pneugantry.engine.views.foreign import ForeignPlant
 from pneugantry.engine.views.synthetic import Nominal
 from pyfmi_runner.build import build_fmu
@@ -261,10 +261,28 @@ def test_the_noise_of_a_coarse_converter_is_that_of_its_step() -> None:
     assert noise_of([np.zeros(3)]) == 0.0
 
 
-def test_units_of_one_quantity_are_converted() -> None:
-    assert factor("mm", "m") == pytest.approx(1e-3)
-    assert factor("rpm", "rpm") == 1.0
-    assert factor("mm", "s") is None
+@pytest.mark.parametrize(
+    ("recorded", "wanted", "scale", "offset"),
+    [
+        ("mm", "m", 1e-3, 0.0),
+        ("rpm", "rad/s", np.pi / 30, 0.0),
+        ("km/h", "m/s", 1 / 3.6, 0.0),
+        ("mN.m", "N.m", 1e-3, 0.0),
+        ("g_0", "m/s2", 9.80665, 0.0),
+        ("degC", "K", 1.0, 273.15),
+        ("%", "1", 0.01, 0.0),
+        ("furlong of the works", "furlong of the works", 1.0, 0.0),
+    ],
+)
+def test_units_of_one_quantity_are_converted(
+    recorded: str, wanted: str, scale: float, offset: float
+) -> None:
+    assert conversion(recorded, wanted) == pytest.approx((scale, offset))
+
+
+@pytest.mark.parametrize(("recorded", "wanted"), [("mm", "s"), ("V", "1"), ("wibble", "m/s")])
+def test_other_units_are_not_known(recorded: str, wanted: str) -> None:
+    assert conversion(recorded, wanted) is None
 
 
 HALF = """

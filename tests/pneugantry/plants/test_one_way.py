@@ -25,6 +25,7 @@ TOLD = "speed reads 1000 times what the model tells"
 class Answer:
     verdict: str = "unknown"
     notes: tuple[str, ...] = ()
+    causes: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -67,3 +68,13 @@ def test_a_log_that_cannot_be_replayed_ends_no_diagnosis(monkeypatch: pytest.Mon
     data = SimpleNamespace(fitted=("log",), unseen=())
     found = Answered(SimpleNamespace(plant=None, cache=None, data=data))
     assert scales.with_doubtful_units(found).diagnosis.notes == ()  # type: ignore[type-var]
+
+
+@pytest.mark.parametrize(("scale", "told"), [(3.6, (TOLD,)), (0.2, (TOLD,)), (1.1, ())])
+def test_a_scale_that_no_sensor_has_may_be_another_unit(
+    description: Path, scale: float, told: tuple[str, ...]
+) -> None:
+    size = SimpleNamespace(value=scale)
+    cause = SimpleNamespace(parameters={"sensors.v.scale": size, "axis.k": size})
+    found = Answered(None, Answer("identified", causes=(cause,)))
+    assert scales.with_doubtful_units(found).diagnosis.notes == told  # type: ignore[type-var]

@@ -263,6 +263,15 @@ def test_a_cause_of_one_campaign_alone_is_marked_as_chosen() -> None:
     assert [r["chosen"] for r in rows] == [False, True]
 
 
+def test_what_may_be_there_as_well_is_told_beside_an_identified_effect(found: Found) -> None:
+    facts = to_json(other(found, answer_set=(("spring",), ("spring", "drag"), ("drag",))).diagnosis)
+    drag = {"effect": "drag", "axis": "", "probability": 0.3, "parameters": {}}
+    facts["causes"] = [facts["causes"][0], drag]
+    assert "There may be drag (probability 30 %) as well." in headline(facts)
+    facts["causes"] = [facts["causes"][0], {**drag, "probability": 0.02}]
+    assert "as well" not in headline(facts)
+
+
 def test_the_sentence_fits_the_verdict(found: Found, sound: Found) -> None:
     assert sound.diagnosis.verdict == "none"
     assert "Nothing beyond tolerance and noise" in headline(to_json(sound.diagnosis))
@@ -296,6 +305,11 @@ def test_the_sentence_fits_the_verdict(found: Found, sound: Found) -> None:
     assert look in next_steps(to_json(other(found, gap=rest).diagnosis), None, "")
     assert look not in next_steps(to_json(found.diagnosis), None, "")
     bare = other(found, gap=None)
+    none_proposed = {**facts, "verdict": "ambiguous", "next_experiment": None}
+    assert next_steps(none_proposed, None, "x.toml")[0].startswith("pneugantry plan x.toml tells")
+    assert (
+        "below" in next_steps({**none_proposed, "next_experiment": {"what": "steps"}}, None, "")[0]
+    )
     assert "could not be replayed" in headline(to_json(bare.diagnosis))
 
 
