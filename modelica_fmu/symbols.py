@@ -153,7 +153,7 @@ def _solver_parameters() -> list[FlatVariable]:
     """Settings of the internal solver; `generate.SOLVER` tells core.c where they are."""
     return [
         _parameter(
-            "solver.max_step", 1e-3, 1e-6, 1.0, "s", "Longest internal step in co-simulation"
+            "solver.max_step", 1e-3, 1e-6, 1e4, "s", "Longest internal step in co-simulation"
         ),
         _parameter(
             "solver.tolerance",

@@ -320,7 +320,7 @@ def _plant(top: Fields, own: Fields, source: _Model, signals: Sequence[Signal]) 
     nuisances = [
         Nuisance(p, s, relative=True, scales=True) for p, s in _shares(top, source).items()
     ]
-    nuisances += [Nuisance(p, s, per_record=True) for p, s in per_log(top).items()]
+    nuisances += [Nuisance(p, s, per_record=True, read=True) for p, s in per_log(top).items()]
     for s in signals:
         nuisances += [
             Nuisance(f"{PREFIX}{s.name}.scale", SCALE),

@@ -43,6 +43,7 @@ class Nuisance:
 
     sigma: RMS of its error, a share of the nominal value if `relative`. per_record: it differs from
     record to record. scales: its sigma grows with the rig's own tolerance, which is estimated.
+    read: one of a record alone (a start) is read from the record before that is replayed.
     """
 
     parameter: str
@@ -50,6 +51,7 @@ class Nuisance:
     relative: bool = False
     per_record: bool = False
     scales: bool = False
+    read: bool = False
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,7 @@ class Record:
     epoch: Epoch | None = None  # the campaign that it is of, where there are two
     within: Mapping[str, Array] = field(default_factory=dict)  # inputs (rows, n) in n parts of rows
     straight: frozenset[str] = frozenset()  # inputs that run straight to the next row; others hold
+    told: frozenset[str] = frozenset()  # parameters that have been read from it (`Nuisance.read`)
 
     @property
     def rows(self) -> int:

@@ -89,16 +89,17 @@ def run(task: Task, rules: Rules, say: Say = lambda stage: None) -> Found:
             if further is not found:
                 found = further
                 evidence, confirmed = _judged(fitter, task, unseen, found, clock, say)
-        if confirmed.lost and (more := vouched(fitter, task, found, evidence, confirmed.pair)):
+        same = confirmed.of(task)
+        if confirmed.lost and (more := vouched(fitter, same, found, evidence, confirmed.pair)):
             evidence = [*evidence, *more]
-            confirmed = confirm(fitter, task, found.null, likeliest(evidence, task))
+            confirmed = confirm(fitter, task, unseen, found.null, likeliest(evidence, task))
         best = likeliest(evidence, task)
         left = left_by(fitter, unseen, best)
         stood = left_in_views(fitter, found.null) if best.keys else left[0]
         if more := settled(fitter, task, found, evidence, left[0], stood):
             evidence = [*evidence, *more]
             best = likeliest(evidence, task)
-            confirmed = confirm(fitter, task, found.null, best)
+            confirmed = confirm(fitter, task, unseen, found.null, best)
             left = left_by(fitter, unseen, best)
         return _answer(fitter, task, found, _Judged(tuple(evidence), confirmed, left, stood), clock)
     finally:
@@ -114,7 +115,7 @@ def _judged(
     evidence = evidence_of(fitter, task, unseen, found)
     clock.lap("held-out record")
     say("confirmation")
-    confirmed = confirm(fitter, task, found.null, likeliest(evidence, task))
+    confirmed = confirm(fitter, task, unseen, found.null, likeliest(evidence, task))
     clock.lap("confirmation")
     return evidence, confirmed
 
@@ -174,7 +175,7 @@ def _answer(fitter: Fitter, task: Task, found: Search, judged: _Judged, clock: _
         doubtful=doubtful,
     )
     return Found(
-        task,
+        c.of(task),
         diagnosis,
         found,
         evidence,

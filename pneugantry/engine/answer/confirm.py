@@ -319,12 +319,13 @@ def values_on(fit: Fit, record: Record) -> dict[str, float]:
     """A fit's values on a record that it may not have seen.
 
     What belongs to one record alone is taken from the fitted ones as far as they agree: their mean
-    error, drawn towards none by how much they scatter.
+    error, drawn towards none by how much they scatter; but for what has been read from it.
     """
-    values = fit.values(record.name)
+    values = {n: v for n, v in fit.values(record.name).items() if n not in record.told}
     own: dict[str, list[tuple[float, float]]] = {}  # parameter -> errors, prior spreads
+    given = record.parameters.keys() - record.told - values.keys()
     for c, theta in zip(fit.point.coordinates, fit.point.theta, strict=True):
-        if c.record is not None and c.parameter in record.parameters and c.parameter not in values:
+        if c.record is not None and c.parameter in given:
             error = c.value(theta) - c.centre
             own.setdefault(c.parameter, []).append((error, c.unit * c.spread))
     for parameter, found in own.items():

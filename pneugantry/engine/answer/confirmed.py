@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from modelica_fmu.errors import RunError
 from pneugantry.engine.answer.confirm import (
@@ -15,8 +15,10 @@ from pneugantry.engine.answer.confirm import (
     replays,
     values_on,
 )
+from pneugantry.engine.answer.predict import Unseen
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
+from pneugantry.engine.plant import Record
 from pneugantry.engine.task import Task
 
 __all__ = ["Confirmed", "confirm", "worsens"]
@@ -33,7 +35,14 @@ class Confirmed:
     augmented: Replay | None
     plain: Replay | None
     gap: Gap | None
+    record: Record
     notes: tuple[str, ...] = ()
+
+    def of(self, task: Task) -> Task:
+        """The task with the held-out record as it was replayed."""
+        if task.data.held_out is None:
+            return task
+        return replace(task, data=replace(task.data, held_out=self.record))
 
     @property
     def pair(self) -> tuple[Replay, Gap] | None:
@@ -62,20 +71,21 @@ def worsens(gap: Gap, plain: Replay | None) -> bool:
     return gap.augmented > NOTABLE * gap.floor and gap.ci95[1] < 0 and open_too and blamed
 
 
-def confirm(fitter: Fitter, task: Task, null: Fit, fit: Fit) -> Confirmed:
+def confirm(fitter: Fitter, task: Task, unseen: Unseen, null: Fit, fit: Fit) -> Confirmed:
     """The held-out record, else the last fitted one, under a fit and beside it under tolerance
     alone (null).
     """
-    record = task.data.held_out or task.data.fitted[-1]
+    record = unseen.told(fit) if task.data.held_out is not None else None
+    record = record or task.data.fitted[-1]
     drawn = draws(fit, record, unseen=fitter.coordinates.unseen(fit))
     own = [{}, values_on(fit, record), values_on(null, record), *drawn]
     try:
         nominal, augmented, plain, *others = replays(task.plant, record, own, task.cache)
     except RunError as error:
-        return Confirmed(None, None, None, None, (str(error),))
+        return Confirmed(None, None, None, None, record, (str(error),))
     if nominal is None or augmented is None:
         note = f"{record.name} could not be replayed"
-        return Confirmed(nominal, augmented, plain, None, (note,))
+        return Confirmed(nominal, augmented, plain, None, record, (note,))
     floor = floor_of(noise_levels(task.plant, record, fitter.rules))
     gap = gap_of(nominal, augmented, fitter.rules, record.period, floor=floor, others=others)
-    return Confirmed(nominal, augmented, plain, gap)
+    return Confirmed(nominal, augmented, plain, gap, record)

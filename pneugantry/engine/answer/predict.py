@@ -120,6 +120,27 @@ class Predictor:
         there = replace(fit, point=found.solution.point, residuals=left)
         return excess_of(self.fitter, there, floors_of(self.fitter, there), level)
 
+    def told(self, fit: Fit) -> Record:
+        """The record with what it has of its own as its views tell it, beside all else as the fit
+        has it. No replay of its inputs alone begins where the record does without that.
+        """
+        sim, (record,) = self.fitter.simulation, self.fitter.simulation.records.values()
+        wanted = {n.parameter for n in self.fitter.plant.nuisances if n.read}
+        self.fitter.prepare([fit.hypothesis])
+        point, known = self._known(fit, 1.0)
+        pairs = enumerate(point.coordinates)
+        free = [i for i, c in pairs if c.record is not None and c.parameter in wanted]
+        if not free:
+            return record
+        own, cells = tuple(point.coordinates[i] for i in free), tuple(sim.cells)
+        names = {c.name for c in own}
+        start = Point(own, point.theta[free], point.values(record.name))
+        problem = Problem(sim, self.fitter.rules, cells, known.of(names, point.theta))
+        solution = Solution(start, *sim.linearised(start, cells, names))
+        end = descend(problem, solution, None, self.fitter.rules.converged).point
+        read = {c.parameter: c.value(t) for c, t in zip(own, end.theta, strict=True)}
+        return replace(record, parameters={**record.parameters, **read}, told=frozenset(read))
+
     def predictions(
         self, fits: Sequence[Fit], of_views: Noise | None = None
     ) -> tuple[list[Prediction], Noise]:
@@ -191,6 +212,7 @@ class Predictor:
     def _known(self, fit: Fit, wider: float) -> tuple[Point, Parabola]:
         """Coordinates of the record, where the fit has them, and what the fit says of them."""
         coordinates = self.fitter.coordinates.of(fit.hypothesis, fit.scale)
+        told = {p for r in self.fitter.simulation.records.values() for p in r.told}
         at = {c.name: i for i, c in enumerate(fit.point.coordinates)}
         shared = [i for i, c in enumerate(coordinates) if c.name in at]
         index = [at[coordinates[i].name] for i in shared]
@@ -199,7 +221,7 @@ class Predictor:
         theta[shared] = fit.point.theta[index]
         square[np.ix_(shared, shared)] = np.linalg.inv(wider * fit.covariance[np.ix_(index, index)])
         for i, c in enumerate(coordinates):
-            if c.record is not None:
+            if c.record is not None and c.parameter not in told:
                 theta[i], square[i, i] = _of_one_record(fit, c)
         point = Point(coordinates, theta, fit.hypothesis.settings)
         return point, Parabola(tuple(c.name for c in coordinates), square, square @ theta)
@@ -224,6 +246,10 @@ class Unseen:
         """As of `Predictor`, summed over the records."""
         each = [p.gains(fits, base) for p in self._predictors if fits]
         return [sum(own) for own in zip(*each, strict=True)] if each else [0.0 for _ in fits]
+
+    def told(self, fit: Fit) -> Record | None:
+        """As of `Predictor`, of the first record, if any."""
+        return self._predictors[0].told(fit) if self._predictors else None
 
     def excesses(self, fit: Fit, level: float) -> list[Excess]:
         """As of `Predictor`, of each record."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["STAMPS", "Column", "Table", "conversion", "noise_of", "read_columns"]
 
 EVEN = 1e-3  # of a period: stamps within it, and the rate too, need no resampling
-FINEST, COARSEST = 1e-5, 10.0  # s, periods that a description may name
+FINEST, COARSEST = 1e-5, 86_400.0  # s, periods that a description may name: to a day
 FARTHEST = 100.0  # times the period from which on stamps are in another unit
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from test_search import CATALOGUE, PERIOD, SIGMA, fitter_of, parts, plant, record
 
-from pneugantry.engine.answer.confirm import Gap
+from pneugantry.engine.answer.confirm import Gap, values_on
 from pneugantry.engine.answer.confirmed import Confirmed, confirm
 from pneugantry.engine.answer.decide import Decision, Evidence, Outstanding, decide, outstanding
 from pneugantry.engine.answer.evidence import (
@@ -34,7 +34,7 @@ from pneugantry.engine.fitting.probing import probed
 from pneugantry.engine.fitting.problem import Problem, Solution, prior
 from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate, Hypothesis
-from pneugantry.engine.plant import Data, Plant, Record, Signal
+from pneugantry.engine.plant import Data, Nuisance, Plant, Record, Signal
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import Found, _cut_short, run
 from pneugantry.engine.selection.excess import Excess
@@ -126,6 +126,37 @@ def test_what_a_record_says_of_a_fit_is_found_once(
     for unseen in (kept, afresh):
         unseen.close()
     fitter.close()
+
+
+def test_what_a_record_alone_has_is_read_from_it_before_it_is_replayed(
+    plant: Plant, parts: Path
+) -> None:
+    """As if the friction were another in each record, by 0.2 (rms)."""
+
+    def own(name: str, seed: int, friction: float) -> Record:
+        return replace(record(name, seed, F_c=friction), parameters={"F_c": 0.8})
+
+    fitted = [own("log 1", 1, 0.8), own("log 2", 2, 0.7)]
+    held, rules = own("held", 3, 0.95), Rules()
+    for read in (True, False):
+        alone = (Nuisance("F_c", 0.2, per_record=True, read=read),)
+        rest = tuple(n for n in plant.nuisances if n.parameter != "F_c")
+        one = replace(plant, nuisances=(*rest, *alone))
+        fitter = Fitter(one, build_views(one, list(SIGMA), parts, PERIOD, rules), fitted, rules)
+        fit, predictor = (
+            fitter.null(),
+            Predictor(fitter, list(fitter.simulation.views.values()), held),
+        )
+        told = predictor.told(fit)
+        predictor.close()
+        fitter.close()
+        if not read:
+            assert told is held
+            assert 0.65 < values_on(fit, told)["F_c"] < 0.8  # as the other records have it
+            continue
+        assert told.parameters["F_c"] == pytest.approx(0.95, abs=0.03)
+        assert "F_c" not in values_on(fit, told)
+        assert told.told == {"F_c"}
 
 
 def test_what_is_too_sure_of_itself_foretells_as_widely_as_the_best_of_all(
@@ -409,8 +440,9 @@ def test_an_answer_has_lost_a_record_that_none_of_its_values_follows(
     leaving: float, parted: float | None, lost: bool
 ) -> None:
     gap = Gap(100.0, 8.0, 1.0, 0.99, (0.98, 0.99), "held", {}, None, parted, leaving=leaving)
-    assert Confirmed(None, None, None, gap).lost == lost
-    assert not Confirmed(None, None, None, None).lost
+    own = record("held", 3)
+    assert Confirmed(None, None, None, gap, own).lost == lost
+    assert not Confirmed(None, None, None, None, own).lost
 
 
 @pytest.mark.parametrize(("drag", "keeps"), [(2.0, True), (0.0, False)])
@@ -423,7 +455,9 @@ def test_what_is_doubted_counts_where_it_alone_keeps_the_unseen_record(
     task = Task(plant, list(fitter.simulation.views.values()), data, CATALOGUE, parts)
     found = search(fitter, fitter.null(), CATALOGUE)
     none = [Evidence(found.null, 0.0)]
-    confirmed = confirm(fitter, task, found.null, found.null)
+    unseen = Unseen(fitter, task.views, data.unseen)
+    confirmed = confirm(fitter, task, unseen, found.null, found.null)
+    unseen.close()
     assert confirmed.gap is not None
     assert vouched(fitter, task, found, none, confirmed.pair) == []  # the answer keeps it as well
     early = replace(confirmed.gap, augmented=1.2)
