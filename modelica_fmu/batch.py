@@ -341,13 +341,15 @@ def _write(compiled: CompiledModel, folder: Path) -> None:
     for name in ("batch.c", "elementary.h", "lanes.h", "lane_steps.h"):
         sources[name] = (CSRC / "batch" / name).read_text(encoding="utf-8")
     limits = {"MAX_EVENTS": EVENTS, "STIFF_WATCH": STIFF[0], "STIFF_STEPS": STIFF[1]}
-    limits["ASSERTED_ONCE"] = int(asserted_once(compiled.sources["model.c"]))
+    once = asserted_once(compiled.sources["model.c"])
+    limits["ASSERTED_ONCE"] = int(once)
     defines = "".join(f"#define {name} {value}\n" for name, value in limits.items())
     sources["core.c"] = defines + sources["core.c"]
     sources |= dict(compiled.sources)
     sources["model.c"] = with_elementary(compiled.sources["model.c"])
     model, kinds = compiled.sources["model.c"], {v.kind for v in compiled.variables}
-    sources["model_lanes.h"] = in_lanes(model, LANED if "state" in kinds else LANED_STILL)
+    names = (*(LANED if "state" in kinds else LANED_STILL), *(() if once else ("check",)))
+    sources["model_lanes.h"] = in_lanes(model, names)
     (folder / SOURCES).write_text(json.dumps(sources), encoding="utf-8")
     keys = ("name", "kind", "type", "start", "unit", "min", "max")
     variables = [{k: v for k, v in asdict(x).items() if k in keys} for x in compiled.variables]

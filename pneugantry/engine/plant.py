@@ -67,6 +67,7 @@ class Plant:
     nuisances: tuple[Nuisance, ...]
     blocks: Mapping[str, str]  # component path of the model -> block of the answer
     settings: Mapping[str, float] = field(default_factory=dict)  # of the solver
+    in_views: Mapping[str, float] = field(default_factory=dict)  # the same where views need others
 
 
 @dataclass(frozen=True, eq=False)

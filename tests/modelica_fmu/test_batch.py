@@ -332,6 +332,43 @@ def test_events_within_rows_are_those_of_a_run_without_lanes(
         assert np.ptp(found[:, -1, 2:]) > 1  # it has counted
 
 
+CHAMBER = """package Toy
+  model Chamber "Pressure in a volume that a piston changes, and that vanishes some time"
+    parameter Real V = 0.5;
+    parameter Real last = 1;
+    input Real u;
+    output Real p(start = 1, fixed = true);
+    output Real x(start = 0, fixed = true);
+  equation
+    (if time > last then 0 else V + x) * der(p) = u - p * der(x);
+    der(x) = u;
+  end Chamber;
+end Toy;
+"""
+
+
+def test_divisors_that_hang_on_states_are_watched_in_lanes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same bits as without lanes, and a run ends where its own vanishes."""
+    (tmp_path / "Toy.mo").write_text(CHAMBER, encoding="utf-8")
+    compiled = cut(tmp_path / "Toy.mo", "Toy.Chamber", ["p", "x"])
+    assert not asserted_once(compiled.sources["model.c"])
+    chamber = Subsystem(build_part(compiled, tmp_path, "chamber"))
+    monkeypatch.setattr(batch, "PART_FLAGS", (*batch.PART_FLAGS, "-DLANED=0"))
+    plain = Subsystem(build_part(compiled, tmp_path, "plain chamber"))
+    rng = np.random.default_rng(2)
+    drive = Drive({"u": np.cos(np.arange(900) * PERIOD) + 0.05 * rng.standard_normal(900)})
+    values = np.column_stack([rng.uniform(0.3, 2.0, 20), np.where(np.arange(20) % 7, 9.0, 0.4001)])
+    found = chamber.run(["V", "last"], values, drive, ["p", "x"], PERIOD)
+    np.testing.assert_array_equal(
+        found, plain.run(["V", "last"], values, drive, ["p", "x"], PERIOD)
+    )
+    ends = np.isfinite(found[:, :, 1]).sum(axis=1)
+    assert (ends[1:7] == 900).all()
+    assert set(ends[::7]) == {int(0.4001 / PERIOD)}  # the row that would not end is not told
+
+
 def test_rows_that_are_steady_are_stepped_as_those_beside_them(cart: Subsystem) -> None:
     """An input that differs within some rows of one drive changes no bit of another's runs."""
     fine = np.sin(np.arange(400) / 15).reshape(200, 2)

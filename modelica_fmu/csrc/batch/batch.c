@@ -24,7 +24,7 @@
  * that hold or not from the start on (ASSERTED_ONCE). */
 #ifndef LANED
 #define CLOCKS_LANED (N_SAMPLES == 0 || (N_STATES > 0 && !CHAINED))
-#define LANED (N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS == 0 && (N_ASSERTIONS == 0 || ASSERTED_ONCE) && CLOCKS_LANED)
+#define LANED (N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS == 0 && CLOCKS_LANED)
 #endif
 
 typedef struct {

@@ -18,6 +18,18 @@ static inline void set_time(LaneData *q, double time) {
     for (int l = 0; l < LANES; l++) q->time[l] = time;
 }
 
+/* A lane is off where an assertion does not hold that hangs on more than parameters. */
+static inline void refuse_unasserted(Lanes *w) {
+#if N_ASSERTIONS > 0 && !ASSERTED_ONCE
+    Lane ok[N_ASSERTIONS];
+    lanes_check(&w->q, ok);
+    for (int i = 0; i < N_ASSERTIONS; i++)
+        for (int l = 0; l < LANES; l++) w->off[l] += ok[i][l] != 0 ? 0 : 1;
+#else
+    (void)w;
+#endif
+}
+
 /* What may change within a row, as it was at its beginning. */
 static inline void keep_lanes(Lanes *w) {
     if (w->kept) return;

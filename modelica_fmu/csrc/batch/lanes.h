@@ -2,8 +2,8 @@
  *
  * A lane does what core.c does: ticks of clocks that are due, events, then Runge-Kutta steps with the modes that hold, to events on the way
  * and on (lane_steps.h). Where a relation changes and changes back within a step, when-clauses follow from one another, a clock ticks within
- * a row, an input that is no number switches, events are many, the error is not small or a value is not finite, the lane is off: core.c does
- * that row for its run alone, from where it began. So a run's result does not depend on what runs beside it. model_lanes.h holds the model's
+ * a row, an input that is no number switches, events are many, the error is not small, a value is not finite or an assertion does not hold,
+ * the lane is off: core.c does that row for its run alone, from where it began. So a run's result does not depend on what runs beside it. model_lanes.h holds the model's
  * own functions as loops over the lanes.
  */
 #define LANES 8
@@ -117,6 +117,7 @@ static inline void lanes_row(Lanes *w, const Batch *b, size_t k) {
         put_lanes(w, w->at + (k - w->ahead) * ALL_INPUTS);
         set_time(&w->q, time);
         settle_lanes(w);
+        refuse_unasserted(w);
 #if N_STATES > 0
         lanes_outputs(&w->q, w->y);
 #endif
@@ -135,6 +136,7 @@ static inline void lanes_row(Lanes *w, const Batch *b, size_t k) {
     for (size_t j = 0; j < b->n_parts; j++) {
         put_lanes(w, w->over_parts + ((k - w->ahead) * b->n_parts + j) * ALL_INPUTS);
         pass_lanes(w, time + (double)j * part, part);
+        refuse_unasserted(w);
     }
 #endif
 }

@@ -192,7 +192,7 @@ class SubsystemView:
     def _base(self, record: Record) -> dict[str, float]:
         """Parameters of the part over a record, where nothing moves."""
         longest = min(record.period, longest_step(record.period, LONGEST_STEP))
-        base = {"solver.max_step": longest, **self.plant.settings}
+        base = {"solver.max_step": longest, **self.plant.settings, **self.plant.in_views}
         base |= {**self.plant.parameters, **record.parameters}
         return {k: v for k, v in base.items() if k in self._parameters}
 
