@@ -211,6 +211,10 @@ def _parameter(form: Fields, name: str) -> Parameter:
     if positive and not relative and neutral <= 0.0:
         hint = "write neutral > 0 (the value without the effect), or take positive out"
         fields.refuse("neutral", f"is {neutral:g}, and the parameter positive", hint)
+    none = 1.0 if relative else neutral
+    if not low <= none <= high:
+        hint = f"let low <= {none:g} <= high, so that there may be no effect"
+        fields.refuse("low", f"is {low:g}, high {high:g}, and {none:g} is no effect", hint)
     return Parameter(
         name,
         neutral,

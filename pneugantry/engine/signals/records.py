@@ -121,7 +121,9 @@ class Logs:
         known = self.top.numbers("parameters")
         for name in per_log(self.top):
             if name not in parameters and name not in known:
-                hint = f"write it under [parameters] or [log.{log}.parameters]"
+                near = difflib.get_close_matches(name, [*parameters, *known], 1, MISSPELT)
+                wanted = f"write it under [parameters] or [log.{log}.parameters]"
+                hint = f"{wanted}; {near[0]!r} stands there" if near else wanted
                 self.top.refuse(f"per_log.{name}", f"has no value for the log {log}", hint)
             parameters.setdefault(name, known.get(name, 0.0))
         return parameters

@@ -360,6 +360,7 @@ def test_one_output_does_not_tell_who_is_late(
             "effect.toml: offset: sensors.v.bias: is relative, but 0 is what the plant has",
         ),
         ("low = -50.0", "low = 0.1\npositive = true", "F_0.neutral: is 0, and the parameter pos"),
+        ("low = -50.0", "low = 0.1", "F_0.low: is 0.1, high 50, and 0 is no effect"),
     ],
 )
 def test_a_catalogue_of_another_plant_is_refused(
