@@ -16,6 +16,7 @@ __all__ = ["THREADS", "Pooled", "on_threads", "one_blas_thread"]
 
 THREADS = 2
 MOST = 16  # calls that are side by side, at most
+OVER = "closed: nothing more is simulated"
 T = TypeVar("T")
 Found = TypeVar("Found")
 Kind = TypeVar("Kind")
@@ -66,20 +67,35 @@ class Pooled(Generic[Kind, Job, Found]):
         self._lock = threading.Lock()
         self._asked: dict[Kind, deque[tuple[Job, _Order[Found], int]]] = {}
         self._busy = 0
+        self._over = False
         # As many callers as threads go on at a time: else those that wait for the interpreter would
         # keep a thread from its next share.
         self._turns = threading.Semaphore(THREADS)
         self._own = threading.local()
 
     def close(self) -> None:
+        self._stop()
         self._threads.shutdown()
 
+    def _stop(self) -> None:
+        """Nothing more is done: who waits for jobs is told, and who asks for any."""
+        with self._lock:
+            self._over = True
+            for order in {o for asked in self._asked.values() for _, o, _ in asked}:
+                order.error = order.error or RuntimeError(OVER)
+                order.done.set()
+            self._asked.clear()
+
     def run(self, jobs: Sequence[tuple[Kind, Job]]) -> list[Found]:
-        """What is made of each job, in their order. Raises what any of them raises."""
+        """What is made of each job, in their order. Raises what any of them raises, RuntimeError
+        where it is closed.
+        """
         order: _Order[Found] = _Order([None] * len(jobs), len(jobs))
         if not jobs:
             return []
         with self._lock:
+            if self._over:
+                raise RuntimeError(OVER)
             for i, (kind, job) in enumerate(jobs):
                 self._asked.setdefault(kind, deque()).append((job, order, i))
             idle = THREADS - self._busy
@@ -94,7 +110,8 @@ class Pooled(Generic[Kind, Job, Found]):
 
     def side_by_side(self, call: Callable[[T], Made], values: Sequence[T]) -> list[Made]:
         """What a call makes of each value, in their order. Calls may ask for jobs, and for calls
-        side by side; what they make must not hang on each other.
+        side by side; what they make must not hang on each other. Where the user cancels, those that
+        are at work end with the jobs that they have asked for.
         """
         if len(values) < 2:
             return [call(v) for v in values]
@@ -109,7 +126,11 @@ class Pooled(Generic[Kind, Job, Found]):
                 self._turns.release()
 
         with self._turn_given_up(), ThreadPoolExecutor(min(len(values), MOST)) as pool:
-            return list(pool.map(one, values))
+            try:
+                return list(pool.map(one, values))
+            except KeyboardInterrupt:
+                self._stop()
+                raise
 
     @contextmanager
     def _turn_given_up(self) -> Iterator[None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from pneugantry.engine.plant import Data, Plant
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.run import run
 from pneugantry.engine.task import Task
-from pneugantry.engine.threads import one_blas_thread
+from pneugantry.engine.threads import Pooled, one_blas_thread
 from pneugantry.engine.views.build import build_views
 
 __all__ = ["parts", "plant"]  # fixtures
@@ -52,3 +53,31 @@ def test_a_diagnosis_keeps_to_one(plant: Plant, parts: Path) -> None:
         )
     assert len(seen) > 2
     assert all(n == 1 for threads in seen for n in threads)
+
+
+def test_who_is_at_work_ends_when_the_user_cancels() -> None:
+    """Each would go on for ever; so would who waits for them."""
+
+    def do(kind: str, jobs: list[float]) -> list[float]:
+        time.sleep(0.01)
+        return jobs
+
+    pooled: Pooled[str, float, float] = Pooled(do, 1, 4)
+    ended: list[float] = []
+
+    def call(value: float) -> float:
+        while True:
+            try:
+                pooled.run([("kind", value)] * 3)
+            except RuntimeError:
+                ended.append(value)
+                raise
+            if value == 0.0:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        pooled.side_by_side(call, [0.0, 1.0, 2.0, 3.0])
+    pooled.close()
+    assert set(ended) <= {1.0, 2.0, 3.0}
+    with pytest.raises(RuntimeError, match="closed"):
+        pooled.run([("kind", 1.0)])
