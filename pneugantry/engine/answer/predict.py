@@ -122,10 +122,12 @@ class Predictor:
 
     def told(self, fit: Fit) -> Record:
         """The record with what it has of its own as its views tell it, beside all else as the fit
-        has it. No replay of its inputs alone begins where the record does without that.
+        has it: without that a replay of its inputs alone would begin elsewhere.
         """
         sim, (record,) = self.fitter.simulation, self.fitter.simulation.records.values()
         wanted = {n.parameter for n in self.fitter.plant.nuisances if n.read}
+        if not wanted:
+            return record
         self.fitter.prepare([fit.hypothesis])
         point, known = self._known(fit, 1.0)
         pairs = enumerate(point.coordinates)

@@ -77,7 +77,7 @@ class Fitter:
         self.surveys = Surveys(self.simulation, self.noise, rules)
         self.descents = Descents(self.simulation, self.noise, self.surveys, rules)
         self.since = 0.0  # evaluations that the effects took which have been found
-        self.left_open: Recent[list[str]] = Recent(OPEN)  # by fit, views (`selection.excess`)
+        self.stands_out: Recent[list[str]] = Recent(OPEN)  # by fit, views (`selection.excess`)
 
     def close(self) -> None:
         self.simulation.close()

@@ -53,7 +53,7 @@ def unexplained(fitter: Fitter, fit: Fit) -> list[str]:
     """Views in which a fit leaves what would be called unknown, were it all: what stands out as the
     excess of an answer does, or stays down only because the fit has bent a parameter far.
     """
-    return list(fitter.left_open.of(fit, lambda: _unexplained(fitter, fit)))
+    return list(fitter.stands_out.of(fit, lambda: _unexplained(fitter, fit)))
 
 
 def _unexplained(fitter: Fitter, fit: Fit) -> list[str]:
