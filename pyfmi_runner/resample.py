@@ -14,7 +14,7 @@ __all__ = ["even_stamps", "is_regular", "on_grid", "resampled"]
 
 Array = NDArray[np.float64]
 HELD = ("u_x", "u_z", "f_nd", "v_td", "phase")  # act until the next one
-LABELS = frozenset({"phase"})  # numbers that stand for something, of which there is no mean
+LABELS = ("phase",)  # numbers that stand for something, of which there is no mean
 INSTANT = 1e-9  # s, within which a sample counts as at a row
 UNEVEN = 0.5  # of a period: stamps within it count as the rows of a 1 kHz log
 GAP_ROWS = 5.0  # typical steps, and
@@ -40,15 +40,19 @@ def resampled(columns: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     sensors run on straight lines between samples, or are averaged over a millisecond where there
     are more. Raises InputError for stamps that do not increase and for gaps.
     """
-    found, told, how = on_grid(columns, PERIOD, HELD)
+    found, told, how = on_grid(columns, PERIOD, HELD, LABELS)
     return found, f"{told}, {how}"
 
 
 def on_grid(
-    columns: Mapping[str, Array], period: float, held: Collection[str]
+    columns: Mapping[str, Array],
+    period: float,
+    held: Collection[str],
+    labels: Collection[str] = (),
 ) -> tuple[dict[str, Array], str, str]:
-    """As `resampled`, with rows `period` s apart and the columns `held` that act until the next;
-    what was done to these columns, and how that is done to any.
+    """As `resampled`, with rows `period` s apart and the columns `held` that act until the next,
+    of which `labels` are numbers that have no mean; what was done to these columns, and how that is
+    done to any.
     """
     time = columns["time"]
     steps = np.diff(time)
@@ -62,7 +66,7 @@ def on_grid(
         if name == "time":
             continue
         if name in held:
-            result[name] = _acting(time, values, grid, period, name in LABELS)
+            result[name] = _acting(time, values, grid, period, name in labels)
         else:
             straight = np.interp(grid, time, values)
             result[name] = _averaged(time, values, grid, period) if fine else straight

@@ -239,7 +239,7 @@ def test_a_run_does_not_depend_on_what_runs_beside_it(
     """
     (tmp_path / "Toy.mo").write_text(SLED, encoding="utf-8")
     compiled = cut(tmp_path / "Toy.mo", "Toy.Sled", outputs)
-    assert asserted_once(compiled.sources["model.c"])  # else no run had a lane
+    assert asserted_once(compiled.sources["model.c"])  # nothing of them is watched
     sled = Subsystem(build_part(compiled, tmp_path, f"sled {outputs[0]}"))
     monkeypatch.setattr(batch, "PART_FLAGS", (*batch.PART_FLAGS, "-DLANED=0"))
     plain = Subsystem(build_part(compiled, tmp_path, f"plain sled {outputs[0]}"))
@@ -310,7 +310,7 @@ def test_events_within_rows_are_those_of_a_run_without_lanes(
     (tmp_path / "Toy.mo").write_text(RATCHET, encoding="utf-8")
     outputs = ["s", "v", "teeth", "side"]
     compiled = cut(tmp_path / "Toy.mo", "Toy.Ratchet", outputs)
-    assert asserted_once(compiled.sources["model.c"])  # else no run had a lane
+    assert asserted_once(compiled.sources["model.c"])  # nothing of them is watched
     ratchet = Subsystem(build_part(compiled, tmp_path, "ratchet"))
     monkeypatch.setattr(batch, "PART_FLAGS", (*batch.PART_FLAGS, "-DLANED=0"))
     plain = Subsystem(build_part(compiled, tmp_path, "plain ratchet"))

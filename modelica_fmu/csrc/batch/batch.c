@@ -20,8 +20,8 @@
 #define STEPS_AT_FIRST 2000
 #define STEPS_PER_ROW 100
 
-/* A model for lanes: nothing but states, relations, memories, clocks that set these; delays in runs that read none of them, assertions
- * that hold or not from the start on (ASSERTED_ONCE). */
+/* A model for lanes: nothing but states, relations, memories, clocks that set these, assertions; delays in runs that read none of them.
+ * Assertions that hold or not from the start on (ASSERTED_ONCE) are not watched. */
 #ifndef LANED
 #define CLOCKS_LANED (N_SAMPLES == 0 || (N_STATES > 0 && !CHAINED))
 #define LANED (N_LOOPS + N_ROUNDINGS + N_CONSTRAINTS == 0 && CLOCKS_LANED)

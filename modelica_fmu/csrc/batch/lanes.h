@@ -3,8 +3,8 @@
  * A lane does what core.c does: ticks of clocks that are due, events, then Runge-Kutta steps with the modes that hold, to events on the way
  * and on (lane_steps.h). Where a relation changes and changes back within a step, when-clauses follow from one another, a clock ticks within
  * a row, an input that is no number switches, events are many, the error is not small, a value is not finite or an assertion does not hold,
- * the lane is off: core.c does that row for its run alone, from where it began. So a run's result does not depend on what runs beside it. model_lanes.h holds the model's
- * own functions as loops over the lanes.
+ * the lane is off: core.c does that row for its run alone, from where it began. So a run's result does not depend on what runs beside it.
+ * model_lanes.h holds the model's own functions as loops over the lanes.
  */
 #define LANES 8
 #define ROUNDS 6    /* of settling relations; core.c tries more */

@@ -117,7 +117,7 @@ def _effect_coordinate(p: Parameter, nominal: float, spread: float) -> Coordinat
         return Coordinate(
             p.name,
             centre,
-            p.scale * factor / centre,
+            p.scale if p.relative else p.scale / p.neutral,
             low,
             high,
             logarithmic=True,
