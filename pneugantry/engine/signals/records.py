@@ -211,5 +211,5 @@ def _column(entry: Fields, name: str, usual: str = "1") -> Column:
     scale = entry.number("scale", 1.0)
     by, offset = told
     return Column(
-        entry.of_type("column", str, name), by * scale, offset * scale + entry.number("offset", 0.0)
+        entry.of_type("column", str, name), by * scale, offset + entry.number("offset", 0.0)
     )

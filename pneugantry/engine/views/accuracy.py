@@ -50,6 +50,8 @@ def accurate(plant: Plant, views: Sequence[View], records: Sequence[Record]) -> 
         if _error(own, records[:TRIED], steps, chosen * REFERENCE) < STEADY:
             in_views = steps
             break
+    if not settings and not in_views:
+        return plant
     return replace(plant, settings={**plant.settings, **settings}, in_views=in_views)
 
 

@@ -16,10 +16,12 @@ from modelica_fmu.errors import InputError
 from pneugantry.engine.describe import Described, case_of, described, views_of
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.plant import Plant, Record
+from pneugantry.engine.signals.records import _column
 from pneugantry.engine.signals.tables import conversion, noise_of
 from pneugantry.engine.views.foreign import ForeignPlant
 from pneugantry.engine.views.synthetic import Nominal
 from pyfmi_runner.build import build_fmu
+from pyfmi_runner.scenario import Fields
 
 PERIOD = 2e-3
 MODEL = 'model = "Toy.mo"\nclass = "Toy.Cart"'
@@ -278,6 +280,13 @@ def test_units_of_one_quantity_are_converted(
     recorded: str, wanted: str, scale: float, offset: float
 ) -> None:
     assert conversion(recorded, wanted) == pytest.approx((scale, offset))
+
+
+def test_a_scale_is_of_what_was_recorded_not_of_the_unit_s_own_zero() -> None:
+    """Tenths of degC: 215 is 21.5 degC."""
+    table = {"column": "t", "unit": "K", "recorded": "degC", "scale": 0.1, "offset": 0.5}
+    column = _column(Fields(table, tuple(table)), "T")
+    assert column.scale * 215 + column.offset == pytest.approx(273.15 + 21.5 + 0.5)
 
 
 @pytest.mark.parametrize(("recorded", "wanted"), [("mm", "s"), ("V", "1"), ("wibble", "m/s")])
