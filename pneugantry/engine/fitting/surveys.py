@@ -101,10 +101,16 @@ class Surveys:
             found.append(End(problems[v], solution, min(base[v], least), contends))
         return found
 
-    def raced(self, problem: Problem, start: Solution, bar: float) -> Solution:
-        """A view's descent by steps that look over events, given up where it is behind (`Pace`)."""
+    def raced(
+        self, problem: Problem, start: Solution, bar: float, enough: float = -math.inf
+    ) -> Solution:
+        """A view's descent by steps that look over events, given up where it is behind (`Pace`);
+        over, too, where it stands lower than is enough.
+        """
         pace = Pace(problem, bar, own=True)
-        return descend(problem, start, None, ROUGH, pace.behind)
+        return descend(
+            problem, start, None, ROUGH, lambda n, at: pace.behind(n, at) or pace.last < enough
+        )
 
     def surveyed(
         self,

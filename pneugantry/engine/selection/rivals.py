@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pneugantry.engine.fitting.fit import Fit
+from pneugantry.engine.fitting.fit import Fit, Race
 from pneugantry.engine.fitting.fitter import Fitter
-from pneugantry.engine.hypotheses.hypothesis import Forms
+from pneugantry.engine.hypotheses.hypothesis import Forms, Hypothesis
 from pneugantry.engine.selection.excess import unexplained
-from pneugantry.engine.selection.screening import Offer, screen, usual
+from pneugantry.engine.selection.screening import screen, usual
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import (
     Trial,
@@ -20,7 +20,6 @@ from pneugantry.engine.selection.trials import (
     predicted,
     told_of,
     unbent_values,
-    without,
 )
 from pneugantry.engine.views.simulation import Cell
 
@@ -29,12 +28,14 @@ __all__ = ["exchanged", "reformed"]
 MUCH = 0.5  # share of an effect's gain from which on another of its block is tried beside it
 
 
-def reformed(trail: Trail, best: Fit, effects: Sequence[Offer]) -> Fit:
-    """With another form of one of some effects, where it does better beside the others, from where
-    these have been fitted.
+def reformed(trail: Trail, best: Fit) -> Fit:
+    """With another form of one of its effects, where it does better beside the others, from where
+    these have been fitted; asked once of a fit.
     """
-    fitter, tried = trail.fitter, []
-    for effect, form in effects:
+    if trail.reformed is best:
+        return best
+    fitter, tried, trail.reformed = trail.fitter, [], best
+    for effect, form in best.hypothesis.effects:
         for other in filter(fitter.coordinates.readable, effect.forms):
             hypothesis = best.hypothesis.without(effect.key).plus(effect, other)
             if other is not form:  # tried before, too: from a worse optimum, that says little
@@ -147,8 +148,8 @@ def _replacing(trail: Trail, best: Fit) -> list[Fit]:
     stand in for another finds its place beside it, and by itself may not. From the best of it also
     without that effect: it may stand in a better optimum only.
     """
-    fits: list[Fit] = []
-    seen: set[Forms] = set()
+    fitter, seen = trail.fitter, set[Forms]()
+    tried: list[tuple[Hypothesis, Fit]] = []
     for fit in sorted(trail.tried, key=lambda f: f.evidence):
         effects = fit.hypothesis.effects
         more = [e for e, _ in effects if e.key not in best.keys]
@@ -157,8 +158,11 @@ def _replacing(trail: Trail, best: Fit) -> list[Fit]:
         if fit.evidence > best.evidence + trail.bar:
             break
         gone = [e.key for e, _ in effects if e.block == more[0].block and e is not more[0]]
-        if not seen and fit.evidence < best.evidence - trail.fitter.rules.entry:
+        if not seen and fit.evidence < best.evidence - fitter.rules.entry:
             gone.append(more[0].key)
-        fits += without(trail.fitter, fit, gone)
+        tried += [(fit.hypothesis.without(k), fit) for k in gone]
         seen.add(fit.hypothesis.forms)
-    return fits
+    race = Race(best, 1.0)  # what ends far behind replaces nothing
+    return fitter.together(
+        lambda t: fitter.explore(*t, race=race), tried, [fewer for fewer, _ in tried]
+    )

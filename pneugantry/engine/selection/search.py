@@ -81,7 +81,7 @@ def resumed(fitter: Fitter, found: Search, catalogue: Mapping[str, Effect]) -> S
     trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))
     best = trail.polished(top)
     if unexplained(fitter, best):
-        best = reformed(trail, best, best.hypothesis.effects)
+        best = reformed(trail, best)
     return _ended(trail, _gathered(trail, best, polished=True))
 
 
@@ -97,7 +97,7 @@ def _ended(trail: Trail, best: Fit) -> Search:
     fitter = trail.fitter
     best = exchanged(trail, best)
     if unexplained(fitter, best):
-        best = reformed(trail, best, best.hypothesis.effects)
+        best = reformed(trail, best)
     other = from_others(trail, best)
     if other is not best:
         best = _gathered(trail, other, polished=True)
@@ -132,7 +132,7 @@ def _gathered(trail: Trail, base: Fit, polished: bool = False) -> Fit:
             fitter.since = fitter.simulation.evaluations
         before = fitter.under(before, best.scale)
         if top is not None and unexplained(fitter, best):
-            best = reformed(trail, best, best.hypothesis.effects)
+            best = reformed(trail, best)
         least = fitter.rules.entry if top is None else trail.bar
         if spent_in_all(fitter) >= LAST:
             break

@@ -40,6 +40,7 @@ class Trail:
     tried: list[Fit]
     steps: list[Step] = field(default_factory=list)
     screened: list[Candidate] = field(default_factory=list)
+    reformed: Fit | None = None  # whose effects were tried in their other forms last
 
     @property
     def bar(self) -> float:

@@ -56,6 +56,21 @@ class Point:
         return Point(self.coordinates, theta, self.settings)
 
 
+@dataclass(frozen=True)
+class _Step:
+    """Of a difference quotient."""
+
+    name: str  # of the coordinate
+    parameter: str
+    value: float
+    step: float  # in theta
+    still: bool  # it changed nothing the last time
+
+    def of(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Parameters with this one moved."""
+        return {**values, self.parameter: self.value}
+
+
 class Simulation:
     """Runs views on threads of its own. Threads may share it: what several of them ask of one view
     meanwhile is simulated in one call, for a lane costs the same whether or not it is used.
@@ -66,8 +81,9 @@ class Simulation:
         self.records = {r.name: r for r in records}
         self.cells = [(v.name, r.name) for v in views for r in records if v.shows(r)]
         self.rules = rules
-        self.seconds = 0.0  # of records, simulated so far
+        self.seconds = 0.0  # of records, for which runs have been asked so far
         self._counting = Lock()
+        self._still: dict[Cell, frozenset[str]] = {}  # coordinates that changed nothing, last
         self._pooled: Pooled[str, _Job, Array] = Pooled(self._residuals, SIDE_BY_SIDE, MOST)
 
     def close(self) -> None:
@@ -100,9 +116,14 @@ class Simulation:
 
     def run(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> dict[Cell, list[Array]]:
         """Residuals (rows, signals) of each cell's runs."""
+        self._count([(cell, values) for cell, own in jobs.items() for values in own])
+        return self.simulated(jobs)
+
+    def simulated(
+        self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]
+    ) -> dict[Cell, list[Array]]:
+        """The same, uncounted."""
         every = [(cell, values) for cell, own in jobs.items() for values in own]
-        with self._counting:
-            self.seconds += self._seconds(every)
         made = self._pooled.run([(job[0][0], job) for job in every])
         found: dict[Cell, list[Array]] = {}
         for (cell, _), residual in zip(every, made, strict=True):
@@ -112,10 +133,11 @@ class Simulation:
     def _residuals(self, view: str, jobs: Sequence[_Job]) -> list[Array]:
         return self.views[view].residuals([(self.records[c[1]], values) for c, values in jobs])
 
-    def _seconds(self, jobs: Sequence[_Job]) -> float:
-        """Of records, that runs go over."""
+    def _count(self, jobs: Sequence[_Job]) -> None:
+        """Adds the seconds of records that runs go over."""
         records = (self.records[cell[1]] for cell, _ in jobs)
-        return sum(r.rows * r.period for r in records)
+        with self._counting:
+            self.seconds += sum(r.rows * r.period for r in records)
 
     def residuals(self, point: Point, cells: Sequence[Cell]) -> Residuals:
         """At a point."""
@@ -138,24 +160,45 @@ class Simulation:
         fine: bool = True,
     ) -> Columns:
         """Columns of the coordinates named, about the residuals at a point. fine: by small steps;
-        else by such as look over events, where a view has any.
+        else by such as look over events, where a view has any. What changed nothing in a cell the
+        last time is moved together there: where that changes nothing, none of it does.
         """
-        jobs: dict[Cell, list[dict[str, float]]] = {}
-        moved: dict[Cell, list[tuple[Coordinate, float]]] = {}
-        for cell in cells:
-            base = point.values(cell[1])
-            jobs[cell], moved[cell] = [], []
-            for c, theta in zip(point.coordinates, point.theta, strict=True):
-                if c.name in wanted and self.in_cell(c, cell):
-                    step = self.step(c, theta, fine or not self.views[cell[0]].remembers)
-                    jobs[cell].append({**base, c.parameter: c.value(theta + step)})
-                    moved[cell].append((c, step))
-        found = self.run({cell: job for cell, job in jobs.items() if job})
-        return {
-            (cell, c.name): (found[cell][i] - residuals[cell]) / step
-            for cell, steps in moved.items()
-            for i, (c, step) in enumerate(steps)
-        }
+        at = {cell: point.values(cell[1]) for cell in cells}
+        moved = {cell: self._steps(point, cell, wanted, fine) for cell in cells}
+        self._count([(cell, at[cell]) for cell, steps in moved.items() for _ in steps])
+        still = {cell: [s for s in own if s.still] for cell, own in moved.items()}
+        jobs = {cell: [s.of(at[cell]) for s in own if not s.still] for cell, own in moved.items()}
+        for cell, own in still.items():
+            if own:
+                jobs[cell].append({**at[cell], **{s.parameter: s.value for s in own}})
+        found = self.simulated(jobs)
+        idle = {c for c, own in still.items() if own and np.array_equal(found[c][-1], residuals[c])}
+        alone = self.simulated({c: [s.of(at[c]) for s in still[c]] for c in cells if c not in idle})
+        columns: Columns = {}
+        for cell, steps in moved.items():
+            runs, again = iter(found.get(cell, ())), iter(alone.get(cell, ()))
+            for s in steps:
+                if s.still and cell in idle:
+                    columns[cell, s.name] = np.zeros_like(residuals[cell])
+                else:
+                    run = next(again if s.still else runs)
+                    columns[cell, s.name] = (run - residuals[cell]) / s.step
+            told = {s.name for s in steps}
+            nothing = {n for n in told if not columns[cell, n].any()}
+            self._still[cell] = (self._still.get(cell, frozenset()) - told) | nothing
+        return columns
+
+    def _steps(self, point: Point, cell: Cell, wanted: set[str], fine: bool) -> list[_Step]:
+        """Of the coordinates of a cell among those that are wanted."""
+        fine, still = fine or not self.views[cell[0]].remembers, self._still.get(cell, frozenset())
+        found = []
+        for c, theta in zip(point.coordinates, point.theta, strict=True):
+            if c.name in wanted and self.in_cell(c, cell):
+                step = self.step(c, theta, fine)
+                found.append(
+                    _Step(c.name, c.parameter, c.value(theta + step), step, c.name in still)
+                )
+        return found
 
     def step(self, c: Coordinate, theta: float, fine: bool) -> float:
         """Step of a difference quotient, away from a bound."""

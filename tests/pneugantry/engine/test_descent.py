@@ -14,7 +14,7 @@ from pneugantry.engine.fitting.noise import Whitener
 from pneugantry.engine.fitting.problem import Problem, Solution, Tangent, newton, prior
 from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
-from pneugantry.engine.plant import Array
+from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.rules import Rules
 from pneugantry.engine.views.simulation import Cell, Point, Simulation
 from pneugantry.engine.views.view import View
@@ -31,14 +31,18 @@ class Rough(Simulation):
     """
 
     def __init__(self, bent: float = 0.0) -> None:
-        self.rules, self.jump, self.bent, self.ran = Rules(), JUMP, bent, list[Cell]()
+        records = [cast(Record, SimpleNamespace(name=c[1], rows=ROWS, period=1e-3)) for c in CELLS]
+        super().__init__([], records, Rules())
+        self.jump, self.bent, self.ran = JUMP, bent, list[Cell]()
         draw = np.random.default_rng(5)
         a, b, c = draw.standard_normal((3, ROWS))
         self.slopes = 300 * np.stack([a, a + 1e-3 * b, c])
         self.pattern = c  # a column that errs by it tilts the valley towards another parameter
         self.noise = {cell: 0.5 * draw.standard_normal(ROWS) for cell in CELLS}
 
-    def run(self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]) -> dict[Cell, list[Array]]:
+    def simulated(
+        self, jobs: Mapping[Cell, Sequence[Mapping[str, float]]]
+    ) -> dict[Cell, list[Array]]:
         self.ran += [cell for cell, own in jobs.items() for _ in own]
         return {cell: [self.residual(cell, p) for p in own] for cell, own in jobs.items()}
 

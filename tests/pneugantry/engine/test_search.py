@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -301,8 +302,10 @@ def test_what_nothing_predicts_is_looked_at_from_its_usual_sizes(
     null, own = fitter.null(), CATALOGUE["drag"]
     gains, seen = contenders.Scouts.gains, list[tuple[int, float]]()
 
-    def looked(self: contenders.Scouts, tried: Sequence[Trial]) -> list[float]:
-        found = gains(self, tried)
+    def looked(
+        self: contenders.Scouts, tried: Sequence[Trial], enough: float = math.inf
+    ) -> list[float]:
+        found = gains(self, tried, enough)
         seen.extend((len(starts), gain) for (_, starts), gain in zip(tried, found, strict=True))
         return found
 
@@ -414,13 +417,26 @@ def test_beside_a_second_effect_the_first_may_take_another_form(plant: Plant, pa
     other = hypothesis.without(first.key).plus(first, first.forms[1])
     stuck = replace(best, hypothesis=other)  # tried before, from a worse optimum
     trail = Trail(fitter, {e.key: e for e in (first, second)}, [best, stuck])
-    found = reformed(trail, best, hypothesis.effects[:-1])
+    found = reformed(trail, best)
     fitter.close()
     assert {(e.key, f.name) for e, f in found.hypothesis.effects} == {
         ("first", "drag"),
         ("leak", "plain"),
     }
     assert best.evidence - found.evidence > fitter.rules.entry
+
+
+def test_other_forms_of_a_fit_s_effects_are_asked_for_once(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    own = in_forms("first", {"drag": 2.0, "cubic": 2.0})
+    best = fitter.explore(Hypothesis().plus(own, own.forms[0]), fitter.null())
+    trail = Trail(fitter, {own.key: own}, [best])
+    spent = [fitter.simulation.evaluations]
+    for _ in range(2):
+        assert reformed(trail, best) is best
+        spent.append(fitter.simulation.evaluations)
+    fitter.close()
+    assert spent[0] < spent[1] == spent[2]
 
 
 def test_a_hundredth_of_the_usual_size_is_no_effect(plant: Plant, parts: Path) -> None:

@@ -167,3 +167,48 @@ def test_columns_look_over_events_only_where_there_may_be_any(remembers: bool, e
     slope = -0.02 * np.cos(angle) * angle / 0.03
     error = np.abs(columns[cells[0], "length"][:, 0] - slope)
     assert (error.max() < 0.01 * np.abs(slope).max()) == exact
+
+
+class Gate:
+    """A view that reads one parameter, and others where it is above 1."""
+
+    name, sigmas, remembers = "gate", (1.0,), False
+
+    def __init__(self) -> None:
+        self.made = 0
+
+    def shows(self, record: Record) -> bool:
+        return True
+
+    def depends_on(self, parameter: str) -> bool:
+        return True
+
+    def residuals(self, runs: Sequence[Run]) -> list[Array]:
+        self.made += len(runs)
+        return [np.array([[v["g"] + (v["a"] + 2 * v["b"]) * (v["g"] > 1)]]) for _, v in runs]
+
+
+def test_what_changed_nothing_is_moved_together() -> None:
+    """And by itself again once it does; as many runs count as columns were asked for."""
+    view = Gate()
+    record = cast(Record, SimpleNamespace(name="a", rows=10, period=0.1))
+    simulation = Simulation([cast(View, view)], [record], Rules())
+    own = tuple(effect_coordinate(Parameter(n, 0.0, 1.0, -9.0, 9.0), 0.0, 2.0) for n in "gab")
+
+    def columns(g: float) -> tuple[list[float], int, float]:
+        point, before = Point(own, np.array([g, 0.0, 0.0]), {}), simulation.evaluations
+        residuals = simulation.residuals(point, simulation.cells)
+        view.made = 0
+        found = simulation.columns(point, residuals, simulation.cells, set("gab"))
+        slopes = [float(found[("gate", "a"), n][0, 0]) for n in "gab"]
+        return slopes, view.made, simulation.evaluations - before
+
+    told = [columns(g) for g in (0.0, 0.0, 5.0, 5.0, 0.0, 0.0)]
+    simulation.close()
+    for slopes, _, counted in told:
+        assert counted == pytest.approx(4)
+        assert slopes[0] == pytest.approx(1)
+    assert [slopes[1:] for slopes, _, _ in told] == [
+        pytest.approx([k, 2 * k]) for k in (0, 0, 1, 1, 0, 0)
+    ]
+    assert [made for _, made, _ in told] == [3, 2, 4, 3, 3, 2]
