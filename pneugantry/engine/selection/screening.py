@@ -264,8 +264,8 @@ def _trace(
     has one, and its parameters' columns there; alone: only the difference, if it has one. cells:
     those that are simulated; none: all.
     """
-    jobs: dict[Cell, list[dict[str, float]]] = {}
-    owners: list[tuple[_Trial, Cell, int, list[Job]]] = []
+    asked: list[tuple[Cell, list[dict[str, float]]]] = []
+    owners: list[tuple[_Trial, list[Job]]] = []
     for t in {id(t): t for t in trials}.values():
         points = _points(fitter, base, t.form, t.starts)[: 1 if alone and t.moves else None]
         names = {p.name for p in t.form.parameters} | set(t.form.settings)
@@ -280,12 +280,10 @@ def _trace(
                     nothing = np.zeros_like(base.residuals[cell])
                     known[(*key, n)] = ratio * base.columns.get((cell, name), nothing)
             elif there is None or there.any():  # where a start changes nothing, its slopes do not
-                own = jobs.setdefault(cell, [])
-                owners.append((t, cell, len(own), points))
-                own += [{**base.values(cell[1]), **moved} for moved, _ in points]
-    found = fitter.simulation.run(jobs)
-    for t, cell, at, points in owners:
-        runs = found[cell][at : at + len(points)]
+                owners.append((t, points))
+                asked.append((cell, [{**base.values(cell[1]), **moved} for moved, _ in points]))
+    found = fitter.simulation.about(asked)
+    for (t, points), (cell, _), runs in zip(owners, asked, found, strict=True):
         if t.moves:
             known[*t.key, cell, 0] = runs[0] - base.residuals[cell]
         for n, (_, step) in enumerate(points[1:], 1):

@@ -23,6 +23,7 @@ __all__ = ["Cell", "Columns", "Point", "Residuals", "Simulation"]
 
 SIDE_BY_SIDE = 8  # runs that the lanes of a part hold
 MOST = 64  # runs of one call: their signals are in memory together
+MANY = 32  # points about one, of which it is asked whether any changes anything
 USUAL = 0.1  # a tolerance's spread, in an effect's usual sizes
 Cell = tuple[str, str]  # view, record
 _Job = tuple[Cell, Mapping[str, float]]  # a run
@@ -133,6 +134,34 @@ class Simulation:
     def _residuals(self, view: str, jobs: Sequence[_Job]) -> list[Array]:
         return self.views[view].residuals([(self.records[c[1]], values) for c, values in jobs])
 
+    def about(
+        self, asked: Sequence[tuple[Cell, Sequence[Mapping[str, float]]]]
+    ) -> list[list[Array]]:
+        """Residuals of cells at points, the first one of each cell's and others that each move some
+        of its parameters. Where these are many, all are moved at once before: where that changes
+        nothing, none of them does.
+        """
+        self._count([(cell, values) for cell, points in asked for values in points])
+        many = [i for i, (_, points) in enumerate(asked) if len(points) > MANY]
+        ends = self._listed([(asked[i][0], _ends(asked[i][1])) for i in many])
+        idle = {i: at for i, (at, end) in zip(many, ends, strict=True) if np.array_equal(at, end)}
+        rest = [own for i, own in enumerate(asked) if i not in idle]
+        made = iter(self._listed(rest))
+        return [
+            [idle[i]] * len(points) if i in idle else next(made)
+            for i, (_, points) in enumerate(asked)
+        ]
+
+    def _listed(
+        self, asked: Sequence[tuple[Cell, Sequence[Mapping[str, float]]]]
+    ) -> list[list[Array]]:
+        """Residuals of each cell's points; a cell may be there several times."""
+        jobs: dict[Cell, list[Mapping[str, float]]] = {}
+        for cell, points in asked:
+            jobs.setdefault(cell, []).extend(points)
+        found = {cell: iter(runs) for cell, runs in self.simulated(jobs).items()}
+        return [[next(found[cell]) for _ in points] for cell, points in asked]
+
     def _count(self, jobs: Sequence[_Job]) -> None:
         """Adds the seconds of records that runs go over."""
         records = (self.records[cell[1]] for cell, _ in jobs)
@@ -215,3 +244,10 @@ class Simulation:
     def in_cell(self, c: Coordinate, cell: Cell) -> bool:
         """Whether a cell reads a coordinate."""
         return c.record in (None, cell[1]) and self.views[cell[0]].depends_on(c.parameter)
+
+
+def _ends(points: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
+    """The first of some points, and one with all that the others move in it."""
+    first = points[0]
+    moved = {k: v for p in points[1:] for k, v in p.items() if v != first[k]}
+    return [first, {**first, **moved}]

@@ -212,3 +212,21 @@ def test_what_changed_nothing_is_moved_together() -> None:
         pytest.approx([k, 2 * k]) for k in (0, 0, 1, 1, 0, 0)
     ]
     assert [made for _, made, _ in told] == [3, 2, 4, 3, 3, 2]
+
+
+@pytest.mark.parametrize(("g", "made"), [(0.0, 2), (5.0, 52)])
+def test_many_points_about_one_are_tried_at_once(g: float, made: int) -> None:
+    view = Gate()
+    record = cast(Record, SimpleNamespace(name="a", rows=10, period=0.1))
+    simulation = Simulation([cast(View, view)], [record], Rules())
+    point = {"g": g, "a": 0.0, "b": 0.0}
+    points = [point, *({**point, "ab"[k % 2]: 0.1 * (k + 1)} for k in range(49))]
+    found = simulation.about([(("gate", "a"), points), (("gate", "a"), points[:3])])
+    spent = simulation.evaluations
+    simulation.close()
+    assert view.made == made + 3
+    assert spent == pytest.approx(53)
+    assert [len(runs) for runs in found] == [50, 3]
+    for own, runs in zip((points, points[:3]), found, strict=True):
+        each = [p["g"] + (p["a"] + 2 * p["b"]) * (g > 1) for p in own]
+        assert [float(r[0, 0]) for r in runs] == pytest.approx(each)
