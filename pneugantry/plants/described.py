@@ -22,8 +22,8 @@ from pneugantry.engine.views.accuracy import accurate
 from pneugantry.engine.views.foreign import ForeignPlant
 from pneugantry.engine.views.view import View
 from pneugantry.plants.calibration_file import chances_of
+from pneugantry.plants.doubts import doubts_of, with_doubts
 from pneugantry.plants.modelica import Extension, write_extension
-from pneugantry.plants.scales import with_doubtful_units
 from pneugantry.plants.targets import AUGMENTED, NO_SOURCE, SET_BY_HAND, augmented_name
 from pyfmi_runner.build import build_fmu, cache_folder
 from pyfmi_runner.fmu import FmuFile, FmuVariable
@@ -62,8 +62,13 @@ def diagnose_described(
 def answered(
     found: Described, task: Task, say: Callable[[str], None] = lambda stage: None
 ) -> Found:
-    """The diagnosis of what `described_task` has read; "unknown" with what may be a wrong unit."""
-    return with_doubtful_units(run(task, found.rules, say))
+    """The diagnosis of what `described_task` has read. What no effect seems to be behind is said
+    before, and told with an answer that is "unknown".
+    """
+    doubts = doubts_of(task)
+    for doubt in doubts:
+        say(f"note: {doubt}")
+    return with_doubts(run(task, found.rules, say), doubts)
 
 
 def described_task(

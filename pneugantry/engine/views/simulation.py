@@ -64,6 +64,7 @@ class _Step:
     name: str  # of the coordinate
     parameter: str
     value: float
+    half: float  # by half the step
     step: float  # in theta
     still: bool  # it changed nothing the last time
 
@@ -138,13 +139,18 @@ class Simulation:
         self, asked: Sequence[tuple[Cell, Sequence[Mapping[str, float]]]]
     ) -> list[list[Array]]:
         """Residuals of cells at points, the first one of each cell's and others that each move some
-        of its parameters. Where these are many, all are moved at once before: where that changes
-        nothing, none of them does.
+        of its parameters. Where these are many, every other one is moved at once before, and the
+        rest: where neither changes anything, none of them does. (All at once may: a curve that
+        counts from its own mean.)
         """
         self._count([(cell, values) for cell, points in asked for values in points])
         many = [i for i, (_, points) in enumerate(asked) if len(points) > MANY]
         ends = self._listed([(asked[i][0], _ends(asked[i][1])) for i in many])
-        idle = {i: at for i, (at, end) in zip(many, ends, strict=True) if np.array_equal(at, end)}
+        idle = {
+            i: at
+            for i, (at, *halves) in zip(many, ends, strict=True)
+            if all(np.array_equal(at, half) for half in halves)
+        }
         rest = [own for i, own in enumerate(asked) if i not in idle]
         made = iter(self._listed(rest))
         return [
@@ -199,7 +205,7 @@ class Simulation:
         jobs = {cell: [s.of(at[cell]) for s in own if not s.still] for cell, own in moved.items()}
         for cell, own in still.items():
             if own:
-                jobs[cell].append({**at[cell], **{s.parameter: s.value for s in own}})
+                jobs[cell].append({**at[cell], **_together(own)})
         found = self.simulated(jobs)
         idle = {c for c, own in still.items() if own and np.array_equal(found[c][-1], residuals[c])}
         alone = self.simulated({c: [s.of(at[c]) for s in still[c]] for c in cells if c not in idle})
@@ -224,9 +230,8 @@ class Simulation:
         for c, theta in zip(point.coordinates, point.theta, strict=True):
             if c.name in wanted and self.in_cell(c, cell):
                 step = self.step(c, theta, fine)
-                found.append(
-                    _Step(c.name, c.parameter, c.value(theta + step), step, c.name in still)
-                )
+                values = c.value(theta + step), c.value(theta + 0.5 * step)
+                found.append(_Step(c.name, c.parameter, *values, step, c.name in still))
         return found
 
     def step(self, c: Coordinate, theta: float, fine: bool) -> float:
@@ -246,8 +251,14 @@ class Simulation:
         return c.record in (None, cell[1]) and self.views[cell[0]].depends_on(c.parameter)
 
 
+def _together(steps: Sequence[_Step]) -> dict[str, float]:
+    """Parameters of several steps, every other one half as long: equal ones may cancel."""
+    return {s.parameter: s.half if k % 2 else s.value for k, s in enumerate(steps)}
+
+
 def _ends(points: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
-    """The first of some points, and one with all that the others move in it."""
+    """The first of some points, and two with what every other one of the rest moves in it."""
     first = points[0]
-    moved = {k: v for p in points[1:] for k, v in p.items() if v != first[k]}
-    return [first, {**first, **moved}]
+    halves = (points[1::2], points[2::2])
+    moved = ({k: v for p in half for k, v in p.items() if v != first[k]} for half in halves)
+    return [first, *({**first, **own} for own in moved)]

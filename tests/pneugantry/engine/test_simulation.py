@@ -188,6 +188,25 @@ class Gate:
         return [np.array([[v["g"] + (v["a"] + 2 * v["b"]) * (v["g"] > 1)]]) for _, v in runs]
 
 
+class Mean(Gate):
+    """A view that reads what its parameters are beyond their mean."""
+
+    def residuals(self, runs: Sequence[Run]) -> list[Array]:
+        self.made += len(runs)
+        values = [np.array([v[k] for k in sorted(v)]) for _, v in runs]
+        return [(v - v.mean())[:, None].round(9) for v in values]
+
+
+def test_what_cancels_all_at_once_is_no_idle_point() -> None:
+    record = cast(Record, SimpleNamespace(name="a", rows=10, period=0.1))
+    simulation = Simulation([cast(View, Mean())], [record], Rules())
+    point = {f"c{k:02}": 0.0 for k in range(40)}
+    points = [point, *({**point, name: 0.1} for name in point)]
+    (found,) = simulation.about([(("gate", "a"), points)])
+    simulation.close()
+    assert [int(np.argmax(r)) for r in found[1:]] == list(range(40))
+
+
 def test_what_changed_nothing_is_moved_together() -> None:
     """And by itself again once it does; as many runs count as columns were asked for."""
     view = Gate()
@@ -214,7 +233,7 @@ def test_what_changed_nothing_is_moved_together() -> None:
     assert [made for _, made, _ in told] == [3, 2, 4, 3, 3, 2]
 
 
-@pytest.mark.parametrize(("g", "made"), [(0.0, 2), (5.0, 52)])
+@pytest.mark.parametrize(("g", "made"), [(0.0, 3), (5.0, 53)])
 def test_many_points_about_one_are_tried_at_once(g: float, made: int) -> None:
     view = Gate()
     record = cast(Record, SimpleNamespace(name="a", rows=10, period=0.1))

@@ -14,7 +14,7 @@ import pytest
 from modelica_fmu.errors import RunError
 from pneugantry.api.diagnosis import diagnose as diagnose_by_api
 from pneugantry.engine.rules import Rules
-from pneugantry.plants import campaigns, changed, described, scales
+from pneugantry.plants import campaigns, changed, described, doubts
 from pneugantry.plants.campaigns import Diagnoser
 from pneugantry.plants.changed import diagnose_change
 
@@ -41,7 +41,7 @@ def description(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for module, name, value in (
         (described, "described_task", lambda *_: (read, task)),
         (described, "run", lambda own, *_: Answered(own)),
-        (scales, "_doubtful", lambda _: [TOLD]),
+        (described, "doubts_of", lambda _: [TOLD]),
         (changed, "changed_task", lambda *_: (read, task)),
         (changed, "with_changes", lambda found, _: found),
         (campaigns, "to_json", lambda found, _: {"notes": found.diagnosis.notes}),
@@ -64,17 +64,18 @@ def test_a_log_that_cannot_be_replayed_ends_no_diagnosis(monkeypatch: pytest.Mon
     def ring(*_: object) -> Sequence[None]:
         raise RunError("FMUs feed each other in a ring")
 
-    monkeypatch.setattr(scales, "replays", ring)
+    monkeypatch.setattr(doubts, "replays", ring)
     data = SimpleNamespace(fitted=("log",), unseen=())
-    found = Answered(SimpleNamespace(plant=None, cache=None, data=data))
-    assert scales.with_doubtful_units(found).diagnosis.notes == ()  # type: ignore[type-var]
+    task: Any = SimpleNamespace(plant=None, cache=None, data=data)
+    assert doubts.doubts_of(task) == ()
 
 
 @pytest.mark.parametrize(("scale", "told"), [(3.6, (TOLD,)), (0.2, (TOLD,)), (1.1, ())])
 def test_a_scale_that_no_sensor_has_may_be_another_unit(
-    description: Path, scale: float, told: tuple[str, ...]
+    scale: float, told: tuple[str, ...]
 ) -> None:
     size = SimpleNamespace(value=scale)
     cause = SimpleNamespace(parameters={"sensors.v.scale": size, "axis.k": size})
     found = Answered(None, Answer("identified", causes=(cause,)))
-    assert scales.with_doubtful_units(found).diagnosis.notes == told  # type: ignore[type-var]
+    noted: Any = doubts.with_doubts(found, [TOLD])  # type: ignore[arg-type]
+    assert noted.diagnosis.notes == told
