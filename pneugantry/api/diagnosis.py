@@ -177,7 +177,6 @@ def diagnose(
     controller: PathLike | None = None,
     catalogue: PathLike | None = None,
     fmu: FmuSource = None,
-    effort: float = 1.0,
     say: Say | None = None,
 ) -> Diagnosis:
     """Where a measured campaign and the model differ, which effects cause it, and how far the gap
@@ -187,10 +186,9 @@ def diagnose(
     description of a plant of one's own. setup: how a single log was taken (keys as in
     campaign.toml). controller: the rig's own, a Python file, for the closed-loop check. catalogue:
     effects of one's own, a file (beside the gantry's) or a folder (instead of them). fmu: the
-    nominal gantry with other parameters. effort: what the search may spend, a share of the usual;
-    less answers sooner and tries less. say: told the name of each stage. Where something may be
-    unknown, `with_missing_term` of the result looks for what the equations lack. Raises InputError
-    naming file, field and hint.
+    nominal gantry with other parameters. say: told the name of each stage. Where something may
+    be unknown, `with_missing_term` of the result looks for what the equations lack. Raises
+    InputError naming file, field and hint.
     """
     from pneugantry.engine.answer.result import to_json
     from pneugantry.plants.described import is_plant_description
@@ -198,17 +196,16 @@ def diagnose(
     from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
     from pneugantry.plants.gantry.nominal import Nominal
 
-    say, rules = say or (lambda stage: None), Rules().with_effort(effort)
+    say = say or (lambda stage: None)
     if isinstance(source, str | Path) and is_plant_description(Path(source)):
         _no_gantry(fmu, controller)
-        return _diagnose_described(Path(source), catalogue, rules, say)
+        return _diagnose_described(Path(source), catalogue, say)
     own = None if catalogue is None else Path(catalogue)
     effects, model = catalogue_of(own), model_of(own)
     campaign = _campaign(source, setup, controller, say)
     given = None if fmu is None else fmu_from(fmu)
-    found = diagnose_gantry(campaign, effects, rules, Nominal(given, model), say)
-    gantry = given or _gantry(model)
-    return Diagnosis(to_json(found.diagnosis), found, campaign, gantry, rules=rules)
+    found = diagnose_gantry(campaign, effects, nominal=Nominal(given, model), say=say)
+    return Diagnosis(to_json(found.diagnosis), found, campaign, given or _gantry(model))
 
 
 def diagnose_change(
@@ -218,7 +215,6 @@ def diagnose_change(
     controller: PathLike | None = None,
     catalogue: PathLike | None = None,
     fmu: FmuSource = None,
-    effort: float = 1.0,
     say: Say | None = None,
 ) -> Diagnosis:
     """What came, what went and what stayed between two campaigns of one rig: `json["changes"]`
@@ -234,7 +230,7 @@ def diagnose_change(
     from pneugantry.plants.gantry.diagnosis import diagnose as diagnose_gantry
     from pneugantry.plants.gantry.nominal import Nominal
 
-    say, rules = say or (lambda stage: None), Rules().with_effort(effort)
+    say = say or (lambda stage: None)
     described = [
         isinstance(s, str | Path) and is_plant_description(Path(s)) for s in (before, after)
     ]
@@ -247,13 +243,13 @@ def diagnose_change(
     own = None if catalogue is None else Path(catalogue)
     if all(described):
         _no_gantry(fmu, controller)
-        return _described_change((Path(str(before)), Path(str(after))), own, rules, say)
+        return _described_change((Path(str(before)), Path(str(after))), own, say)
     campaigns = [_campaign(source, None, controller, say) for source in (before, after)]
     given = None if fmu is None else fmu_from(fmu)
     effects, nominal = catalogue_of(own), Nominal(given, model_of(own))
-    found = diagnose_gantry(campaigns[0], effects, rules, nominal, say, campaigns[1])
+    found = diagnose_gantry(campaigns[0], effects, nominal=nominal, say=say, after=campaigns[1])
     gantry = given or _gantry(nominal.model)
-    return Diagnosis(to_json(found.diagnosis), found, both(*campaigns), gantry, rules=rules)
+    return Diagnosis(to_json(found.diagnosis), found, both(*campaigns), gantry)
 
 
 def compile_parts(
@@ -308,14 +304,12 @@ def _campaign(
     return campaign
 
 
-def _described_change(
-    paths: tuple[Path, Path], catalogue: Path | None, rules: Rules, say: Say
-) -> Diagnosis:
+def _described_change(paths: tuple[Path, Path], catalogue: Path | None, say: Say) -> Diagnosis:
     """Two campaigns of a plant of one's own."""
     from pneugantry.engine.answer.result import to_json
     from pneugantry.plants.changed import diagnose_change as diagnose_described
 
-    found, rules = diagnose_described(*paths, catalogue, rules=rules, say=say)
+    found, rules = diagnose_described(*paths, catalogue, say=say)
     return Diagnosis(to_json(found.diagnosis), found, rules=rules)
 
 
@@ -329,13 +323,11 @@ def _no_gantry(fmu: FmuSource, controller: PathLike | None) -> None:
         raise InputError("is for the gantry", field="--controller", hint=hint)
 
 
-def _diagnose_described(
-    description: Path, catalogue: PathLike | None, rules: Rules, say: Say
-) -> Diagnosis:
+def _diagnose_described(description: Path, catalogue: PathLike | None, say: Say) -> Diagnosis:
     """A plant of one's own with a catalogue of one's own."""
     from pneugantry.engine.answer.result import to_json
     from pneugantry.plants.described import diagnose_described
 
     own = None if catalogue is None else Path(catalogue)
-    found, rules = diagnose_described(description, own, rules=rules, say=say)
+    found, rules = diagnose_described(description, own, say=say)
     return Diagnosis(to_json(found.diagnosis), found, rules=rules)

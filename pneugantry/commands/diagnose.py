@@ -99,13 +99,6 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "has it as a parameter, for the next rig: of the gantry with --catalogue FOLDER",
     )
     command.add_argument(
-        "--effort",
-        type=float,
-        default=1.0,
-        metavar="SHARE",
-        help="of what a search usually may spend: 0.2 answers sooner and tries less, 3 tries more",
-    )
-    command.add_argument(
         "--no-learn",
         action="store_true",
         help="do not look for the term that the catalogue lacks",
@@ -193,7 +186,6 @@ def _diagnosed(options: argparse.Namespace, say: Callable[[str], None]) -> Diagn
         "controller": options.controller,
         "catalogue": options.catalogue,
         "fmu": options.fmu,
-        "effort": options.effort,
         "say": say,
     }
     if options.after is not None:
@@ -216,11 +208,6 @@ def _check_many(folders: list[Path], options: argparse.Namespace) -> None:
         ("--html", options.html, "leave it out; each campaign gets a diagnosis.html beside it"),
         ("--augmented", options.augmented, "diagnose that campaign by itself"),
         ("--catalogue-out", options.catalogue_out, "diagnose that campaign by itself"),
-        (
-            "--effort",
-            None if options.effort == 1 else options.effort,
-            "diagnose that one by itself",
-        ),
     ):
         if value is not None:
             raise InputError("is for one campaign", field=option, hint=hint)

@@ -4,7 +4,8 @@
              (folder or file); time = "t" or { column = "t", recorded = "ms" }, or period = 1e-3 (s,
              between rows, and what all logs are brought to, else the first one's); without both
              each log has a column "time" (s); decimate = 25 (rows that are judged as one); skip =
-             0.5 (s, not judged); step = 1e-3 (s, longest step of an FMU)
+             0.5 (s, not judged); step = 1e-3 (s, longest step of an FMU); effort = 0.2 (of what a
+             search usually may spend)
 [[fmu]]      instead of fmu =, one table each: file; block (its name in the answer); prefix (before
              the names of its parameters); step; inputs = { "its input" = "input or output below" };
              outputs = { "its output" = "output below" }. Inputs and outputs of the same name are
@@ -64,6 +65,7 @@ from pyfmi_runner.scenario import Fields, parse_toml
 __all__ = ["Described", "case_of", "described", "sensor_effects", "views_of"]
 
 SCALE = 0.003  # RMS error of any sensor's scale that is no cause (field: a calibrated sensor)
+LEAST, MOST = 0.05, 20.0  # shares of the usual effort that a search may be given
 MOST_SENSORS = 6  # sensors that are tried: each is a cut of its own
 TABLES = (
     "plant",
@@ -78,7 +80,7 @@ TABLES = (
 )
 PLANT_KEYS = (
     *("name", "model", "class", "fmu", "catalogue"),
-    *("time", "period", "decimate", "skip", "step"),
+    *("time", "period", "decimate", "skip", "step", "effort"),
 )
 
 
@@ -105,8 +107,8 @@ def described(
     path: Path, cache: Path, catalogue: Path | None = None, rules: Rules | None = None
 ) -> Described:
     """Reads a description and its logs. cache: folder of the parts; catalogue: read instead of the
-    description's. `band` and `thinning` of the rules follow from the description. Raises InputError
-    naming file, field and hint.
+    description's. `band`, `thinning` and `effort` of the rules follow from the description. Raises
+    InputError naming file, field and hint.
     """
     top = Fields(parse_toml(path), TABLES, path)
     for name in ("plant", "inputs", "outputs", "log"):
@@ -138,12 +140,18 @@ def described(
         plant,
         Data(tuple(records), held[0] if held else None),
         sensor_effects(plant.signals, period) | input_effects(every) | effects,
-        replace(rules or Rules(), band=1 / (period * decimate), thinning=1),
+        _rules(rules or Rules(), own, 1 / (period * decimate)),
         cache,
         (*notes, *said),
         source.outputs,
         effects_from,
     )
+
+
+def _rules(usual: Rules, own: Fields, band: float) -> Rules:
+    """With what a description says of them. band: Hz."""
+    share = own.number("effort", 1.0, LEAST, MOST)
+    return replace(usual, band=band, thinning=1, effort=share * usual.effort)
 
 
 def _decimation(top: Fields, own: Fields, records: Sequence[Record]) -> int:

@@ -4,13 +4,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
-from modelica_fmu.errors import InputError
+from dataclasses import dataclass
 
 __all__ = ["Rules"]
-
-LEAST, MOST = 0.05, 20.0  # shares of the usual effort that a search may be given
 
 
 @dataclass(frozen=True)
@@ -59,13 +55,6 @@ class Rules:
     rounds: int = 6  # steps of the search, at most
     block: float = 0.5  # s of a record that are drawn together in a bootstrap
     stretches: int = 8  # of a record, at least: fewer tell no scatter between them (0162)
-
-    def with_effort(self, share: float) -> Rules:
-        """With a share of what a search may spend. Raises InputError where that is none."""
-        if not LEAST <= share <= MOST:
-            text = f"is {share:g}, a share of the usual effort of a search"
-            raise InputError(text, field="effort", hint=f"give one from {LEAST:g} to {MOST:g}")
-        return replace(self, effort=share * self.effort)
 
     def stretch(self, period: float, rows: int) -> int:
         """Rows that are drawn together of a record of so many, `period` s apart."""

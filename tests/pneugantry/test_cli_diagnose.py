@@ -15,7 +15,6 @@ import pytest
 from modelica_fmu.errors import InputError
 from pneugantry.api.diagnosis import Diagnosis
 from pneugantry.api.diagnosis import diagnose as diagnose_by_api
-from pneugantry.api.diagnosis import diagnose_change as change_by_api
 from pneugantry.cli import main
 from pneugantry.learn.answer.export import write_catalogue
 from pneugantry.plants import campaigns
@@ -177,30 +176,6 @@ def rigs(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("option", ["--after", "--html", "--augmented", "--catalogue-out"])
 def test_what_is_for_one_campaign_is_refused(option: str, rigs: Path, refused: Refused) -> None:
     assert f"{option}: is for one campaign" in refused(rigs, option, rigs / "new")
-
-
-def test_an_effort_is_for_one_campaign(rigs: Path, refused: Refused) -> None:
-    assert "--effort: is for one campaign" in refused(rigs, "--effort", "0.5")
-
-
-@pytest.mark.parametrize("share", [0.0, -1.0, 30.0, float("nan")])
-def test_an_effort_is_within_reason(share: float, motor: Path) -> None:
-    for source in (motor, "log.parquet"):
-        with pytest.raises(InputError, match=r"effort: is .*; give one from 0\.05 to 20"):
-            diagnose_by_api(source, effort=share)
-    with pytest.raises(InputError, match="effort: is"):
-        change_by_api(motor, motor, effort=share)
-
-
-def test_an_effort_reaches_the_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
-    given: list[float] = []
-    monkeypatch.setattr(
-        "pneugantry.api.diagnosis.diagnose",
-        lambda *_, **more: (given.append(more["effort"]), Answered(ANSWER))[1],
-    )
-    assert main(["diagnose", "log.parquet", "--no-learn", "--effort", "0.2"]) == 0
-    assert main(["diagnose", "log.parquet", "--no-learn"]) == 0
-    assert given == [0.2, 1.0]
 
 
 @pytest.mark.parametrize("option", ["--fmu", "--controller"])

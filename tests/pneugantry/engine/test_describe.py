@@ -384,6 +384,18 @@ def test_a_log_of_which_little_is_left_is_one_clear_line(
         read(folder, FMU, cache, period=PERIOD, **given)
 
 
+@pytest.mark.parametrize("share", [0.0, -1.0, 30.0])
+def test_an_effort_that_is_none_is_one_clear_line(folder: Path, cache: Path, share: float) -> None:
+    with pytest.raises(InputError, match=r"plant\.effort: is .*, expected 0\.05\.\.20"):
+        read(folder, FMU, cache, period=PERIOD, effort=share)
+
+
+def test_a_search_may_be_given_less_effort(folder: Path, cache: Path) -> None:
+    usual, less = (read(folder, FMU, cache, period=PERIOD, effort=k) for k in (1.0, 0.2))
+    assert less.rules.effort == pytest.approx(0.2 * usual.rules.effort)
+    assert replace(less.rules, effort=usual.rules.effort) == usual.rules
+
+
 def test_stamps_in_another_unit_are_one_clear_line(
     folder: Path, cache: Path, truth: dict[str, np.ndarray]
 ) -> None:
