@@ -101,16 +101,10 @@ class Surveys:
             found.append(End(problems[v], solution, min(base[v], least), contends))
         return found
 
-    def raced(
-        self, problem: Problem, start: Solution, bar: float, enough: float = -math.inf
-    ) -> Solution:
-        """A view's descent by steps that look over events, given up where it is behind (`Pace`);
-        over, too, where it stands lower than is enough.
-        """
+    def raced(self, problem: Problem, start: Solution, bar: float) -> Solution:
+        """A view's descent by steps that look over events, given up where it is behind (`Pace`)."""
         pace = Pace(problem, bar, own=True)
-        return descend(
-            problem, start, None, ROUGH, lambda n, at: pace.behind(n, at) or pace.last < enough
-        )
+        return descend(problem, start, None, ROUGH, pace.behind)
 
     def surveyed(
         self,

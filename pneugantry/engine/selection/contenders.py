@@ -116,7 +116,7 @@ def _scouted(
         told = [told_of(fitter, base, own) for own in others[at : at + SCOUTED]]
         if sized:
             told = [(h, s or usual(fitter, base, h.effects[-1][1])[:SIDES]) for h, s in told]
-        gains = scouts.gains(told, enough=bar)
+        gains = scouts.gains(told)
         worth += [trial for trial, gain in zip(told, gains, strict=True) if gain > bar]
     return added(fitter, base, worth, best_fit(rough))
 

@@ -23,27 +23,22 @@ class Scouts:
         self.fitter, self._base, self._views = fitter, base, frozenset(views)
 
     def gains(
-        self,
-        tried: Sequence[tuple[Hypothesis, Sequence[Mapping[str, float]]]],
-        enough: float = math.inf,
+        self, tried: Sequence[tuple[Hypothesis, Sequence[Mapping[str, float]]]]
     ) -> list[float]:
-        """Of each hypothesis the fall of -2 log posterior, from the base and from values; what
-        gains more than is enough is followed no further.
-        """
+        """Of each hypothesis the fall of -2 log posterior, from the base and from values."""
         fitter, together = self.fitter, self.fitter.simulation.side_by_side
         fitter.prepare([h for h, _ in tried])
         cells = [fitter.beside_base(h, self._base)[2] for h, _ in tried]
         touched = [frozenset(c[0] for c in own) for own in cells]
         levels = dict.fromkeys((v, t) for t in touched for v in sorted(t & self._views))
         found = dict(zip(levels, together(lambda k: self._level(*k), [*levels]), strict=True))
-        return together(lambda each: self._gain(*each, found, enough), tried)
+        return together(lambda each: self._gain(*each, found), tried)
 
     def _gain(
         self,
         hypothesis: Hypothesis,
         starts: Sequence[Mapping[str, float]],
         levels: Mapping[tuple[str, frozenset[str]], float],
-        enough: float,
     ) -> float:
         fitter, base = self.fitter, self._base
         _, known, cells = fitter.beside_base(hypothesis, base)
@@ -54,11 +49,8 @@ class Scouts:
             problem = fitter.surveys.problem([c for c in own if c[0] == view], known, fine=False)
             least = levels[view, touched]
             for first in firsts:
-                start, wanted = in_view(first, view), least - (enough - gain)
-                end = standing(problem, fitter.surveys.raced(problem, start, least, wanted))
+                end = standing(problem, fitter.surveys.raced(problem, in_view(first, view), least))
                 gain, least = gain + max(least - end, 0.0), min(least, end)
-                if gain > enough:
-                    return gain
         return gain
 
     def _level(self, view: str, touched: frozenset[str]) -> float:

@@ -74,22 +74,6 @@ def test_a_scout_tells_what_a_view_gains(plant: Plant, parts: Path) -> None:
     assert gains["current_scale"] < 0.5 * gains["drag"]
 
 
-def test_a_scout_that_has_gained_enough_goes_no_further(plant: Plant, parts: Path) -> None:
-    fitter = fitter_of(plant, parts, drag=40.0)
-    scouts = Scouts(fitter, fitter.null(), ["v"])
-    least, tried = fitter.rules.effect, [(hypothesis("drag"), [{"drag": 5.0}, {"drag": 100.0}])]
-
-    def looked(enough: float) -> tuple[float, float]:
-        before = fitter.simulation.evaluations
-        (gain,) = scouts.gains(tried, enough)
-        return gain, fitter.simulation.evaluations - before
-
-    (whole, spent), (early, less) = looked(math.inf), looked(least)
-    fitter.close()
-    assert least < early < whole
-    assert less < 0.8 * spent
-
-
 @pytest.mark.parametrize("short", [1e4, -500.0])
 def test_a_descent_that_does_not_come_near_what_is_ahead_is_given_up(
     plant: Plant, parts: Path, short: float

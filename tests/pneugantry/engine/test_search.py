@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -302,10 +301,8 @@ def test_what_nothing_predicts_is_looked_at_from_its_usual_sizes(
     null, own = fitter.null(), CATALOGUE["drag"]
     gains, seen = contenders.Scouts.gains, list[tuple[int, float]]()
 
-    def looked(
-        self: contenders.Scouts, tried: Sequence[Trial], enough: float = math.inf
-    ) -> list[float]:
-        found = gains(self, tried, enough)
+    def looked(self: contenders.Scouts, tried: Sequence[Trial]) -> list[float]:
+        found = gains(self, tried)
         seen.extend((len(starts), gain) for (_, starts), gain in zip(tried, found, strict=True))
         return found
 
