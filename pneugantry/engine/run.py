@@ -36,10 +36,7 @@ from pneugantry.engine.threads import one_blas_thread
 __all__ = ["Found", "run"]
 
 Say = Callable[[str], None]
-CUT = (
-    "the search was cut short: trying everything beside everything would take minutes; a larger "
-    "effort tries more"
-)
+CUT = "the search was cut short: trying everything beside everything would take minutes"
 LEFT_OPEN = "; nothing that was tried explains all that stands out"
 
 

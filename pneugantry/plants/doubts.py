@@ -55,9 +55,11 @@ def doubts_of(task: Task) -> tuple[str, ...]:
     would, or stands still; and on inputs in each other's place. From replays of the nominal plant.
     """
     records = (*task.data.fitted, *task.data.unseen)
-    found = [r for record in records if (r := _replayed(task, record)) is not None]
+    replayed = [_replayed(task, record) for record in records]
+    found = [r for r in replayed if r is not None]
     each = (note for r in found for of in (_units, _zeros, _exchanged) for note in of(r))
-    return (*each, *_still(found), *_exchanged_inputs(task, records[:1]))
+    inputs = zip(records[:1], replayed, strict=False)
+    return (*each, *_still(found), *(note for r in inputs for note in _exchanged_inputs(task, *r)))
 
 
 def with_doubts(found: Found, doubts: Sequence[str]) -> Found:
@@ -98,10 +100,11 @@ def _units(nominal: Replay) -> Iterator[str]:
 
 def _zeros(nominal: Replay) -> Iterator[str]:
     for name, (read, told) in _readings(nominal).items():
+        if _alike(read, told) < ALIKE or not _near(_ratio(read, told)):
+            continue
         beyond = float(np.mean(read - told))
         for zero, unit in ZEROS.items():
-            same = _alike(read, told) >= ALIKE and _near(_ratio(read, told))
-            if same and abs(beyond - zero) < LITTLE * abs(zero):
+            if abs(beyond - zero) < LITTLE * abs(zero):
                 said = f"{nominal.record}: {name} reads {beyond:+.4g} beside what the model tells"
                 yield f"{said}, as {unit} would: check its unit (`recorded` under [outputs])"
 
@@ -130,19 +133,17 @@ def _still(found: Sequence[Replay]) -> Iterator[str]:
                 yield f"{said}: check its sensor and the cable"
 
 
-def _exchanged_inputs(task: Task, records: Sequence[Record]) -> Iterator[str]:
+def _exchanged_inputs(task: Task, record: Record, nominal: Replay | None) -> Iterator[str]:
     """Inputs that explain much of a gap once they change places."""
-    for record in records:
-        nominal = _replayed(task, record)
-        if nominal is None or nominal.gap < MUCH:
+    if nominal is None or nominal.gap < MUCH:
+        return
+    for one, other in islice(combinations(record.inputs, 2), PAIRS):
+        if np.array_equal(record.inputs[one], record.inputs[other]):
             continue
-        for one, other in islice(combinations(record.inputs, 2), PAIRS):
-            if np.array_equal(record.inputs[one], record.inputs[other]):
-                continue
-            found = _replayed(task, _with_exchanged(record, {one: other, other: one}))
-            if found is not None and found.gap < nominal.gap / MUCH:
-                said = f"{record.name}: the gap goes from {nominal.gap:.3g} to {found.gap:.3g} with"
-                yield f"{said} {one} and {other} exchanged: check whether their columns are"
+        found = _replayed(task, _with_exchanged(record, {one: other, other: one}))
+        if found is not None and found.gap < nominal.gap / MUCH:
+            said = f"{record.name}: the gap goes from {nominal.gap:.3g} to {found.gap:.3g} with"
+            yield f"{said} {one} and {other} exchanged: check whether their columns are"
 
 
 def _with_exchanged(record: Record, places: Mapping[str, str]) -> Record:
