@@ -64,7 +64,6 @@ class _Step:
     name: str  # of the coordinate
     parameter: str
     value: float
-    half: float  # by half the step
     step: float  # in theta
     still: bool  # it changed nothing the last time
 
@@ -205,7 +204,7 @@ class Simulation:
         jobs = {cell: [s.of(at[cell]) for s in own if not s.still] for cell, own in moved.items()}
         for cell, own in still.items():
             if own:
-                jobs[cell].append({**at[cell], **_together(own)})
+                jobs[cell].append({**at[cell], **{s.parameter: s.value for s in own}})
         found = self.simulated(jobs)
         idle = {c for c, own in still.items() if own and np.array_equal(found[c][-1], residuals[c])}
         alone = self.simulated({c: [s.of(at[c]) for s in still[c]] for c in cells if c not in idle})
@@ -230,8 +229,8 @@ class Simulation:
         for c, theta in zip(point.coordinates, point.theta, strict=True):
             if c.name in wanted and self.in_cell(c, cell):
                 step = self.step(c, theta, fine)
-                values = c.value(theta + step), c.value(theta + 0.5 * step)
-                found.append(_Step(c.name, c.parameter, *values, step, c.name in still))
+                value = c.value(theta + step)
+                found.append(_Step(c.name, c.parameter, value, step, c.name in still))
         return found
 
     def step(self, c: Coordinate, theta: float, fine: bool) -> float:
@@ -249,11 +248,6 @@ class Simulation:
     def in_cell(self, c: Coordinate, cell: Cell) -> bool:
         """Whether a cell reads a coordinate."""
         return c.record in (None, cell[1]) and self.views[cell[0]].depends_on(c.parameter)
-
-
-def _together(steps: Sequence[_Step]) -> dict[str, float]:
-    """Parameters of several steps, every other one half as long: equal ones may cancel."""
-    return {s.parameter: s.half if k % 2 else s.value for k, s in enumerate(steps)}
 
 
 def _ends(points: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
