@@ -33,6 +33,11 @@ class Recent(Generic[T]):
                 self._kept.popitem(last=False)
         return made
 
+    def get(self, key: Hashable) -> T | None:
+        """What is kept by a key, if anything."""
+        with self._lock:
+            return self._kept.get(key)
+
     def clear(self) -> None:
         with self._lock:
             self._kept.clear()

@@ -34,6 +34,7 @@ class Rules:
     followed: int = 4  # parts of these points, each with its best (0122)
     quiet: float = 1.05  # times its sensors' noise, up to which a view needs no survey (0120)
     unexplained: float = 1.22  # and from which on more is tried: as likely unknown as not (0145)
+    bent: float = 5.0  # spreads of tolerance of which the same is true: `Chances.bent` (0182)
     damping: float = 1.0  # Levenberg-Marquardt's, at the start
     difference: float = 0.1  # step of a nuisance's difference quotient, in its spreads
     fine: float = 5e-5  # share of it near an end, an effect's too (measured: decisions 0104, 0120)

@@ -79,8 +79,11 @@ def _by_keys(tried: Iterable[Fit]) -> dict[Keys, list[Fit]]:
 
 
 def _rivals(costs: Mapping[Keys, float], rules: Rules) -> list[Keys]:
-    """The likeliest, but for what is hopelessly far behind."""
-    ranked = sorted(costs, key=lambda k: costs[k])[:RIVALS]
+    """The likeliest, but for what is hopelessly far behind, or behind fewer of its effects by as
+    much as one more must bring.
+    """
+    worth = [k for k in costs if _bring(k, costs, rules.effect)]
+    ranked = sorted(worth, key=lambda k: costs[k])[:RIVALS]
     return [k for k in ranked if costs[k] < costs[ranked[0]] + rules.hopeless]
 
 
@@ -119,11 +122,11 @@ def _most(keys: Keys, judged: Collection[Keys]) -> Keys:
     return max((k for k in judged if set(k) <= set(keys)), key=len)
 
 
-def _bring(keys: Keys, costs: Mapping[Keys, float]) -> bool:
+def _bring(keys: Keys, costs: Mapping[Keys, float], behind: float = 0.0) -> bool:
     """Whether effects bring anything beside fewer of them: else how many are tried would tell how
-    likely none is.
+    likely none is. behind: cost that they may have beyond those.
     """
-    return all(costs[keys] < cost for k, cost in costs.items() if set(k) < set(keys))
+    return all(costs[keys] < cost + behind for k, cost in costs.items() if set(k) < set(keys))
 
 
 def _costs(fits: Mapping[Keys, Fit], rules: Rules, temper: float) -> dict[Keys, float]:

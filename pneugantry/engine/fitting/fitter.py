@@ -53,6 +53,7 @@ SIDES = 2  # of many starts those from which an effect is sized
 LEGS = 2  # descents from afar, each from the end of the one before, undamped
 FAR_OFF = 3.0  # spreads of the rig's tolerance from which on a deviation is much
 OPEN = 16  # fits of which is kept what they leave
+LED = 64  # and of which is kept where they lead
 OTHER = 0.05  # change of the logarithm of a rig's tolerance from which on it is another
 T = TypeVar("T")
 Found = TypeVar("Found")
@@ -78,13 +79,14 @@ class Fitter:
         self.descents = Descents(self.simulation, self.noise, self.surveys, rules)
         self.since = 0.0  # evaluations that the effects took which have been found
         self.stands_out: Recent[list[str]] = Recent(OPEN)  # by fit, views (`selection.excess`)
+        self._led: Recent[Fit] = Recent(LED)  # by a fit, where it leads, and whether thoroughly
 
     def close(self) -> None:
         self.simulation.close()
 
     def loud(self, fit: Fit) -> list[str]:
         """Views that tolerance or its effects move, in which a fit leaves more than noise, or not
-        only because it has bent a parameter that they read far beyond tolerance.
+        only because it has bent a parameter that they read (`bent`).
         """
         known, bent = prior(fit.point.coordinates), self.bent(fit)
         solution = Solution(fit.point, fit.residuals, {})
@@ -119,8 +121,11 @@ class Fitter:
         return found
 
     def bent(self, fit: Fit) -> set[str]:
-        """Views that read a parameter that a fit has bent far beyond tolerance."""
-        far, views = self.far_off(fit), self.simulation.views
+        """Views that read a parameter that a fit has bent so far that this alone is as likely
+        something unknown as not; of many parameters some are a little beyond tolerance by chance.
+        """
+        off, views = deviations(fit.point), self.simulation.views
+        far = [n for n, d in off.items() if abs(d) > self.rules.bent]
         return {c[0] for c in self.simulation.cells if any(map(views[c[0]].depends_on, far))}
 
     def afresh(self, base: Fit) -> Fit:
@@ -214,6 +219,8 @@ class Fitter:
             firsts = [firsts[0], *ranked[: FIRSTS - 1]]
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
         rivals = [as_of(f, own) for f in (base, *([race.ahead] if race else []))]
+        if race is not None and race.worth >= 1:
+            rivals.reverse()
         share = fresh if another else int(thorough)
         solution = self.descents.by_view(firsts, known, cells, rivals, share)
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
@@ -342,7 +349,12 @@ class Fitter:
         """The same hypothesis from where a fit ended, all views together. thorough: points about
         the end are tried, too; they always are where it is worse than the fit had it: a little of
         what views share has moved, and a view that was left as it stood meets an event otherwise.
+        Where a fit has led is not asked twice; thoroughly serves for either.
         """
+        led = None if thorough else self._led.get((fit, True))
+        return led or self._led.of((fit, thorough), lambda: self._again(fit, thorough))
+
+    def _again(self, fit: Fit, thorough: bool) -> Fit:
         cells = tuple(self.simulation.cells)
         whole = prior(fit.point.coordinates)
         solution = self._reached(fit, whole, cells)

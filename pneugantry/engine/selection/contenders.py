@@ -68,14 +68,14 @@ def contending(
     """
     foretold = predicted(fitter, screened, bar, ("gain", "plain"))
     rough = added(fitter, base, [told_of(fitter, base, own) for own in foretold], None)
-    rough += _unbent(fitter, base, rough)
+    rough += _unbent(fitter, base, rough, rough)
     in_vain = all(f.evidence >= base.evidence for f in rough)
     if in_vain:
         rough += _scouted(fitter, base, screened, rough, bar, sized=True)
     reformed = other_forms(fitter, base, rough)
     rough += reformed
     if spent(fitter) < 1:
-        rough += _unbent(fitter, base, reformed)
+        rough += _unbent(fitter, base, reformed, rough)
     if not in_vain:
         rough += _scouted(fitter, base, screened, rough, bar)
     if _open(fitter, base, rough, bar):
@@ -132,12 +132,16 @@ def _open(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[st
     return [v for v in left if v in fitter.coordinates.readers(best.hypothesis.effects[-1][1])]
 
 
-def _unbent(fitter: Fitter, base: Fit, fits: Sequence[Fit]) -> list[Fit]:
+def _unbent(fitter: Fitter, base: Fit, fits: Sequence[Fit], beside: Sequence[Fit]) -> list[Fit]:
     """The best effects again, from where what tolerance bears far beyond itself is nominal: it may
-    have made up for the effect, and holds a fit from there in a worse optimum.
+    have made up for the effect, and holds a fit from there in a worse optimum. Where the best of
+    those beside leaves nothing to explain, only what contends with it.
     """
-    tried = []
-    for fit in best_of_each(fits)[: fitter.rules.finalists]:
+    tried, foremost, best = [], best_of_each(fits)[: fitter.rules.finalists], best_fit(beside)
+    if best is not None and not unexplained(fitter, best):
+        least = best.evidence + fitter.rules.hopeless
+        foremost = [f for f in foremost if f.evidence < least]
+    for fit in foremost:
         back = unbent_values(fitter, fit)
         if back is not None:
             tried.append((fit, back))

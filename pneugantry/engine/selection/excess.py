@@ -51,7 +51,7 @@ class Excess:
 
 def unexplained(fitter: Fitter, fit: Fit) -> list[str]:
     """Views in which a fit leaves what would be called unknown, were it all: what stands out as the
-    excess of an answer does, or stays down only because the fit has bent a parameter far.
+    excess of an answer does, or stays down only because the fit has bent a parameter so far.
     """
     return list(fitter.stands_out.of(fit, lambda: _unexplained(fitter, fit)))
 

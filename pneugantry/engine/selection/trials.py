@@ -97,13 +97,15 @@ def added(
     worth: float | None = None,
 ) -> list[Fit]:
     """Effects beside a base; those that keep its equations first, for they tell how much the others
-    are to gain. worth: as of `explored`.
+    are to gain, then the others one by one: what explains all leaves little to try of the next.
+    worth: as of `explored`.
     """
-    made: list[Fit] = []
     settings = base.hypothesis.settings
-    for keeps in (True, False):
+    keep = [t for t in tried if t[0].settings == settings]
+    others = [[t] for t in tried if t[0].settings != settings]
+    made: list[Fit] = []
+    for own in (keep, *others):
         front = best_fit([*made, *([ahead] if ahead else [])])
-        own = [t for t in tried if (t[0].settings == settings) is keeps]
         made += explored(fitter, base, own, front, worth)
     return made
 
@@ -116,9 +118,9 @@ def explored(
     worth: float | None = None,
 ) -> list[Fit]:
     """Hypotheses near a base, each from some starts, side by side. Where the best so far leaves
-    nothing to explain, other equations are surveyed only where they contend with it. ahead: the
-    best beside the base, if any; worth: share of its gain that a fit must have in sight (None:
-    `Rules.hopeful`).
+    nothing to explain, none can gain much more, and other equations are surveyed only where they
+    contend with it. ahead: the best beside the base, if any; worth: share of its gain that a fit
+    must have in sight (None: `Rules.hopeful`; all of it where it leaves nothing).
     """
     if not tried:
         return []
@@ -126,7 +128,8 @@ def explored(
     fresh = FRESH if left_open(fitter, best) else 1
     race = None
     if ahead is not None:
-        race = Race(ahead, fitter.rules.hopeful if worth is None else worth)
+        share = fitter.rules.hopeful if unexplained(fitter, ahead) else 1.0
+        race = Race(ahead, share if worth is None else worth)
 
     def one(each: Trial) -> Fit:
         return fitter.explore(each[0], base, each[1], race, thorough=False, fresh=fresh)

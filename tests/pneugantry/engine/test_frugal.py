@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from test_search import CATALOGUE, effect, fitter_of, parts, plant
 
+from pneugantry.engine.answer.evidence import _rivals
 from pneugantry.engine.fitting.descents import Descents
 from pneugantry.engine.fitting.fit import Fit, Race, as_of
 from pneugantry.engine.fitting.problem import Solution, prior, standing
@@ -19,6 +20,8 @@ from pneugantry.engine.fitting.surveys import Pace
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.selection import trials
+from pneugantry.engine.selection.contenders import _unbent
 from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.rivals import exchanged
 from pneugantry.engine.selection.scouts import Scouts
@@ -244,3 +247,96 @@ def test_what_a_fit_leaves_is_found_once(
     fitter.close()
     assert told == 3 * [["v"]]
     assert done == [null, other]
+
+
+@pytest.mark.parametrize("left", [[], ["v"]])
+def test_beside_what_leaves_nothing_a_rival_has_all_of_its_gain_to_bring(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch, left: list[str]
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null, raced = fitter.null(), list[Race | None]()
+    ahead = fitter.explore(hypothesis("drag"), null)
+    monkeypatch.setattr(trials, "unexplained", lambda *args: left)
+    monkeypatch.setattr(fitter, "explore", lambda h, base, starts, race, **more: raced.append(race))
+    trials.explored(fitter, null, [(hypothesis("mass"), [])], ahead)
+    trials.explored(fitter, null, [(hypothesis("mass"), [])], None)
+    fitter.close()
+    told = [race and (race.ahead is ahead, race.worth) for race in raced]
+    assert told == [(True, fitter.rules.hopeful if left else 1.0), None]
+
+
+def test_other_equations_are_tried_in_turn(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fitter = fitter_of(plant, parts)
+    null = fitter.null()
+    other = replace(CATALOGUE["drag"].forms[0], settings={"cubic": 0.0})
+    in_turn = [Hypothesis().plus(CATALOGUE[k], other) for k in ("drag", "mass")]
+    told = [(h, [{}]) for h in (in_turn[0], hypothesis("leak"), in_turn[1])]
+    seen = list[tuple[list[str], float | None]]()
+
+    def explored(fitter: Any, base: Fit, own: Any, ahead: Any, worth: Any) -> list[Any]:
+        keys = [h.keys[0] for h, _ in own]
+        seen.append((keys, ahead and ahead.evidence))
+        return [SimpleNamespace(evidence=-float(len(seen))) for _ in own]
+
+    monkeypatch.setattr(trials, "explored", explored)
+    trials.added(fitter, null, told, None)
+    fitter.close()
+    assert seen == [(["leak"], None), (["drag"], -1.0), (["mass"], -2.0)]
+
+
+@pytest.mark.parametrize(("spreads", "open_to_it"), [(4.0, False), (6.0, True)])
+def test_a_view_is_open_where_a_bent_parameter_is_as_likely_something_unknown(
+    plant: Plant, parts: Path, spreads: float, open_to_it: bool
+) -> None:
+    """From 3 spreads on it is far off all the same, and unbent where effects are tried."""
+    fitter = fitter_of(plant, parts)
+    null = fitter.null()
+    theta, names = null.point.theta.copy(), [c.name for c in null.point.coordinates]
+    theta[names.index("C")] = spreads * null.scale
+    bent = replace(null, point=null.point.moved(theta))
+    found, far = unexplained(fitter, bent), fitter.far_off(bent)
+    fitter.close()
+    assert ("v" in found) == open_to_it
+    assert far == {"C"}
+
+
+def test_what_is_hopelessly_behind_what_leaves_nothing_is_not_unbent(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    right, wrong = (fitter.explore(hypothesis(k), null) for k in ("drag", "leak"))
+    theta, names = wrong.point.theta.copy(), [c.name for c in wrong.point.coordinates]
+    theta[names.index("C")] = 10 * null.scale
+    bent = replace(wrong, point=wrong.point.moved(theta))
+    found = []
+    for worse in (0.5, 2.0):
+        least = right.evidence + worse * fitter.rules.hopeless
+        behind = replace(bent, cost=bent.cost + least - bent.evidence)
+        found.append(_unbent(fitter, null, [behind], [right, behind]))
+    fitter.close()
+    assert not unexplained(fitter, right)
+    assert [[f.keys for f in own] for own in found] == [[("leak",)], []]
+
+
+def test_an_effect_more_that_costs_what_one_must_bring_is_not_judged() -> None:
+    rules = Rules()
+    costs = {("a",): -900.0, ("a", "b"): -890.0, ("a", "c"): -870.0, ("d",): -500.0, (): 0.0}
+    assert _rivals(costs, rules) == [("a",), ("a", "b"), ("d",)]
+
+
+def test_where_a_fit_has_led_is_not_asked_twice(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    near = fitter.explore(hypothesis("drag"), null)
+    thorough = fitter.again(near, thorough=True)
+    before = fitter.simulation.seconds
+    again = fitter.again(near)
+    spent = fitter.simulation.seconds - before
+    other = fitter.again(replace(near, settled=False))
+    fitter.close()
+    assert again is thorough
+    assert spent == 0.0
+    assert other is not again

@@ -383,8 +383,8 @@ def test_an_effect_is_tried_where_tolerance_is_not_bent(plant: Plant, parts: Pat
     theta, names = fit.point.theta.copy(), [c.name for c in fit.point.coordinates]
     theta[names.index("C")] = 10 * null.scale
     bent = replace(fit, point=fit.point.moved(theta))
-    found = _unbent(fitter, null, [fit, bent])
-    again = _unbent(fitter, null, [bent])
+    found = _unbent(fitter, null, [fit, bent], [fit, bent])
+    again = _unbent(fitter, null, [bent], [fit, bent])
     fitter.close()
     assert found == []  # the best of each effect
     assert [f.keys for f in again] == [("drag",)]
