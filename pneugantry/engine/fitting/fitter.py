@@ -219,8 +219,6 @@ class Fitter:
             firsts = [firsts[0], *ranked[: FIRSTS - 1]]
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
         rivals = [as_of(f, own) for f in (base, *([race.ahead] if race else []))]
-        if race is not None and race.worth >= 1:
-            rivals.reverse()
         share = fresh if another else int(thorough)
         solution = self.descents.by_view(firsts, known, cells, rivals, share)
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))

@@ -149,7 +149,8 @@ def other_forms(
     fitter: Fitter, base: Fit, fits: Sequence[Fit], tried: Collection[Forms] = ()
 ) -> list[Fit]:
     """The best effects in their other forms, but for what has been tried; where none gains anything
-    and what is left stands out, the best of those, too.
+    and what is left stands out, the best of those, too. One that leaves nothing ends no race here:
+    another form of it may still do better by hundreds.
     """
     known = {f.hypothesis.forms for f in fits}.union(tried)
     best = best_of_each(fits)
@@ -166,7 +167,7 @@ def other_forms(
                 continue
             starts = [fit.values(None), *(s for s in starts_of(fitter, base, form) if s)]
             told.append((hypothesis, starts))
-    return explored(fitter, base, told, best_fit(fits))
+    return explored(fitter, base, told, best_fit(fits), fitter.rules.hopeful)
 
 
 def predicted(
