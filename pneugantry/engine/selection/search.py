@@ -58,10 +58,12 @@ def search(fitter: Fitter, null: Fit, catalogue: Mapping[str, Effect]) -> Search
 def resumed(fitter: Fitter, found: Search, catalogue: Mapping[str, Effect]) -> Search:
     """A search that goes on from where it ended, with effects that bring other equations: no slope
     tells of them, and where all views are quiet they have not been tried. What brings too little
-    by itself is still weighed; `found` where none brings any, or all has been spent.
+    by itself is still weighed; `found` where none brings any, or all has been spent. What it may
+    spend is counted anew: else they are not surveyed, of which no slope tells where they fit.
     """
     if spent_in_all(fitter) >= LAST:
         return found
+    fitter.since = fitter.simulation.evaluations
     offered, best = _offered(fitter, catalogue), found.best
     trail = Trail(fitter, offered, [*found.tried], [*found.steps], [*found.screened])
     known = trail.known

@@ -34,6 +34,7 @@ from pneugantry.engine.selection.search import resumed, search
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import (
     Trial,
+    explored,
     main_forms,
     other_forms,
     spent,
@@ -219,6 +220,27 @@ def test_a_search_goes_on_with_other_equations(plant: Plant, parts: Path) -> Non
         fitter.close()
         assert further.best.keys == keys
         assert (further is ended) == (not keys)
+
+
+def test_a_search_that_goes_on_may_spend_as_much_again(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drag = effect("drag", "drag", "mechanics", 2.0)
+    other = {"drag": replace(drag, forms=(replace(drag.forms[0], settings={"cubic": 0.0}),))}
+    fitter, spendings = fitter_of(plant, parts, drag=2.0), list[float]()
+    ended = search(fitter, fitter.null(), {})
+    fitter.rules = replace(fitter.rules, effort=0.5 * fitter.simulation.evaluations)
+    before, own = spent(fitter), explored
+
+    def seen(*args: Any) -> list[Fit]:
+        spendings.append(spent(fitter))
+        return own(*args)
+
+    monkeypatch.setattr("pneugantry.engine.selection.search.explored", seen)
+    resumed(fitter, ended, other)
+    fitter.close()
+    assert before > 1
+    assert spendings[0] < 1
 
 
 def in_forms(name: str, parameters: Mapping[str, float], block: str = "mechanics") -> Effect:
