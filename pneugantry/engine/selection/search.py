@@ -59,7 +59,7 @@ def resumed(fitter: Fitter, found: Search, catalogue: Mapping[str, Effect]) -> S
     """A search that goes on from where it ended, with effects that bring other equations: no slope
     tells of them, and where all views are quiet they have not been tried. What brings too little
     by itself is still weighed; `found` where none brings any, or all has been spent. What it may
-    spend is counted anew: else they are not surveyed, of which no slope tells where they fit.
+    spend is counted anew, for these equations have to be surveyed: no slope tells where they fit.
     """
     if spent_in_all(fitter) >= LAST:
         return found

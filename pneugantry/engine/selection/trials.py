@@ -128,8 +128,9 @@ def explored(
     fresh = FRESH if left_open(fitter, best) else 1
     race = None
     if ahead is not None:
-        share = fitter.rules.hopeful if unexplained(fitter, ahead) else 1.0
-        race = Race(ahead, share if worth is None else worth)
+        if worth is None:
+            worth = fitter.rules.hopeful if unexplained(fitter, ahead) else 1.0
+        race = Race(ahead, worth)
 
     def one(each: Trial) -> Fit:
         return fitter.explore(each[0], base, each[1], race, thorough=False, fresh=fresh)

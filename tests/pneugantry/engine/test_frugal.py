@@ -13,6 +13,7 @@ import pytest
 from test_search import CATALOGUE, effect, fitter_of, parts, plant
 
 from pneugantry.engine.answer.evidence import _rivals
+from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.descents import Descents
 from pneugantry.engine.fitting.fit import Fit, Race, as_of
 from pneugantry.engine.fitting.problem import Solution, prior, standing
@@ -284,6 +285,12 @@ def test_other_equations_are_tried_in_turn(
     trials.added(fitter, null, told, None)
     fitter.close()
     assert seen == [(["leak"], None), (["drag"], -1.0), (["mass"], -2.0)]
+
+
+def test_a_search_takes_for_unknown_what_the_decision_does() -> None:
+    rules, chances = Rules(), Chances()
+    assert math.log(rules.unexplained) == pytest.approx(chances.unknown_at, rel=0.01)
+    assert chances.bent * (rules.bent - chances.bent_from) == pytest.approx(chances.unknown_at)
 
 
 @pytest.mark.parametrize(("spreads", "open_to_it"), [(4.0, False), (6.0, True)])
