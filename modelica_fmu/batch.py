@@ -51,8 +51,8 @@ STIFF = (8, 4)
 LANED_STILL = ("observed", "conditions", "updates")
 LANED = ("rates", "outputs", "conditions", "updates")
 PART_FLAGS = ("-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math")  # no bit changes
-# Without states, and of a large part (a whole plant): more takes the compiler twice as long and
-# gains nothing.
+# Without states, and of a large part (a whole plant) that seldom runs: more takes the compiler
+# twice as long and gains less than that.
 QUICK_FLAGS = ("-O1",)
 LARGE = 100_000  # characters of C
 
@@ -176,10 +176,12 @@ class _Batch(ctypes.Structure):
 class Subsystem:
     """A loaded part. Threads may share it: every call has instances of its own."""
 
-    def __init__(self, part: Part) -> None:
-        """Raises InputError where its library has yet to be compiled and cannot be."""
+    def __init__(self, part: Part, *, often: bool = True) -> None:
+        """often: whether it runs so often that compiling a large part well pays. Raises InputError
+        where its library has yet to be compiled and cannot be.
+        """
         self.part = part
-        self._library = ctypes.CDLL(os.fspath(_compiled(part)))
+        self._library = ctypes.CDLL(os.fspath(_compiled(part, often)))
         self._library.batch_run.argtypes = [ctypes.POINTER(_Batch)]
         self._library.batch_run.restype = ctypes.c_int
         self._references = {v.name: i for i, v in enumerate(part.variables)}
@@ -357,7 +359,7 @@ def _write(compiled: CompiledModel, folder: Path) -> None:
     (folder / "part.json").write_text(json.dumps(told), encoding="utf-8")
 
 
-def _compiled(part: Part) -> Path:
+def _compiled(part: Part, often: bool) -> Path:
     """A part's library, made from its sources unless it is there. Another process may be at it."""
     library, home = part.library, part.library.parent
     if library.is_file():
@@ -371,7 +373,8 @@ def _compiled(part: Part) -> Path:
     target = host_platform()
     compiler = find_compiler(target)
     flags = (*PART_FLAGS, *own_processor(compiler, target))
-    quick = not part.of("state") or len(sources["model.c"]) > LARGE
+    seldom = not often and len(sources["model.c"]) > LARGE
+    quick = seldom or not part.of("state")
     flags += QUICK_FLAGS if quick else ()
     names = ["batch.c"]  # holds the others
     with tempfile.TemporaryDirectory(dir=home) as temporary:

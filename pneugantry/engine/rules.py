@@ -45,6 +45,7 @@ class Rules:
     hopeless: float = (
         500.0  # rise of -2 log likelihood that ends a fit and its surveys (0106, 0122)
     )
+    outweighed: float = 60.0  # -2 log evidence behind the likeliest: e^-5 times as likely (0183)
     patience: float = 4.0  # falls like its last that a descent may be behind a bar (0120, 0176)
     reformed: int = 2  # effects that are then tried in their other forms
     entry: float = 10.0  # fall of -2 log evidence that is worth a step (field: very strong)

@@ -149,7 +149,7 @@ def _simulated(
     names = sorted({n for given in own for n in given})
     table = np.array([[given.get(n, known[n]) for n in names] for given in own])
     drives, which = drives_of(record, {n: n for n in part.of("input")}, values)
-    subsystem = Subsystem(part)
+    subsystem = Subsystem(part, often=False)
 
     def run(rows: NDArray[np.int_]) -> list[Array]:
         own = [which[i] for i in rows]

@@ -79,19 +79,19 @@ def _by_keys(tried: Iterable[Fit]) -> dict[Keys, list[Fit]]:
 
 
 def _rivals(costs: Mapping[Keys, float], rules: Rules) -> list[Keys]:
-    """The likeliest, but for what is hopelessly far behind, or behind fewer of its effects by as
-    much as one more must bring.
+    """The likeliest, but for what is outweighed, or behind fewer of its effects by as much as one
+    more must bring.
     """
     worth = [k for k in costs if _bring(k, costs, rules.effect)]
     ranked = sorted(worth, key=lambda k: costs[k])[:RIVALS]
-    return [k for k in ranked if costs[k] < costs[ranked[0]] + rules.hopeless]
+    return [k for k in ranked if costs[k] < costs[ranked[0]] + rules.outweighed]
 
 
 def _judged(
     fitter: Fitter, task: Task, unseen: Unseen, fits: Mapping[Keys, Fit], null: Fit
 ) -> dict[Keys, float]:
     """Costs of fits, with what records say of them that none has seen: of the likeliest, but for
-    what is hopelessly far behind.
+    what is outweighed.
     """
     costs = before = _costs(fits, fitter.rules, task.chances.temper)
     judged: dict[Keys, float] = {(): 0.0}

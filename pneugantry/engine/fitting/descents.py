@@ -50,11 +50,12 @@ class Descents:
         cells: Sequence[Cell],
         rivals: Sequence[Solution] = (),
         share: int = 1,
+        near: bool = False,
     ) -> Solution:
         """Each view by itself, by steps that look over events, then where they agree best. rivals:
         solutions that are known; a descent far behind the first is given up, what ends hopelessly
         behind any is not surveyed. Where none is known, ends are made exact. share: of surveys, how
-        much larger they are; 0: none.
+        much larger they are; 0: none. near: as of `ends`.
         """
         start = starts[0]
         views = [
@@ -62,7 +63,7 @@ class Descents:
             for view in dict.fromkeys(c[0] for c in cells)
             if any(k[0][0] == view for k in start.columns)
         ]
-        ends = self.surveys.ends(starts, known, cells, rivals, views)
+        ends = self.surveys.ends(starts, known, cells, rivals, views, near)
         if not rivals:
             self.noise.level = self.noise.loudness([e.solution.residuals for e in ends])
 

@@ -220,7 +220,8 @@ class Fitter:
         another = hypothesis.settings and hypothesis.settings != base.hypothesis.settings
         rivals = [as_of(f, own) for f in (base, *([race.ahead] if race else []))]
         share = fresh if another else int(thorough)
-        solution = self.descents.by_view(firsts, known, cells, rivals, share)
+        near = race is not None and race.worth >= 1
+        solution = self.descents.by_view(firsts, known, cells, rivals, share, near)
         best = min(firsts, key=lambda s: self._beside(s, base, known, cells))
         before, after = (self._beside(s, base, known, cells) for s in (best, solution))
         ends = [solution] if after <= before else [best, solution]  # views may lead apart

@@ -74,9 +74,11 @@ class Surveys:
         cells: Sequence[Cell],
         rivals: Sequence[Solution],
         views: Sequence[str],
+        near: bool = False,
     ) -> list[End]:
         """Of each view by itself the least that a descent from a start comes to. All views descend
-        from the first at once, then from the others, which race what that came to.
+        from the first at once, then from the others, which race what that came to. near: a descent
+        has to come near all rivals, not only the first.
         """
         problems = {
             v: self.problem([c for c in cells if c[0] == v], known, fine=False) for v in views
@@ -88,7 +90,10 @@ class Surveys:
             end = self.raced(problems[view], in_view(start, view), bar)
             return standing(problems[view], end), end
 
-        base = {v: bars[v][0] if rivals else math.inf for v in views}
+        spare = self.rules.hopeless
+        base = {v: own[0] if own else math.inf for v, own in bars.items()}
+        if near:
+            base = {v: min(own[0], min(own) + spare) for v, own in bars.items()}
         tasks = [(v, starts[0], base[v]) for v in views]
         first = dict(zip(views, self.simulation.side_by_side(down, tasks), strict=True))
         tasks = [(v, s, min(base[v], first[v][0])) for v in views for s in starts[1:]]

@@ -32,7 +32,7 @@ def from_others(trail: Trail, best: Fit) -> Fit:
         forms = main_forms(fitter, trail.beside(base.keys))
         fitter.prepare_any(base.hypothesis, trail.offered.values())
         screened = screen(fitter, base, forms, {})
-        found += tried_beside(trail, base, screened, forms, Memory())
+        found += tried_beside(trail, base, screened, forms, Memory(), best)
     top = best_fit([best, *found]) or best
     better = best.evidence - top.evidence > fitter.rules.entry
     return trail.replaced(best, top) if better else best

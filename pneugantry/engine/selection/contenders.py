@@ -24,6 +24,7 @@ from pneugantry.engine.selection.trials import (
     added,
     best_fit,
     best_of_each,
+    contending_with,
     form_of,
     left_open,
     other_forms,
@@ -40,39 +41,46 @@ SCOUTED = 8  # effects that are tried in single views at once
 
 
 def tried_beside(
-    trail: Trail, base: Fit, screened: Sequence[Candidate], forms: Sequence[Offer], far: Memory
+    trail: Trail,
+    base: Fit,
+    screened: Sequence[Candidate],
+    forms: Sequence[Offer],
+    far: Memory,
+    ahead: Fit | None = None,
 ) -> list[Fit]:
     """What contends beside a base, the best of it fitted to the end; all that was fitted for it is
-    noted. far: as of `contending`.
+    noted. far, ahead: as of `contending`.
     """
-    fitter, bar = trail.fitter, trail.bar
-    fits = trail.named(contending(fitter, base, screened, bar, forms, far), base)
+    fits = trail.named(contending(trail, base, screened, forms, far, ahead), base)
+    fitter = trail.fitter
     finals = finalists(fitter, base, fits, trail.bar)
     trail.tried += [*fits, *finals]
     return finals
 
 
 def contending(
-    fitter: Fitter,
+    trail: Trail,
     base: Fit,
     screened: Sequence[Candidate],
-    bar: float,
     forms: Sequence[Offer],
     far: Memory,
+    ahead: Fit | None = None,
 ) -> list[Fit]:
     """What is predicted to gain most, with the best in their other forms. Where what all that
     leaves stands out in some views, whatever else these read: an event that a simulation misses (a
     break-away) shows in no prediction, and a fit of that view alone tells which are worth one of
     all; it comes before other forms where nothing predicted gains, for they cost more. Where that
     leaves something as well, what is predicted from the nominal plant on, too, of which `far` is.
+    ahead: an answer that it has to come near, if any.
     """
+    fitter, bar = trail.fitter, trail.bar
     foretold = predicted(fitter, screened, bar, ("gain", "plain"))
-    rough = added(fitter, base, [told_of(fitter, base, own) for own in foretold], None)
+    rough = added(fitter, base, [told_of(fitter, base, own) for own in foretold], ahead)
     rough += _unbent(fitter, base, rough, rough)
     in_vain = all(f.evidence >= base.evidence for f in rough)
     if in_vain:
         rough += _scouted(fitter, base, screened, rough, bar, sized=True)
-    reformed = other_forms(fitter, base, rough)
+    reformed = other_forms(fitter, base, rough, ahead=ahead)
     rough += reformed
     if spent(fitter) < 1:
         rough += _unbent(fitter, base, reformed, rough)
@@ -87,7 +95,7 @@ def contending(
         rough += fitter.together(
             lambda t: fitter.from_afar(t[0], base, t[1]), told, [h for h, _ in told]
         )
-    return rough + other_forms(fitter, base, rough)
+    return rough + other_forms(fitter, base, rough, ahead=ahead)
 
 
 def _scouted(
@@ -137,11 +145,8 @@ def _unbent(fitter: Fitter, base: Fit, fits: Sequence[Fit], beside: Sequence[Fit
     have made up for the effect, and holds a fit from there in a worse optimum. Where the best of
     those beside leaves nothing to explain, only what contends with it.
     """
-    tried, foremost, best = [], best_of_each(fits)[: fitter.rules.finalists], best_fit(beside)
-    if best is not None and not unexplained(fitter, best):
-        least = best.evidence + fitter.rules.hopeless
-        foremost = [f for f in foremost if f.evidence < least]
-    for fit in foremost:
+    tried, foremost = [], best_of_each(fits)[: fitter.rules.finalists]
+    for fit in contending_with(fitter, best_fit(beside), foremost):
         back = unbent_values(fitter, fit)
         if back is not None:
             tried.append((fit, back))
@@ -154,9 +159,11 @@ def _unbent(fitter: Fitter, base: Fit, fits: Sequence[Fit], beside: Sequence[Fit
 
 def finalists(fitter: Fitter, base: Fit, fits: Sequence[Fit], bar: float) -> list[Fit]:
     """The best effects, each in its best form, fitted to the end where there are several. Where
-    what they leave stands out, or none gains anything, they are surveyed first.
+    what they leave stands out, or none gains anything, they are surveyed first. Where the best
+    leaves nothing to explain, only what contends with it.
     """
     foremost = best_of_each(fits)[: fitter.rules.finalists]
+    foremost = contending_with(fitter, best_fit(foremost), foremost)
     least = fitter.rules.hopeful * max((base.evidence - f.evidence for f in foremost), default=0.0)
     hopeful = [f for f in foremost if base.evidence - f.evidence > least]
     surveyed = hopeful or foremost

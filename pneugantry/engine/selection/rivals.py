@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from pneugantry.engine.fitting.fit import Fit, Race
@@ -25,6 +26,7 @@ from pneugantry.engine.views.simulation import Cell
 
 __all__ = ["exchanged", "reformed"]
 
+Named = tuple[str, str]  # an effect's key, and the name of its form
 MUCH = 0.5  # share of an effect's gain from which on another of its block is tried beside it
 
 
@@ -65,6 +67,7 @@ def _rivals(trail: Trail, best: Fit) -> list[Fit]:
     """
     fitter, known = trail.fitter, trail.known
     fits = _replacing(trail, best)
+    short = math.inf if unexplained(fitter, best) else fitter.rules.hopeless
     worth = 1.0 if len(best.keys) > 1 else None  # of one effect rivals are bases of other searches
     for effect, form in best.hypothesis.effects:
         rest = best.hypothesis.without(effect.key)
@@ -75,13 +78,32 @@ def _rivals(trail: Trail, best: Fit) -> list[Fit]:
             for f in e.forms
             if e.block == effect.block and fitter.coordinates.readable(f)
             if (f is form) or base.hypothesis.plus(e, f).forms not in known
+            if not _outdone(trail, best, (effect.key, form.name), (e.key, f.name))
         ]
         screened = screen(fitter, base, offers, {})
-        chosen = predicted(fitter, screened, trail.bar, ("gain", "plain"))
+        chosen = predicted(fitter, screened, trail.bar, ("gain", "plain"), short=short)
         own = (effect.key, form.name)
         told = [told_of(fitter, base, c) for c in chosen if form_of(c[0]) != own]
         fits += added(fitter, base, told, best, worth)
     return fits
+
+
+def _outdone(trail: Trail, best: Fit, own: Named, other: Named) -> bool:
+    """Whether another effect, or form, was behind an effect of the best beside some of its others,
+    hopelessly and by more than the rest of them brought then.
+    """
+    least: dict[Forms, float] = {}
+    for fit in trail.tried:
+        forms = fit.hypothesis.forms
+        least[forms] = min(fit.evidence, least.get(forms, math.inf))
+    others = best.hypothesis.forms - {own}
+    for forms, evidence in least.items():
+        at = least.get((forms - {other}) | {own}) if other in forms else None
+        if at is not None and forms <= others | {other}:
+            brought = max(at - best.evidence, 0.0)
+            if evidence - at > brought + trail.fitter.rules.hopeless:
+                return True
+    return False
 
 
 def _joined(trail: Trail, best: Fit) -> list[Fit]:

@@ -18,6 +18,7 @@ __all__ = [
     "added",
     "best_fit",
     "best_of_each",
+    "contending_with",
     "explored",
     "form_of",
     "left_open",
@@ -81,6 +82,16 @@ def best_of_each(fits: Sequence[Fit]) -> list[Fit]:
     for fit in sorted(fits, key=lambda f: f.evidence):
         best.setdefault(fit.keys[-1], fit)
     return list(best.values())
+
+
+def contending_with(fitter: Fitter, best: Fit | None, fits: Sequence[Fit]) -> list[Fit]:
+    """Those of some fits that may still be in the place of the best: all where that leaves what
+    stands out, else those that are not hopelessly behind it.
+    """
+    if best is None or unexplained(fitter, best):
+        return list(fits)
+    least = best.evidence + fitter.rules.hopeless
+    return [f for f in fits if f.evidence < least]
 
 
 def without(fitter: Fitter, fit: Fit, keys: Sequence[str]) -> list[Fit]:
@@ -147,11 +158,15 @@ def told_of(fitter: Fitter, base: Fit, own: Sequence[Candidate]) -> Trial:
 
 
 def other_forms(
-    fitter: Fitter, base: Fit, fits: Sequence[Fit], tried: Collection[Forms] = ()
+    fitter: Fitter,
+    base: Fit,
+    fits: Sequence[Fit],
+    tried: Collection[Forms] = (),
+    ahead: Fit | None = None,
 ) -> list[Fit]:
     """The best effects in their other forms, but for what has been tried; where none gains anything
     and what is left stands out, the best of those, too. One that leaves nothing ends no race here:
-    another form of it may still do better by hundreds.
+    another form of it may still do better by hundreds. ahead: an answer that does, if any.
     """
     known = {f.hypothesis.forms for f in fits}.union(tried)
     best = best_of_each(fits)
@@ -168,6 +183,8 @@ def other_forms(
                 continue
             starts = [fit.values(None), *(s for s in starts_of(fitter, base, form) if s)]
             told.append((hypothesis, starts))
+    if ahead is not None:
+        return explored(fitter, base, told, ahead)
     return explored(fitter, base, told, best_fit(fits), fitter.rules.hopeful)
 
 
@@ -177,15 +194,18 @@ def predicted(
     bar: float,
     measures: Sequence[str],
     every: bool = False,
+    short: float = math.inf,
 ) -> list[list[Candidate]]:
     """The effects of the largest predicted gain, by any measure, each with its best starts: the
-    measures may differ in them. every: all of them, however little is predicted.
+    measures may differ in them. every: all of them, however little is predicted. short: of the
+    largest, what an effect may be predicted to gain less.
     """
     chosen: dict[tuple[str, str], list[Candidate]] = {}
     for measure in measures:
         ranked = sorted(screened, key=lambda c: -getattr(c, measure))
-        hopeful = fitter.rules.hopeful * getattr(ranked[0], measure) if ranked else 0.0
-        least = -math.inf if every else max(bar, hopeful)
+        most = getattr(ranked[0], measure) if ranked else 0.0
+        least = max(bar, fitter.rules.hopeful * most, most - short)
+        least = -math.inf if every else least
         few = len(ranked) if every else fitter.rules.screened
         best = {form_of(c): c for c in reversed(ranked) if getattr(c, measure) > least}
         for c in sorted(best.values(), key=lambda c: -getattr(c, measure))[:few]:

@@ -3,7 +3,7 @@ sensors may have.
 
 Once its windows are chosen a filter is linear and leaves a constant as it is. So where a sensor's
 errors are a scale and a bias, its readings are filtered once for all values of them; with an error
-that changes in time they are filtered anew.
+that changes in time they are filtered anew. Views of one plant read the same of a signal.
 """
 
 from __future__ import annotations
@@ -21,24 +21,40 @@ from pneugantry.engine.signals.slow import stood_for
 from pneugantry.engine.signals.smooth import Widest, savgol, widest, widest_slope
 from pyfmi_runner.smoothing import jumps, smooth_axis, within_jumps
 
-__all__ = ["Readings"]
+__all__ = ["Readings", "Shared"]
 
 SMOOTH = 3  # rows over which an input of a part with states is smoothed
 JUMP = 2  # rows over which a sensor may spread a jump
-KEPT = 64  # signals of records that are kept, each as filtered and less its errors
+KEPT = 256  # signals of records that are kept, each as filtered and less its errors
+TRUE = 128  # and as what stands behind their readings
 Errors = Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """What views of one plant have made of readings."""
+
+    true: Recent[Array] = field(default_factory=lambda: Recent(TRUE))
+    filtered: Recent[tuple[Array, ...] | Widest] = field(default_factory=lambda: Recent(KEPT))
+    made: Recent[Course] = field(default_factory=lambda: Recent(KEPT))
+
+    def forget(self) -> None:
+        """Drops what is kept of records."""
+        for kept in (self.true, self.filtered, self.made):
+            kept.clear()
 
 
 @dataclass(eq=False)
 class Readings:
-    """Of one view; threads may share it."""
+    """Of one view; threads may share it, and views of one plant with the same pairs what they make
+    of readings.
+    """
 
     sigmas: Mapping[str, float]  # quoted, by signal
     pairs: Mapping[str, str]  # position -> its speed
     corrected: frozenset[str]  # signals of states that an observer draws: it averages by itself
     averaging: bool  # the view has states, which average by themselves
-    _filtered: Recent[tuple[Array, ...] | Widest] = field(default_factory=lambda: Recent(KEPT))
-    _made: Recent[Course] = field(default_factory=lambda: Recent(KEPT))
+    shared: Shared = field(default_factory=Shared)
 
     def value(self, signal: str, record: Record, errors: Errors) -> Course:
         return self._course("value", signal, record, errors)
@@ -47,19 +63,17 @@ class Readings:
         """Per s."""
         return self._course("rate", signal, record, errors)
 
-    def forget(self) -> None:
-        """Drops what is kept of records."""
-        self._filtered.clear()
-        self._made.clear()
-
     def _course(self, what: str, signal: str, record: Record, errors: Errors) -> Course:
         """Made once for all sets of errors that agree in the signal's own and those of the speed
         that it is smoothed with.
         """
-        own = (signal, self.pairs.get(signal))
-        mine = {k: v for k, v in errors.items() if not set(own).isdisjoint(read_with(k))}
-        key = (what, signal, record, tuple(mine.items()))
-        return self._made.of(key, lambda: self._over_periods(what, signal, record, mine))
+        mine = _own((signal, self.pairs.get(signal)), errors)
+        key = (*self._kind(signal), what, signal, record, tuple(mine.items()))
+        return self.shared.made.of(key, lambda: self._over_periods(what, signal, record, mine))
+
+    def _kind(self, signal: str) -> tuple[bool, bool]:
+        """What decides how a signal is filtered."""
+        return self.averaging, signal in self.corrected
 
     def _over_periods(self, what: str, signal: str, record: Record, errors: Errors) -> Course:
         """Over a period, where the view has states, halfway between its ends."""
@@ -84,16 +98,23 @@ class Readings:
         position = next((p for p, v in self.pairs.items() if v == speed), None)
         if position is None or position not in record.signals:
             return None
-        sigmas = self.sigmas[position], self.sigmas[speed]
-        values = self._true(speed, record, errors)
+        values, sigmas = self._true(speed, record, errors), self._sigmas(position, speed)
         return within_jumps(record.signals[position], values, *sigmas, record.period)
+
+    def _sigmas(self, position: str, speed: str) -> tuple[float, float]:
+        return self.sigmas[position], self.sigmas[speed]
 
     def _true(self, signal: str, record: Record, errors: Errors) -> Array:
         """What a reading stands for, noise apart."""
-        values, slow = true_signal(signal, record, errors), slowness(signal, errors)
+        slow = slowness(signal, errors)
         if slow is None:
-            return values
-        return stood_for(values, slow, self.sigmas[signal], record.period)
+            return true_signal(signal, record, errors)
+
+        def made() -> Array:
+            values = true_signal(signal, record, errors)
+            return stood_for(values, slow, self.sigmas[signal], record.period)
+
+        return self.shared.true.of((signal, record, tuple(_own((signal,), errors).items())), made)
 
     def _speed(self, signal: str, record: Record) -> str | None:
         speed = self.pairs.get(signal)
@@ -104,11 +125,13 @@ class Readings:
         own, other = affine(signal, errors), affine(speed or signal, errors)
         if own is None or other is None:
             values = self._true(signal, record, errors)
-            rate = None if speed is None else self._true(speed, record, errors)
-            return self._less(self._filter(signal, speed, values, rate, record.period), signal)
+            if speed is not None:
+                own_rate, sigmas = self._true(speed, record, errors), self._sigmas(signal, speed)
+                return smooth_axis(values, own_rate, *sigmas, record.period).position
+            return self._less(self._filter(signal, None, values, None, record.period), signal)
         rate = None if speed is None else record.signals[speed]
-        filtered = self._filtered.of(
-            (signal, record),
+        filtered = self.shared.filtered.of(
+            (*self._kind(signal), signal, record),
             lambda: self._filter(signal, speed, record.signals[signal], rate, record.period),
         )
         return self._less(filtered, signal, own, other)
@@ -120,7 +143,7 @@ class Readings:
         speed's, and that of a speed of 1.
         """
         if speed is not None and rate is not None:
-            sigmas, nought = (self.sigmas[signal], self.sigmas[speed]), np.zeros(len(values))
+            sigmas, nought = self._sigmas(signal, speed), np.zeros(len(values))
             jump = jumps(rate, sigmas[1])
             return tuple(
                 smooth_axis(s, v, *sigmas, period, jump).position
@@ -147,6 +170,11 @@ class Readings:
         if len(filtered) > 1:
             result = result + (filtered[1] - speed[1] * filtered[2]) / speed[0]
         return np.asarray(result)
+
+
+def _own(signals: tuple[str | None, ...], errors: Errors) -> dict[str, float]:
+    """Errors that move any of some signals, or what they stand for."""
+    return {k: v for k, v in errors.items() if not set(signals).isdisjoint(read_with(k))}
 
 
 def _steady(values: Array, sigma: float) -> Array:

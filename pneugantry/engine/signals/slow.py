@@ -9,6 +9,7 @@ Interpolation and Smoothing of Stationary Time Series, 1949, ch. 3).
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -33,9 +34,14 @@ class Slowness(NamedTuple):
 
     def response(self, omega: Array) -> NDArray[np.complex128]:
         """Reading per signal at frequencies in rad/s."""
-        mean = np.sinc(omega * self.window / (2 * np.pi))
-        late = np.exp(-1j * omega * (self.delay + 0.5 * self.window))
-        return np.asarray(mean * late / (1 + 1j * omega * self.lag))
+        found = np.ones(len(omega), dtype=complex)
+        if self.lag:
+            found /= 1 + 1j * omega * self.lag
+        if late := self.delay + 0.5 * self.window:
+            found *= np.exp(-1j * omega * late)
+        if self.window:
+            found *= np.sinc(omega * self.window / (2 * np.pi))
+        return found
 
 
 def stood_for(reading: Array, slow: Slowness, sigma: float, period: float) -> Array:
@@ -43,21 +49,25 @@ def stood_for(reading: Array, slow: Slowness, sigma: float, period: float) -> Ar
     rest = REST + int(4 * sum(slow) / period)
     rows = next_fast_len(len(reading) + 2 * rest)
     read = rfft(np.pad(reading, (rest, rows - rest - len(reading)), "edge"))
-    omega = np.asarray(2 * np.pi * np.fft.rfftfreq(rows, period), dtype=float)
+    omega, falls = _frequencies(rows, period)
     response = slow.response(omega)
-    doubt = sigma**2 * omega**FALL / _level(read[1:], response[1:], omega[1:], sigma)
-    signal = np.conj(response) * read / (np.abs(response) ** 2 + doubt)
+    passed = response.real**2 + response.imag**2
+    doubt = sigma**2 / _level(read[1:], passed[1:], falls[1:], sigma) * falls
+    signal = np.conj(response) * read / (passed + doubt)
     return np.asarray(irfft(signal, rows)[rest : rest + len(reading)])
 
 
-def _level(
-    read: NDArray[np.complex128],
-    response: NDArray[np.complex128],
-    omega: Array,
-    sigma: float,
-) -> float:
-    """What the spectrum of a signal is at 1 rad/s, per row, as its sensor tells."""
-    passed = np.abs(response) ** 2
+@lru_cache(maxsize=32)
+def _frequencies(rows: int, period: float) -> tuple[Array, Array]:
+    """Those (rows // 2 + 1,) of a transform, rad/s, and their power `FALL`."""
+    omega = np.asarray(2 * np.pi * np.fft.rfftfreq(rows, period), dtype=float)
+    return omega, omega**FALL
+
+
+def _level(read: NDArray[np.complex128], passed: Array, falls: Array, sigma: float) -> float:
+    """What the spectrum of a signal is at 1 rad/s, per row, as its sensor tells. passed: share of
+    the signal's power; falls: frequencies, by the power `FALL`.
+    """
     clear = passed > TOLD
     power = np.maximum(np.abs(read[clear]) ** 2 / (2 * len(read)) - sigma**2, 0.0) / passed[clear]
-    return max(float(np.mean(omega[clear] ** FALL * power)), 1e-12 * sigma**2)
+    return max(float(np.mean(falls[clear] * power)), 1e-12 * sigma**2)

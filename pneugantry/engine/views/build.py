@@ -13,6 +13,7 @@ from modelica_fmu.compiled import Structure
 from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Plant, Signal
 from pneugantry.engine.rules import Rules
+from pneugantry.engine.signals.readings import Shared
 from pneugantry.engine.threads import on_threads
 from pneugantry.engine.views.model_parts import part_of, structure_of
 from pneugantry.engine.views.subsystem import RATE, SubsystemView
@@ -40,6 +41,7 @@ class _Sight:
     signals: Mapping[str, Signal]  # measured, by name
     cache: Path
     coarse: Mapping[str, frozenset[str]] = field(default_factory=dict)  # see `Measured`
+    readings: Shared = field(default_factory=Shared)
 
     def root(self, signal: str) -> str:
         return self.shape.roots[self.signals[signal].variable]
@@ -111,6 +113,7 @@ def _view(sight: _Sight, names: Sequence[str], decimation: int, observer: float)
         pairs=sight.pairs,
         observer=observer,
         cut_at=tuple(sorted(_known(sight, names))),
+        readings=sight.readings,
     )
 
 

@@ -9,7 +9,7 @@ the model misses costs what it is worth and no more.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
 from pneugantry.engine.signals.commands import PREFIX as OF_INPUTS
 from pneugantry.engine.signals.commands import Lateness, acting, input_of, lateness, outside
-from pneugantry.engine.signals.readings import Readings
+from pneugantry.engine.signals.readings import Readings, Shared
 from pneugantry.engine.signals.sensors import PREFIX, read_with, sensed
 from pneugantry.engine.views.model_parts import longest_step, part_of
 from pneugantry.engine.views.pieces import Piece, Pieces
@@ -51,6 +51,7 @@ class SubsystemView:
     cut_at: tuple[str, ...] | None = None  # variables; None: it is not cut again
     subsystem: Subsystem | None = None  # None: that of the part
     memory: bool | None = None  # whether it remembers; None: whether the part has states
+    readings: Shared = field(default_factory=Shared)  # of all views of the plant
 
     def __post_init__(self) -> None:
         whole = Piece(self.part, subsystem=self.subsystem)
@@ -62,6 +63,7 @@ class SubsystemView:
             self.pairs,
             frozenset(self.corrected.values()),
             self.remembers,
+            self.readings,
         )
         self._parameters = frozenset(self.part.of("parameter"))
         self._read = {
@@ -122,7 +124,7 @@ class SubsystemView:
     def forget(self) -> None:
         """Drops what is kept of records that are not shown again."""
         self._drives.clear()
-        self._readings.forget()
+        self.readings.forget()
 
     def residuals(self, runs: Sequence[Run]) -> list[Array]:
         own = [(r, {k: given[k] for k in self._own(given)}) for r, given in runs]

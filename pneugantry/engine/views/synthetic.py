@@ -24,7 +24,7 @@ class Nominal:
     def __init__(self, plant: Plant, variables: Sequence[str], cache: Path) -> None:
         self.plant, self.variables = plant, tuple(variables)
         self.part = part_of(plant, self.variables, (), cache)
-        self._subsystem = Subsystem(self.part)
+        self._subsystem = Subsystem(self.part, often=False)
 
     def run(self, record: Record) -> dict[str, Array]:
         """Variables (N,) by name. Raises RunError where the model cannot be simulated."""

@@ -16,17 +16,18 @@ from pneugantry.engine.answer.evidence import _rivals
 from pneugantry.engine.chances import Chances
 from pneugantry.engine.fitting.descents import Descents
 from pneugantry.engine.fitting.fit import Fit, Race, as_of
-from pneugantry.engine.fitting.problem import Solution, prior, standing
-from pneugantry.engine.fitting.surveys import Pace
+from pneugantry.engine.fitting.problem import Problem, Solution, prior, standing
+from pneugantry.engine.fitting.surveys import Pace, in_view
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.plant import Plant
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.selection import trials
-from pneugantry.engine.selection.contenders import _unbent
+from pneugantry.engine.selection import contenders, trials
+from pneugantry.engine.selection.contenders import _unbent, contending
 from pneugantry.engine.selection.excess import unexplained
-from pneugantry.engine.selection.rivals import exchanged
+from pneugantry.engine.selection.rivals import _outdone, exchanged
 from pneugantry.engine.selection.scouts import Scouts
-from pneugantry.engine.selection.screening import MANY, screen
+from pneugantry.engine.selection.screening import MANY, Candidate, Memory, screen
+from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.views.simulation import Point
 
 __all__ = ["parts", "plant"]
@@ -328,10 +329,113 @@ def test_what_is_hopelessly_behind_what_leaves_nothing_is_not_unbent(
     assert [[f.keys for f in own] for own in found] == [[("leak",)], []]
 
 
+def test_beside_what_leaves_nothing_only_what_contends_is_looked_at_further(
+    plant: Plant, parts: Path
+) -> None:
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    right, wrong = (fitter.explore(hypothesis(k), null) for k in ("drag", "leak"))
+    fits = [right]
+    for worse in (0.5, 2.0):
+        least = right.evidence + worse * fitter.rules.hopeless
+        fits.append(replace(wrong, cost=wrong.cost + least - wrong.evidence))
+    found = [trials.contending_with(fitter, best, fits) for best in (right, null, None)]
+    fitter.close()
+    assert unexplained(fitter, null)
+    assert found == [fits[:2], fits, fits]
+
+
+def test_what_is_predicted_to_gain_much_less_is_no_rival(plant: Plant, parts: Path) -> None:
+    fitter = fitter_of(plant, parts)
+    gains = {"drag": 2700.0, "mass": 2300.0, "leak": 1500.0}
+    screened = [Candidate(e := CATALOGUE[k], e.forms[0], {}, g, 0.0) for k, g in gains.items()]
+
+    def chosen(**more: float) -> list[str]:
+        told = trials.predicted(fitter, screened, 20.0, ("gain",), **more)
+        return [own[0].effect.key for own in told]
+
+    found = chosen(), chosen(short=500.0)
+    fitter.close()
+    assert found == (["drag", "mass", "leak"], ["drag", "mass"])
+
+
+def test_what_has_all_of_a_gain_to_bring_comes_near_it_in_each_view(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fitter = fitter_of(plant, parts, drag=40.0)
+    null, bars = fitter.null(), list[float]()
+    ahead = fitter.explore(hypothesis("drag"), null)
+    own, known, cells = fitter.beside_base(hypothesis("mass"), null)
+    (view,) = {c[0] for c in cells}
+    problem = fitter.surveys.problem(cells, known, fine=False)
+    start, end = (standing(problem, in_view(as_of(f, own), view)) for f in (null, ahead))
+
+    def raced(problem: Problem, at: Solution, bar: float) -> Solution:
+        bars.append(bar)
+        return at
+
+    monkeypatch.setattr(fitter.surveys.__class__, "raced", lambda self, *args: raced(*args))
+    for race in (None, Race(ahead, 0.5), Race(ahead, 1.0), Race(null, 1.0)):
+        fitter.explore(hypothesis("mass"), null, race=race, thorough=False)
+    fitter.close()
+    spare = fitter.rules.hopeless
+    assert start > end + 2 * spare
+    assert bars == pytest.approx([start, start, end + spare, start])
+
+
+def test_an_answer_is_ahead_of_what_other_effects_lead_to(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fitter, effects = fitter_of(plant, parts, drag=2.0), list(CATALOGUE.values())
+    null, raced, explore = fitter.null(), list[Race | None](), fitter.explore
+    answer = explore(hypothesis("drag"), null)
+    monkeypatch.setattr(
+        fitter, "explore", lambda h, base, *args, **more: (raced.append(args[1]), answer)[1]
+    )
+    forms = trials.main_forms(fitter, effects)
+    told = [Candidate(e, f, {}, *(2 * [100.0 * (e.key == "mass")])) for e, f in forms]
+    monkeypatch.setattr(contenders, "other_forms", lambda *args, ahead: raced.append(ahead) or [])
+    monkeypatch.setattr(contenders, "_scouted", lambda *args, **more: [])
+    monkeypatch.setattr(contenders, "_open", lambda *args: [])
+    for ahead in (None, answer):
+        contending(Trail(fitter, CATALOGUE, [null]), null, told, forms, Memory(), ahead)
+    fitter.close()
+    assert raced[:3] == [None, None, None]
+    first, *others = raced[3:]
+    assert first is not None
+    assert (first.ahead, first.worth) == (answer, 1.0)
+    assert others == [answer, answer]
+
+
+@pytest.mark.parametrize(("behind", "outdone"), [(400.0, False), (800.0, False), (1200.0, True)])
+def test_what_was_outdone_beside_fewer_effects_is_not_tried_beside_more(
+    behind: float, outdone: bool
+) -> None:
+    """Unless the others brought as much: it may have lacked just them. The answer's second effect
+    brings 600 beside the first.
+    """
+
+    def fit(evidence: float, *keys: str) -> Any:
+        return SimpleNamespace(hypothesis=hypothesis(*keys), evidence=evidence)
+
+    best, alone = fit(-2600.0, "drag", "mass"), fit(-2000.0, "drag")
+    tried = [best, alone, fit(-2000.0 + behind, "leak"), fit(0.0, "leak"), fit(0.0)]
+    trail: Any = SimpleNamespace(tried=tried, fitter=SimpleNamespace(rules=Rules()))
+    own, other = (next(iter(hypothesis(k).forms)) for k in ("drag", "leak"))
+    assert _outdone(trail, best, own, other) == outdone
+
+
 def test_an_effect_more_that_costs_what_one_must_bring_is_not_judged() -> None:
     rules = Rules()
-    costs = {("a",): -900.0, ("a", "b"): -890.0, ("a", "c"): -870.0, ("d",): -500.0, (): 0.0}
+    costs = {("a",): -900.0, ("a", "b"): -890.0, ("a", "c"): -870.0, ("d",): -850.0, (): 0.0}
     assert _rivals(costs, rules) == [("a",), ("a", "b"), ("d",)]
+
+
+def test_what_is_outweighed_is_not_judged() -> None:
+    rules = Rules()
+    near, far = (-900.0 + k * rules.outweighed for k in (0.9, 1.1))
+    assert _rivals({("a",): -900.0, ("b",): near, ("c",): far}, rules) == [("a",), ("b",)]
+    assert math.exp(-rules.outweighed / (2 * Chances().temper)) < 0.01
 
 
 def test_where_a_fit_has_led_is_not_asked_twice(plant: Plant, parts: Path) -> None:

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from pneugantry.engine.plant import Record, thinned
-from pneugantry.engine.signals.readings import Readings
+from pneugantry.engine.plant import Array, Record, thinned
+from pneugantry.engine.signals import readings as of_readings
+from pneugantry.engine.signals.readings import Readings, Shared
+from pneugantry.engine.signals.slow import Slowness
 
 PERIOD = 1e-3  # s
 SIGMA_S, SIGMA_V = 3e-4, 5e-4  # m, m/s
@@ -56,3 +58,48 @@ def test_the_rate_of_a_speed_leaves_out_what_it_jumps_by(spread: int) -> None:
     assert found[690:712].min() > -2.5
     assert found[690:712].max() < 1.0
     assert found[715:1950] == pytest.approx(0.0, abs=0.2)
+
+
+def test_views_of_one_plant_make_a_reading_once() -> None:
+    """Where they filter it alike."""
+    record, shared = stopped(0.3, 0)[0], Shared()
+    sigmas, pairs = {"s": SIGMA_S, "v": SIGMA_V}, {"s": "v"}
+
+    def made(signal: str, averaging: bool, drawn: str) -> object:
+        view = Readings(sigmas, pairs, frozenset({drawn}), averaging, shared)
+        return view.value(signal, record, {"sensors.s.scale": 1.01})
+
+    first = made("s", True, "v")
+    assert made("s", True, "x") is first
+    assert made("s", False, "v") is not first
+    assert made("s", True, "s") is not first
+    assert made("v", True, "v") is not made("v", True, "x")
+    shared.forget()
+    assert made("s", True, "v") is not first
+
+
+def test_what_a_slow_speed_stands_for_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For its own value, what it jumps by, and the position that is smoothed with it."""
+    record, found = stopped(0.3, 0)[0], list[float]()
+    own = of_readings.stood_for
+
+    def stood_for(values: Array, slow: Slowness, sigma: float, period: float) -> Array:
+        found.append(slow.lag)
+        return own(values, slow, sigma, period)
+
+    monkeypatch.setattr(of_readings, "stood_for", stood_for)
+    readings = Readings({"s": SIGMA_S, "v": SIGMA_V}, {"s": "v"}, frozenset(), averaging=True)
+    for lag in (0.01, 0.02):
+        for signal in ("v", "s", "v"):
+            readings.value(signal, record, {"sensors.v.lag": lag})
+    assert found == [0.01, 0.02]
+
+
+def test_a_position_is_smoothed_alike_at_once_and_in_parts() -> None:
+    """An error that changes in time is taken out before, others behind the filter."""
+    record = stopped(0.3, 0)[0]
+    readings = Readings({"s": SIGMA_S, "v": SIGMA_V}, {"s": "v"}, frozenset(), averaging=True)
+    errors = {"sensors.s.scale": 1.01, "sensors.v.scale": 0.99, "sensors.v.bias": 0.02}
+    parts = readings.value("s", record, errors).at
+    at_once = readings.value("s", record, {**errors, "sensors.s.drift": 1e-15}).at
+    np.testing.assert_allclose(at_once, parts, rtol=0, atol=1e-2 * SIGMA_S)
