@@ -90,10 +90,9 @@ class Surveys:
             end = self.raced(problems[view], in_view(start, view), bar)
             return standing(problems[view], end), end
 
-        spare = self.rules.hopeless
         base = {v: own[0] if own else math.inf for v, own in bars.items()}
         if near:
-            base = {v: min(own[0], min(own) + spare) for v, own in bars.items()}
+            base = {v: min(b, min(bars[v]) + self.rules.hopeless) for v, b in base.items()}
         tasks = [(v, starts[0], base[v]) for v in views]
         first = dict(zip(views, self.simulation.side_by_side(down, tasks), strict=True))
         tasks = [(v, s, min(base[v], first[v][0])) for v in views for s in starts[1:]]

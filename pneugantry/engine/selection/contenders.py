@@ -52,8 +52,7 @@ def tried_beside(
     noted. far, ahead: as of `contending`.
     """
     fits = trail.named(contending(trail, base, screened, forms, far, ahead), base)
-    fitter = trail.fitter
-    finals = finalists(fitter, base, fits, trail.bar)
+    finals = finalists(trail.fitter, base, fits, trail.bar)
     trail.tried += [*fits, *finals]
     return finals
 

@@ -21,7 +21,7 @@ from pneugantry.engine.signals.slow import stood_for
 from pneugantry.engine.signals.smooth import Widest, savgol, widest, widest_slope
 from pyfmi_runner.smoothing import jumps, smooth_axis, within_jumps
 
-__all__ = ["Readings", "Shared"]
+__all__ = ["Filtered", "Readings"]
 
 SMOOTH = 3  # rows over which an input of a part with states is smoothed
 JUMP = 2  # rows over which a sensor may spread a jump
@@ -31,7 +31,7 @@ Errors = Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Shared:
+class Filtered:
     """What views of one plant have made of readings."""
 
     true: Recent[Array] = field(default_factory=lambda: Recent(TRUE))
@@ -54,7 +54,7 @@ class Readings:
     pairs: Mapping[str, str]  # position -> its speed
     corrected: frozenset[str]  # signals of states that an observer draws: it averages by itself
     averaging: bool  # the view has states, which average by themselves
-    shared: Shared = field(default_factory=Shared)
+    shared: Filtered = field(default_factory=Filtered)
 
     def value(self, signal: str, record: Record, errors: Errors) -> Course:
         return self._course("value", signal, record, errors)

@@ -13,7 +13,7 @@ from modelica_fmu.compiled import Structure
 from modelica_fmu.errors import InputError
 from pneugantry.engine.plant import Plant, Signal
 from pneugantry.engine.rules import Rules
-from pneugantry.engine.signals.readings import Shared
+from pneugantry.engine.signals.readings import Filtered
 from pneugantry.engine.threads import on_threads
 from pneugantry.engine.views.model_parts import part_of, structure_of
 from pneugantry.engine.views.subsystem import RATE, SubsystemView
@@ -41,7 +41,7 @@ class _Sight:
     signals: Mapping[str, Signal]  # measured, by name
     cache: Path
     coarse: Mapping[str, frozenset[str]] = field(default_factory=dict)  # see `Measured`
-    readings: Shared = field(default_factory=Shared)
+    readings: Filtered = field(default_factory=Filtered)
 
     def root(self, signal: str) -> str:
         return self.shape.roots[self.signals[signal].variable]

@@ -18,7 +18,7 @@ from pneugantry.engine.plant import Array, Plant, Record
 from pneugantry.engine.recent import Recent
 from pneugantry.engine.signals.commands import PREFIX as OF_INPUTS
 from pneugantry.engine.signals.commands import Lateness, acting, input_of, lateness, outside
-from pneugantry.engine.signals.readings import Readings, Shared
+from pneugantry.engine.signals.readings import Filtered, Readings
 from pneugantry.engine.signals.sensors import PREFIX, read_with, sensed
 from pneugantry.engine.views.model_parts import longest_step, part_of
 from pneugantry.engine.views.pieces import Piece, Pieces
@@ -51,7 +51,7 @@ class SubsystemView:
     cut_at: tuple[str, ...] | None = None  # variables; None: it is not cut again
     subsystem: Subsystem | None = None  # None: that of the part
     memory: bool | None = None  # whether it remembers; None: whether the part has states
-    readings: Shared = field(default_factory=Shared)  # of all views of the plant
+    readings: Filtered = field(default_factory=Filtered)  # of all views of the plant
 
     def __post_init__(self) -> None:
         whole = Piece(self.part, subsystem=self.subsystem)
@@ -122,7 +122,7 @@ class SubsystemView:
         self._pieces.prepare(given, settings)
 
     def forget(self) -> None:
-        """Drops what is kept of records that are not shown again."""
+        """Drops what is kept of records, by all views with these readings: none is shown again."""
         self._drives.clear()
         self.readings.forget()
 

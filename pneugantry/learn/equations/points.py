@@ -19,6 +19,7 @@ from modelica_fmu.batch import Drive
 from modelica_fmu.compiled import Structure
 from modelica_fmu.files import write_atomically
 from pneugantry.engine.plant import Array, Plant, Record, Signal
+from pneugantry.engine.signals.readings import Filtered
 from pneugantry.engine.signals.sensors import PREFIX
 from pneugantry.engine.views.model_parts import part_of
 from pneugantry.engine.views.subsystem import RATE, SubsystemView
@@ -352,7 +353,7 @@ def recut(
 def _opened_view(
     view: SubsystemView, plant: Plant, names: Sequence[str], cache: Path
 ) -> OpenedView:
-    made = recut(view, plant, cache, names)
+    made = replace(recut(view, plant, cache, names), readings=Filtered())  # it forgets
     own = {f.name: getattr(made, f.name) for f in fields(made)}
     return OpenedView(**own, addends=frozenset(names))
 

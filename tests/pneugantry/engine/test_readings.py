@@ -5,7 +5,7 @@ import pytest
 
 from pneugantry.engine.plant import Array, Record, thinned
 from pneugantry.engine.signals import readings as of_readings
-from pneugantry.engine.signals.readings import Readings, Shared
+from pneugantry.engine.signals.readings import Filtered, Readings
 from pneugantry.engine.signals.slow import Slowness
 
 PERIOD = 1e-3  # s
@@ -62,7 +62,7 @@ def test_the_rate_of_a_speed_leaves_out_what_it_jumps_by(spread: int) -> None:
 
 def test_views_of_one_plant_make_a_reading_once() -> None:
     """Where they filter it alike."""
-    record, shared = stopped(0.3, 0)[0], Shared()
+    record, shared = stopped(0.3, 0)[0], Filtered()
     sigmas, pairs = {"s": SIGMA_S, "v": SIGMA_V}, {"s": "v"}
 
     def made(signal: str, averaging: bool, drawn: str) -> object:

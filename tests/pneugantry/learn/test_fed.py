@@ -143,6 +143,22 @@ def test_what_a_component_has_itself_is_not_given_to_it(tmp_path: Path) -> None:
     assert _point(apart, "slide").fed == ()
 
 
+def test_what_an_opened_view_forgets_the_plant_s_views_keep(tmp_path: Path) -> None:
+    """These share what they have made of readings."""
+    plant, _ = _opened(tmp_path)
+    views = build_views(plant, ["s", "a", "b"], tmp_path, PERIOD, Rules())
+    apart = opened(plant, views, tmp_path)
+    first, *others = views
+    first.readings.true.of("made", lambda: np.zeros(1))
+    assert others
+    assert all(v.readings.true.get("made") is not None for v in others)
+    for view in apart.views:
+        view.forget()
+    assert first.readings.true.get("made") is not None
+    others[0].forget()
+    assert first.readings.true.get("made") is None
+
+
 def test_it_is_tried_alone_and_times_the_component_s_variables(tmp_path: Path) -> None:
     _, apart = _opened(tmp_path)
     point, record = _point(apart, "near"), _record()
