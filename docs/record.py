@@ -32,7 +32,7 @@ COMMANDS = {  # name: the command, without --json
     "rootlocus_z": "pneugantry rootlocus --axis z --lag z",
     "rootlocus_x": "pneugantry rootlocus --axis z --lag x",
     "motor": "pneugantry diagnose examples/motor/plant.toml",
-    "blind_nuisance": "pneugantry blind --set nuisance --seed 93460 --cases 60 --no-learn",
+    "blind_nuisance": "pneugantry blind --set nuisance --seed 94000 --cases 60 --no-learn",
     "blind_nofa": "pneugantry blind --set nofa --seed 93100 --cases 24 --no-learn",
     "blind_contour": "pneugantry blind --set contour --seed 93000 --cases 30 --no-learn",
     "blind_three": "pneugantry blind --set three --seed 93200 --cases 24 --no-learn",
