@@ -7,7 +7,7 @@ beside one another. Pages and notebooks share nothing and are dealt out one by o
 
 import json
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ ALONE = (
     "test_wheel.py",
 )
 SINGLE = ("docs/test_blocks.py", "notebooks/test_notebooks.py")
+SMALL = ("examples/", "pneugantry/engine/", "pneugantry/learn/")  # plants are fitted there
 
 
 def _keeps_to_schema(result: dict[str, Any]) -> None:
@@ -65,12 +66,14 @@ def unoptimised() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session")
-def quickly_compiled() -> Callable[[], AbstractContextManager[None]]:
-    """In its context the C compiler takes half as long, and what it makes runs nearly as fast:
-    where small plants are fitted. Results are the same to the last bit.
+@pytest.fixture(scope="module", autouse=True)
+def quickly_compiled(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Where small plants are fitted, much of the time is the C compiler's: it optimises less.
+    Results are the same to the last bit.
     """
-    return lambda: _compiled_by("-O1")
+    fits = request.path.relative_to(HERE).as_posix().startswith(SMALL)
+    with _compiled_by("-O1") if fits else nullcontext():
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.plant import Plant, Record
-
-
-@pytest.fixture(scope="module", autouse=True)
-def small_plants(
-    quickly_compiled: Callable[[], AbstractContextManager[None]],
-) -> Iterator[None]:
-    """All tests here, and what they share: much of their time is the C compiler's."""
-    with quickly_compiled():
-        yield
 
 
 @pytest.fixture(scope="session")
