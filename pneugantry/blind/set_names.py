@@ -10,6 +10,7 @@ SETS = {
     "contour": "as nuisance, contouring logs alone",
     "both": "as nuisance, with a known effect and an unknown one",
     "faint": "as nuisance, with effects of 0.4 times the usual size",
+    "coarse": "as nuisance, with coarse converters, alone or beside another effect",
     "wide": "as nuisance, with parameters 5 % off",
     "unknown12": "twelve effects that no catalogue names, three sizes each, in turn",
     "both12": "a known effect and one of these twelve",

@@ -53,6 +53,7 @@ SETS: dict[str, LabelledSet] = {
         CaseSet("contour", logs=CONTOURS),
         CaseSet("both", {"both": 1.0}),
         CaseSet("faint", {"none": 0.25, "one": 0.5, "two": 0.25}, severity=0.4),
+        CaseSet("coarse", {"none": 0.5, "one": 0.5}, always=(("quantisation", ""),)),
         CaseSet("wide", {"none": 0.5, "one": 0.5}, replace(NUISANCE, parameters=0.05)),
         CaseSet(
             "unknown12",

@@ -36,6 +36,18 @@ class Signal:
         """RMS of the sensor's noise before its converter."""
         return math.sqrt(max(self.sigma**2 - self.step**2 / 12, 0.0))
 
+    def averaged(self, rows: int) -> float:
+        """RMS of the noise of a mean over so many rows. Of a converter's error a part lasts in it,
+        the mean over its noise, which is periodic in the reading: the less, the more cells that
+        noise reaches. (Its Fourier series: Widrow and Kollar, Quantization Noise, 2008.)
+        """
+        if not self.step:
+            return self.sigma / math.sqrt(rows)
+        k = np.arange(1, HARMONICS + 1)
+        shares = np.exp(-((2 * np.pi * k * self.white / self.step) ** 2)) / k**2
+        lasts = self.step**2 / (2 * np.pi**2) * float(shares.sum())
+        return math.sqrt((self.sigma**2 - lasts) / rows + lasts)
+
 
 @dataclass(frozen=True)
 class Nuisance:
@@ -230,6 +242,7 @@ def _about(values: Array, every: int) -> Array:
     return np.convolve(padded, weights / weights.sum(), "valid")[: rows * every : every]
 
 
+HARMONICS = 50  # of a converter's error
 ABOUT = 7  # rows about an impact that are not judged
 JUMP = 12.0  # standard deviations of a signal's steps, by which one of them stands out
 

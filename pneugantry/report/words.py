@@ -181,7 +181,8 @@ def left_over(found: Found) -> list[Left]:
     usual = chances.usual or {}
     rows = []
     for channel in excess.whole:
-        own = {r: s / excess.level for (c, r), s in excess.by_record.items() if c == channel}
+        size = excess.usual(channel)
+        own = {r: s / size for (c, r), s in excess.by_record.items() if c == channel}
         record = max(own, key=lambda r: own[r], default="")
         ratio = excess.ratio(channel)
         expected = usual.get(channel, 1.0)

@@ -57,7 +57,8 @@ class CaseSet:
     on the drawn sizes; levels: places in the range of sizes (0 least, 1 largest, logarithmic),
     taken in turn by seed instead of a draw; unknown: kinds of unknown effect (effect names) to draw
     from, none: the usual ones; in_turn: `unknown` is gone through by seed; missing: channels that
-    the rig does not measure; logs: those of the campaign, none: all seven.
+    the rig does not measure; logs: those of the campaign, none: all seven; always: (effect, axis)
+    that every rig has beside what is drawn.
     """
 
     name: str
@@ -69,6 +70,7 @@ class CaseSet:
     in_turn: bool = False
     missing: tuple[str, ...] = ()
     logs: tuple[str, ...] = ()
+    always: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         kinds = {form.effect for form in OUTSIDE_FORMS}
@@ -93,7 +95,9 @@ class CaseSet:
         if effects is None:
             drawn_kind = str(rng.choice(list(self.mixture), p=list(self.mixture.values())))
             kind = kind or drawn_kind
-            pairs = self._pairs(kind, seed, rng)
+            drawn_pairs = self._pairs(kind, seed, rng)
+            pairs = [*self.always, *(p for p in drawn_pairs if p not in self.always)]
+            kind = _kind_of(pairs) if self.always else kind
         else:
             pairs = list(effects)
             kind = kind or _kind_of(pairs)

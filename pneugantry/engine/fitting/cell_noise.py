@@ -21,7 +21,9 @@ from pneugantry.engine.views.synthetic import changes_of, noisy
 
 __all__ = ["CellNoise"]
 
+EVENT = 6.0  # noise levels beyond which a draw of noise is an event
 KEPT = 256  # residuals of cells whose colour is kept
+MORE = 3  # draws of noise beside the first where converters are coarse
 DRAWN = 64  # records with one more draw of noise that are kept
 
 
@@ -33,6 +35,10 @@ class CellNoise:
     def __init__(self, plant: Plant, simulation: Simulation, rules: Rules, level: float) -> None:
         self.plant, self.simulation, self.rules, self.level = plant, simulation, rules, level
         self._floors: dict[Cell, tuple[Whitener, ...]] = {}
+        self._shares: dict[Cell, tuple[float, ...]] = {}
+        coarse = any(s.step for s in plant.signals)
+        # where a converter rests its error lasts: one draw tells little of it
+        self._more = tuple(f", draw {k}" for k in range(MORE)) if coarse else ()
         self._erring = {cell: self._quoted_errors(cell) for cell in simulation.cells}
         self._colours: Recent[tuple[Array, tuple[Whitener, ...]]] = Recent(KEPT)  # by array
         self._drawn: Recent[Record] = Recent(DRAWN)
@@ -57,9 +63,14 @@ class CellNoise:
         return self._colours.of(key, lambda: (residual, self._colour(cell, residual)))[1]
 
     def _colour(self, cell: Cell, residual: Array) -> tuple[Whitener, ...]:
+        """A converter's error has the colour in which it is drawn: what rests shows nothing of it,
+        and a residual that an effect makes up for less than there is.
+        """
         finite, found = bool(np.isfinite(residual).all()), []
         for c, sigma in enumerate(self.simulation.views[cell[0]].sigmas):
             known, own = self.erring(cell)[c], residual[:, c]
+            if known is None and self.converter_share(cell)[c] > noise.MUCH:
+                known = self.floor(cell)[c]
             if known is not None:
                 found.append(noise.grown(known, own) if finite else known)
                 continue
@@ -73,12 +84,36 @@ class CellNoise:
         if cell not in self._floors:
             view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
             values: dict[str, float] = dict(record.parameters)
-            changes = changes_of(view, record, [self.noisier(cell[1])], values)
+            draws = [self.noisier(cell[1], d) for d in ("", *self._more)]
+            changes = changes_of(view, record, draws, values)
             self._floors[cell] = tuple(
-                known or noise.pure([c[:, i] for c in changes], sigma)
+                known or noise.pure([c[:, i] for c in changes], sigma, bool(self._more))
                 for i, (sigma, known) in enumerate(zip(view.sigmas, self.erring(cell), strict=True))
             )
         return self._floors[cell]
+
+    def converter_share(self, cell: Cell) -> tuple[float, ...]:
+        """Of each signal of a view, the share of its quoted noise (`floor`) that coarse converters
+        have, its own or those of what it reads: it does not grow with the sensors' noise. All of it
+        where no noise reaches the view, for that tells nothing of the sensors'.
+        """
+        if cell not in self._shares:
+            coarse = any(s.step for s in self.plant.signals)
+            signals = self.simulation.views[cell[0]].signals
+            self._shares[cell] = self._share(cell) if coarse else (0.0,) * len(signals)
+        return self._shares[cell]
+
+    def _share(self, cell: Cell) -> tuple[float, ...]:
+        view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
+        alone = (replace(s, sigma=s.step / math.sqrt(12)) for s in self.plant.signals)
+        errors = noisy(replace(self.plant, signals=tuple(alone)), record)
+        draws = [self.noisier(cell[1]), errors]
+        changes = changes_of(view, record, draws, dict(record.parameters))
+        if len(changes) < len(draws):
+            return (1.0,) * len(view.signals)
+        floor = self.floor(cell)
+        whole, own = ([_power(w(r)) for w, r in zip(floor, c.T, strict=True)] for c in changes)
+        return tuple(min(o / w, 1.0) if w else 1.0 for o, w in zip(own, whole, strict=True))
 
     def noisier(self, record: str, draw: str = "") -> Record:
         """A record with one more draw of its sensors' quoted noise: the same whenever it is asked
@@ -156,13 +191,26 @@ class CellNoise:
         return max(1, rows // self.rules.stretch(record.period * view.decimation, rows))
 
     def loudness(self, of_views: Sequence[Residuals]) -> float:
-        """How much noisier the rig's sensors are than quoted: that of most of them. A coarse
-        converter at rest is no quiet sensor.
-        """
+        """How much noisier the rig's sensors are than quoted (`noise.level_of`)."""
         sizes = [
-            noise.spread([w])
+            (noise.spread([w]), self._in_all(cell[0], c))
             for residuals in of_views
-            for w in self.white(residuals, {c: self.floor(c) for c in residuals}).values()
+            for (cell, c), w in self.white(
+                residuals, {cell: self.floor(cell) for cell in residuals}
+            ).items()
         ]
-        least = 1.0 if any(s.step for s in self.plant.signals) else self.rules.quietest
-        return float(np.clip(np.median(sizes or [1.0]), least, noise.NOISIEST))
+        return noise.level_of(sizes, self.rules.quietest)
+
+    def _in_all(self, view: str, c: int) -> float:
+        """Share of a view's signal (`converter_share`) over its records."""
+        own = [self.converter_share(cell)[c] for cell in self.simulation.cells if cell[0] == view]
+        return float(np.mean(own))
+
+    def usual(self, cell: Cell) -> float:
+        """Of the residuals of a cell's signals, in units of the quoted noise: the largest."""
+        return max(noise.usual_size(self.level, share) for share in self.converter_share(cell))
+
+
+def _power(white: Array) -> float:
+    """Mean square; an event that one more draw of noise moves is no noise."""
+    return float(np.mean(np.clip(white, -EVENT, EVENT) ** 2))

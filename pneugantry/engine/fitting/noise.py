@@ -23,6 +23,7 @@ from pneugantry.engine.plant import Array
 
 __all__ = [
     "LONGEST",
+    "MUCH",
     "NOISIEST",
     "Noise",
     "Whitener",
@@ -31,11 +32,13 @@ __all__ = [
     "drifting",
     "flat",
     "grown",
+    "level_of",
     "loss",
     "pure",
     "quoted",
     "spread",
     "surely_above",
+    "usual_size",
     "weights",
     "whitener_of",
 ]
@@ -44,6 +47,7 @@ __all__ = [
 # records that it fits worst, and blind to a constant error in the others.
 Noise = Mapping[tuple[str, str], tuple[Whitener, ...]]
 CLIPPED = 5.0  # spreads beyond which a residual says nothing of the noise's colour
+MUCH = 1 / 3  # share of a channel's noise from which on what its converter does is seen in it
 NOISIEST = 2.0  # times its quoted noise that a sensor may have; more is no noise
 NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute value
 SCATTER = 1.17  # relative standard error of a spread, times the root of its rows (normal, white)
@@ -71,6 +75,24 @@ def doubted(falls: Array, doubt: float) -> float:
 def spread(residuals: Sequence[Array]) -> float:
     """Standard deviation of the bulk of some residuals about 0."""
     return NORMAL * float(np.median(np.abs(np.concatenate(residuals))))
+
+
+def usual_size(level: float, share: float) -> float:
+    """Of residuals in units of the quoted noise, where sensors are `level` times as noisy. share:
+    of the quoted variance, what converters have: that is as large on any rig.
+    """
+    return math.sqrt((1 - share) * level**2 + share)
+
+
+def level_of(sizes: Sequence[tuple[float, float]], least: float) -> float:
+    """How much noisier the rig's sensors are than quoted: that of most of them. sizes: of residuals
+    in units of the quoted noise, and the share of that which converters have (`usual_size`); where
+    that is `MUCH` of it, it tells nothing. 1 where none tells anything.
+    """
+    told = [
+        math.sqrt(max(size**2 - share, 0.0) / (1 - share)) for size, share in sizes if share < MUCH
+    ]
+    return float(np.clip(np.median(told), least, NOISIEST)) if told else 1.0
 
 
 def surely_above(size: float, residuals: Sequence[Array], doubt: float) -> bool:
@@ -105,9 +127,13 @@ def coloured(
     return whitener_of(_bulk(residuals, least), least, slow, lasting)
 
 
-def pure(residuals: Sequence[Array], least: float) -> Whitener:
-    """Autoregression of the bulk of what is noise and nothing else, with its drift."""
-    return drifting(_bulk(residuals, least), least) if residuals else Whitener(np.zeros(0), least)
+def pure(residuals: Sequence[Array], least: float, jumps: bool = False) -> Whitener:
+    """Autoregression of the bulk of what is noise and nothing else, with its drift. jumps: all of
+    it, for a converter's error rests most of the time and jumps then.
+    """
+    if not residuals:
+        return Whitener(np.zeros(0), least)
+    return drifting(list(residuals) if jumps else _bulk(residuals, least), least)
 
 
 def _bulk(residuals: Sequence[Array], least: float) -> list[Array]:

@@ -203,12 +203,13 @@ class Surveys:
             return True
         white = self.noise.white(found.residuals, {c: self.noise.floor(c) for c in problem.cells})
         signals = [[w for (_, k), w in white.items() if k == c] for c in {k for _, k in white}]
-        most, rules = self.rules.quiet * self.noise.level, self.rules
+        usual, rules = max(self.noise.usual(c) for c in problem.cells), self.rules
+        most = rules.quiet * usual
         return not any(
             noise.surely_above(most, rows, rules.doubt)
             for rows in (*signals, *([w] for w in white.values()))
         ) and all(
-            noise.loss(w[np.abs(w) > LARGE] / self.noise.level, rules.tails).sum() < rules.hopeless
+            noise.loss(w[np.abs(w) > LARGE] / usual, rules.tails).sum() < rules.hopeless
             for w in white.values()
         )
 

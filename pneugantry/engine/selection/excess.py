@@ -9,13 +9,21 @@ that the model lacks.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
-from pneugantry.engine.fitting.noise import LONGEST, NOISIEST, Whitener, drifting, spread
+from pneugantry.engine.fitting.noise import (
+    LONGEST,
+    MUCH,
+    Whitener,
+    drifting,
+    level_of,
+    spread,
+    usual_size,
+)
 from pneugantry.engine.plant import Array, Record
 from pneugantry.engine.threads import on_threads
 from pneugantry.engine.views.simulation import Cell
@@ -43,10 +51,16 @@ class Excess:
     bulk: Mapping[Channel, float]  # of most rows
     whole: Mapping[Channel, float]  # RMS over stretches of the size of most of their rows
     by_record: Mapping[tuple[Channel, str], float]  # the same
+    # share of the quoted noise that coarse converters have
+    converter_shares: Mapping[Channel, float] = field(default_factory=dict)
+
+    def usual(self, channel: Channel) -> float:
+        """Size of a channel that holds nothing but noise."""
+        return usual_size(self.level, self.converter_shares.get(channel, 0.0))
 
     def ratio(self, channel: Channel) -> float:
         """How far a channel stands out: 1 where it holds nothing but noise."""
-        return self.whole[channel] / self.level
+        return self.whole[channel] / self.usual(channel)
 
 
 def unexplained(fitter: Fitter, fit: Fit) -> list[str]:
@@ -110,43 +124,47 @@ def excess_of(fitter: Fitter, fit: Fit, floors: Floors, level: float | None = No
     }
     own = {ch: [w for (other, _), w in white.items() if other == ch] for ch, _ in white}
     bulk = {ch: spread(rows) for ch, rows in own.items()}
-    erring = _erring(fitter)
-    level = level or _level(bulk, erring, fitter.rules.quietest)
+    erring, shares = _erring(fitter), _converter_shares(fitter, own)
+    if level is None:
+        told = [(size, shares[ch]) for ch, size in bulk.items() if ch not in erring]
+        # what errs must not stand out because the others are quiet
+        level = level_of(told, 1.0 if erring else fitter.rules.quietest)
     sizes: dict[tuple[Channel, str], Array] = {}
     for (channel, record), rows in white.items():
-        told = _sizes(rows, fitter.noise.pieces((channel[0], record), len(rows)))
-        most = level * (UNEVEN if channel in erring else LARGEST)
-        sizes[channel, record] = np.minimum(told, most)
+        own_sizes = _sizes(rows, fitter.noise.pieces((channel[0], record), len(rows)))
+        uneven = channel in erring or shares[channel] > MUCH
+        most = usual_size(level, shares[channel]) * (UNEVEN if uneven else LARGEST)
+        sizes[channel, record] = np.minimum(own_sizes, most)
     return Excess(
         level,
         bulk,
         {ch: _rms(np.concatenate([s for (c, _), s in sizes.items() if c == ch])) for ch in own},
         {key: _rms(of_record) for key, of_record in sizes.items()},
+        shares,
     )
 
 
 def _erring(fitter: Fitter) -> set[Channel]:
-    """Channels of which an error of the model is quoted, or that a coarse converter reads: at rest
-    that shows less than its usual error, and as much as it likes.
-    """
-    coarse = {s.name for s in fitter.plant.signals if s.step}
+    """Channels of which an error of the model is quoted: they show as much of it as they like."""
     return {
         (cell[0], signal)
         for cell in fitter.simulation.cells
         for signal, known in zip(
             fitter.simulation.views[cell[0]].signals, fitter.noise.erring(cell), strict=True
         )
-        if known is not None or signal in coarse
+        if known is not None
     }
 
 
-def _level(bulk: Mapping[Channel, float], erring: set[Channel], quietest: float) -> float:
-    """Of the sensors, as most channels have it, but no quieter than sensors are taken to be; one
-    that errs says nothing of it, and must not stand out because the others are quiet.
-    """
-    told = [size for channel, size in bulk.items() if channel not in erring]
-    level = min(float(np.median(told)), NOISIEST) if told else 1.0
-    return max(level, 1.0 if erring else quietest)
+def _converter_shares(fitter: Fitter, channels: Collection[Channel]) -> dict[Channel, float]:
+    """Of each channel's quoted noise the share that coarse converters have, over its records."""
+    found: dict[Channel, list[float]] = {channel: [] for channel in channels}
+    for cell in fitter.simulation.cells:
+        signals = fitter.simulation.views[cell[0]].signals
+        for signal, share in zip(signals, fitter.noise.converter_share(cell), strict=True):
+            if (cell[0], signal) in found:
+                found[cell[0], signal].append(share)
+    return {channel: float(np.mean(shares)) for channel, shares in found.items()}
 
 
 def _sizes(rows: Array, stretches: int) -> Array:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneugantry.engine.plant import Array, Record, Signal
 
@@ -22,6 +23,7 @@ ENOUGH = 40  # readings in a stretch of the grid that make an unused cell tellin
 BESIDE = 0.2  # share of a step by which a log's own rounding may move a reading off its grid
 CLOSER = 0.8  # of a step: no two cells are as near, but by the log's own rounding
 NEXT = 1.5  # times the least distance of two cells: neighbours
+MANY = 2 / 3  # of readings that do not rest, share of cells in which a signal dwells
 PARTS = 200  # of gaps, after each of which the step is told anew
 SAME = 1e-6  # of the noise, by which readings of one cell may differ (sums of binary fractions)
 
@@ -45,9 +47,9 @@ def converter_step(values: Array, sigma: float) -> float:
 
     Where the signal dwells, noise of RMS sigma reaches every cell of a fine grid; cells that stay
     empty between used ones show that the converter's own step is wider. The step is the median
-    distance of used cells. A signal that mostly rests in one wide cell has few others with as many
-    readings; there all cells must be as far apart. Of one that passes them all, each must lie on
-    one line with the others.
+    distance of used cells (`_far_apart` where these are few). A signal that mostly rests in one
+    wide cell has few others with as many readings; there all cells must be as far apart. Of one
+    that passes them all, each must lie on one line with the others.
     """
     same = SAME * sigma
     used, counts = np.unique(np.round(values / same) * same, return_counts=True)
@@ -60,11 +62,24 @@ def converter_step(values: Array, sigma: float) -> float:
         if len(dwell) < 3:
             return _passed(used, sigma)
     gaps = np.diff(dwell)
-    near = gaps[gaps < 6 * sigma] if (gaps < 6 * sigma).any() else gaps
-    step = float(np.median(near))
+    near = gaps[gaps < 6 * sigma]
+    step = float(np.median(near)) if len(near) else _far_apart(used, counts, dwell)
     if resting and np.diff(used).min() < CLOSER * step:
         return 0.0
     return step if step > COARSE * sigma else 0.0
+
+
+def _far_apart(used: Array, counts: NDArray[np.int_], dwell: Array) -> float:
+    """The step of cells (N,), of which those are far apart in which a signal dwells: their least
+    distance, or that of any two where many readings but those at rest lie between: a force that
+    mostly rests dwells in few. (Of means of neighbours a fifth lies between.)
+    """
+    step = float(np.diff(dwell).min())
+    cells = (used - dwell[0]) / step
+    on = np.abs(cells - np.round(cells)) < BESIDE
+    rest = counts.max()
+    between = counts[on].sum() - rest < MANY * (counts.sum() - rest)
+    return float(np.diff(used).min()) if between else step
 
 
 def _passed(used: Array, sigma: float) -> float:

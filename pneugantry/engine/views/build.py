@@ -6,8 +6,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from modelica_fmu.batch import Part
 from modelica_fmu.compiled import Structure
 from modelica_fmu.errors import InputError
@@ -104,7 +102,7 @@ def _view(sight: _Sight, names: Sequence[str], decimation: int, observer: float)
         name=sight.root(names[0]),
         signals=tuple(names),
         blocks=tuple(_block(sight.plant, sight.root(n)) for n in names),
-        sigmas=tuple(float(sight.signals[n].sigma / np.sqrt(decimation)) for n in names),
+        sigmas=tuple(sight.signals[n].averaged(decimation) for n in names),
         decimation=decimation,
         plant=sight.plant,
         part=part,

@@ -222,13 +222,13 @@ def _series(
 def _view(
     plant: ForeignPlant, series: Sequence[_Stage], signals: tuple[str, ...], decimation: int
 ) -> SubsystemView:
-    sigma = {s.name: s.sigma for s in plant.signals}
+    own = {s.name: s for s in plant.signals}
     last = series[-1].fmu
     return SubsystemView(
         name=last.prefix + last.file.path.stem + "." + ",".join(signals),
         signals=signals,
         blocks=(last.block,) * len(signals),
-        sigmas=tuple(float(sigma[s] / np.sqrt(decimation)) for s in signals),
+        sigmas=tuple(own[s].averaged(decimation) for s in signals),
         decimation=decimation,
         plant=plant,
         part=_part(series),

@@ -101,7 +101,8 @@ class SubsystemView:
         return not all(quiet)
 
     def _quoted(self) -> list[float]:
-        return [s * np.sqrt(self.decimation) for s in self.sigmas]
+        quoted = {s.name: s.sigma for s in self.plant.signals}
+        return [quoted[s] for s in self.signals]
 
     def depends_on(self, parameter: str) -> bool:
         if parameter.startswith(PREFIX):

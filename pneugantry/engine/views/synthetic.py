@@ -62,20 +62,23 @@ def noisy(plant: Plant, record: Record, only: str | None = None) -> Record:
     signals = {}
     for n, v in sorted(record.signals.items()):
         white, step = (known[n].white, known[n].step) if n in known else (0.0, 0.0)
-        signals[n] = v + white * draw.standard_normal(len(v))
+        more = white * draw.standard_normal(len(v))
+        signals[n] = v + more
         if step:
-            signals[n] += _converted(v, step, draw.random())
+            signals[n] += _converted(v, more, step, draw.random())
     return replace(record, name=f"{record.name}, {only or 'all'} noisier", signals=signals)
 
 
-def _converted(values: Array, step: float, moved: float) -> Array:
+def _converted(values: Array, more: Array, step: float, moved: float) -> Array:
     """Error (N,) of a converter whose grid is moved by a share of its step. What it reads is taken
-    to pass from cell to cell evenly: at rest its error lasts, and no average makes it smaller.
+    to pass from cell to cell evenly, with more noise (N,): at rest its error lasts, no average
+    makes it smaller, and noise that reaches no other cell is not read.
     """
     at = np.flatnonzero(np.diff(values))
     true = values
     if len(at):
         true = np.interp(np.arange(len(values)), at + 0.5, 0.5 * (values[at] + values[at + 1]))
+    true = true + more
     return np.asarray(step * (np.round(true / step + moved) - moved) - true)
 
 

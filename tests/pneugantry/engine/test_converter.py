@@ -50,6 +50,14 @@ def test_a_coarse_converter_is_seen_on_a_channel_that_mostly_rests_in_one_of_its
     assert converter_step(0.01 * np.round(fine / 0.01), SIGMA) == 0.0
 
 
+def test_cells_in_which_a_signal_dwells_may_be_far_apart() -> None:
+    """A force at rest, and in contact about two cells: 0.5 is the step, not the 3 between both."""
+    generator = np.random.default_rng(7)
+    passed = 0.5 * generator.integers(-60, 60, 3000)
+    dwelt = np.repeat([0.0, 14.0, 14.5, 17.5], [90_000, 300, 300, 300])
+    assert converter_step(np.concatenate([dwelt, passed]), SIGMA) == pytest.approx(0.5)
+
+
 @pytest.mark.parametrize("step", [0.03, 0.1, 0.5])
 def test_an_encoder_whose_cells_are_passed_is_seen(step: float) -> None:
     assert converter_step(cells(swept(), step), SIGMA) == pytest.approx(step)

@@ -92,6 +92,20 @@ def test_severity_scales_sizes_and_levels_replace_their_draw() -> None:
     assert top.size == pytest.approx(usual.form.high)
 
 
+def test_what_every_rig_of_a_set_has_stands_beside_what_is_drawn() -> None:
+    own = ("quantisation", "")
+    cases = CaseSet("coarse", {"none": 0.5, "one": 0.5}, always=(own,))
+    kinds = {"one": 0, "two": 0}
+    for seed in range(78900, 78960):
+        case = cases.plan(seed)
+        pairs = [(c.form.effect, c.axis) for c in case.causes]
+        assert pairs[0] == own
+        assert len(set(pairs)) == len(pairs)
+        assert case.kind == ("one" if len(pairs) == 1 else "two")
+        kinds[case.kind] += 1
+    assert min(kinds.values()) > 15
+
+
 def test_a_known_seed_keeps_its_causes() -> None:
     case = plan_case(78006)  # a case of the sealed set of seed 78000
     assert [c.form.effect for c in case.causes] == ["stribeck", "valve_lag"]
