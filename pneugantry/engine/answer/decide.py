@@ -220,8 +220,8 @@ def decide(
     none = next((a.probability for a in answers if not a.keys), 0.0)
     if unknown > SURE:
         verdict = UNKNOWN
-    elif not best.keys:
-        verdict = "none"
+    elif not best.keys:  # several hypotheses may outweigh it together
+        verdict = "none" if none >= SURE else "ambiguous"
     else:
         verdict = "identified" if known >= CLEAR else "ambiguous"
     imitated = float(shares(weighed, chances)[len(kept) :].sum())

@@ -341,6 +341,17 @@ def test_evidence_decides_between_none_and_an_effect() -> None:
     assert level.none == pytest.approx(0.5)
 
 
+def test_none_is_said_only_where_it_is_likelier_than_all_else() -> None:
+    """Two hypotheses, each a little less likely than none: together they outweigh it."""
+    chances = Chances(imitated=0.0)
+    near = [fit_of(-0.9 * chances.entry, k) for k in ("drag", "mass")]
+    found = decide([fit_of(0.0), *near], Outstanding(-9.0), chances)
+    assert found.answers[0].keys == found.chosen == ()
+    assert found.none < 0.5
+    assert found.verdict == "ambiguous"
+    assert decide([fit_of(0.0), near[0]], Outstanding(-9.0), chances).verdict == "none"
+
+
 def test_what_stands_out_is_unknown_beside_what_is_known() -> None:
     found = decide([fit_of(0.0), fit_of(-500.0, "drag")], Outstanding(2.0), Chances())
     assert found.verdict == "unknown"
