@@ -36,9 +36,7 @@ class CellNoise:
         self.plant, self.simulation, self.rules, self.level = plant, simulation, rules, level
         self._floors: dict[Cell, tuple[Whitener, ...]] = {}
         self._shares: dict[Cell, tuple[float, ...]] = {}
-        coarse = any(s.step for s in plant.signals)
-        # where a converter rests its error lasts: one draw tells little of it
-        self._more = tuple(f", draw {k}" for k in range(MORE)) if coarse else ()
+        self._coarse = any(s.step for s in plant.signals)
         self._erring = {cell: self._quoted_errors(cell) for cell in simulation.cells}
         self._colours: Recent[tuple[Array, tuple[Whitener, ...]]] = Recent(KEPT)  # by array
         self._drawn: Recent[Record] = Recent(DRAWN)
@@ -84,10 +82,13 @@ class CellNoise:
         if cell not in self._floors:
             view, record = self.simulation.views[cell[0]], self.simulation.records[cell[1]]
             values: dict[str, float] = dict(record.parameters)
-            draws = [self.noisier(cell[1], d) for d in ("", *self._more)]
-            changes = changes_of(view, record, draws, values)
+            # where a converter rests its error lasts: one draw tells little of it
+            more = [f", draw {k}" for k in range(MORE)] if self._coarse else []
+            changes = changes_of(
+                view, record, [self.noisier(cell[1], d) for d in ("", *more)], values
+            )
             self._floors[cell] = tuple(
-                known or noise.pure([c[:, i] for c in changes], sigma, bool(self._more))
+                known or noise.pure([c[:, i] for c in changes], sigma, self._coarse)
                 for i, (sigma, known) in enumerate(zip(view.sigmas, self.erring(cell), strict=True))
             )
         return self._floors[cell]
@@ -98,9 +99,8 @@ class CellNoise:
         where no noise reaches the view, for that tells nothing of the sensors'.
         """
         if cell not in self._shares:
-            coarse = any(s.step for s in self.plant.signals)
             signals = self.simulation.views[cell[0]].signals
-            self._shares[cell] = self._share(cell) if coarse else (0.0,) * len(signals)
+            self._shares[cell] = self._share(cell) if self._coarse else (0.0,) * len(signals)
         return self._shares[cell]
 
     def _share(self, cell: Cell) -> tuple[float, ...]:
@@ -193,7 +193,7 @@ class CellNoise:
     def loudness(self, of_views: Sequence[Residuals]) -> float:
         """How much noisier the rig's sensors are than quoted (`noise.level_of`)."""
         sizes = [
-            (noise.spread([w]), self._in_all(cell[0], c))
+            (noise.spread([w]), self.share_in(cell[0], c))
             for residuals in of_views
             for (cell, c), w in self.white(
                 residuals, {cell: self.floor(cell) for cell in residuals}
@@ -201,7 +201,7 @@ class CellNoise:
         ]
         return noise.level_of(sizes, self.rules.quietest)
 
-    def _in_all(self, view: str, c: int) -> float:
+    def share_in(self, view: str, c: int) -> float:
         """Share of a view's signal (`converter_share`) over its records."""
         own = [self.converter_share(cell)[c] for cell in self.simulation.cells if cell[0] == view]
         return float(np.mean(own))

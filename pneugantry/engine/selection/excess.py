@@ -157,14 +157,12 @@ def _erring(fitter: Fitter) -> set[Channel]:
 
 
 def _converter_shares(fitter: Fitter, channels: Collection[Channel]) -> dict[Channel, float]:
-    """Of each channel's quoted noise the share that coarse converters have, over its records."""
-    found: dict[Channel, list[float]] = {channel: [] for channel in channels}
-    for cell in fitter.simulation.cells:
-        signals = fitter.simulation.views[cell[0]].signals
-        for signal, share in zip(signals, fitter.noise.converter_share(cell), strict=True):
-            if (cell[0], signal) in found:
-                found[cell[0], signal].append(share)
-    return {channel: float(np.mean(shares)) for channel, shares in found.items()}
+    """Of each channel's quoted noise the share that coarse converters have."""
+    views = fitter.simulation.views
+    return {
+        (view, signal): fitter.noise.share_in(view, views[view].signals.index(signal))
+        for view, signal in channels
+    }
 
 
 def _sizes(rows: Array, stretches: int) -> Array:
