@@ -149,7 +149,7 @@ def _answer(fitter: Fitter, task: Task, found: Search, judged: _Judged, clock: _
     decision = decide(
         evidence, left, task.chances, worse=worse, doubtful=doubtful, imitators=others
     )
-    claimed = decision.best if not worse else found.null
+    claimed = decision.located if not worse else found.null
     levels = dict.fromkeys((s.name for s in task.plant.signals), excess.level)
     places = (
         where(fitter, found, claimed, levels, decision.unknown)

@@ -61,6 +61,15 @@ class Decision:
     best: Fit  # of the likeliest hypothesis
     imitated: float = 0.0  # of `unknown`, what is a curve of an effect over another variable
 
+    @property
+    def located(self) -> Fit:
+        """Whose effects tell where the gap lies: those of the likeliest hypothesis; where that has
+        none and is not believed, of the likeliest that has some.
+        """
+        if self.best.keys or self.verdict != "ambiguous":
+            return self.best
+        return next((a.fit for a in self.answers if a.keys and a.fit), self.best)
+
 
 @dataclass(frozen=True)
 class Outstanding:

@@ -21,7 +21,6 @@ from pneugantry.engine.views.synthetic import changes_of, noisy
 
 __all__ = ["CellNoise"]
 
-EVENT = 6.0  # noise levels beyond which a draw of noise is an event
 KEPT = 256  # residuals of cells whose colour is kept
 MORE = 3  # draws of noise beside the first where converters are coarse
 DRAWN = 64  # records with one more draw of noise that are kept
@@ -213,4 +212,4 @@ class CellNoise:
 
 def _power(white: Array) -> float:
     """Mean square; an event that one more draw of noise moves is no noise."""
-    return float(np.mean(np.clip(white, -EVENT, EVENT) ** 2))
+    return float(np.mean(np.clip(white, -noise.DRAWN, noise.DRAWN) ** 2))

@@ -16,6 +16,7 @@ import numpy as np
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.noise import (
+    DRAWN,
     LONGEST,
     MUCH,
     Whitener,
@@ -34,7 +35,6 @@ __all__ = ["Channel", "Excess", "Floors", "excess_of", "floors_of", "unexplained
 Channel = tuple[str, str]  # view, signal
 Floors = dict[tuple[Channel, str], Whitener]  # by channel and record
 DRAWS = 3
-CLIPPED = 6.0  # noise levels beyond which a draw of noise is an event
 EVENT = 3.0  # times the spread of its stretch beyond which a residual counts no further: a mistimed
 # event is over before half of a stretch is
 LARGEST = 10.0  # noise levels beyond which a stretch counts no further
@@ -105,7 +105,7 @@ def _floors_in(fitter: Fitter, fit: Fit, cell: Cell, others: Sequence[Record]) -
     found: Floors = {}
     for c, (signal, sigma) in enumerate(signals):
         # an event that one more draw of noise moves is no noise
-        bound = CLIPPED * max(spread([r[:, c] for r in changes]), sigma)
+        bound = DRAWN * max(spread([r[:, c] for r in changes]), sigma)
         clipped = [np.clip(r[:, c], -bound, bound) for r in changes]
         known = fitter.noise.erring(cell)[c]
         found[(name, signal), record] = known or drifting(clipped, sigma)

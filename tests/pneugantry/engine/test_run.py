@@ -349,7 +349,10 @@ def test_none_is_said_only_where_it_is_likelier_than_all_else() -> None:
     assert found.answers[0].keys == found.chosen == ()
     assert found.none < 0.5
     assert found.verdict == "ambiguous"
-    assert decide([fit_of(0.0), near[0]], Outstanding(-9.0), chances).verdict == "none"
+    assert found.located.keys == ("drag",)  # what may be there has a place
+    one = decide([fit_of(0.0), near[0]], Outstanding(-9.0), chances)
+    assert one.verdict == "none"
+    assert one.located is one.best
 
 
 def test_what_stands_out_is_unknown_beside_what_is_known() -> None:
