@@ -143,7 +143,7 @@ def _costs(fits: Mapping[Keys, Fit], rules: Rules, temper: float) -> dict[Keys, 
         base = min(fewer, key=lambda k: costs[k], default=())
         costs[best] = costs[base] - fits[best].gain(fits[base], rules)
         for k in level:
-            costs[k] = costs[best] + (fits[best].ahead(fits[k], temper) if k != best else 0.0)
+            costs[k] = costs[best] + (fits[best].sure_fall(fits[k], temper) if k != best else 0.0)
     return costs
 
 

@@ -75,7 +75,7 @@ class Fit:
         sure = base.cost - self.cost + fallen(base.stretches, self.stretches, sizes, rules)
         return min(sure, base.evidence - self.evidence)
 
-    def ahead(self, rival: Fit, temper: float) -> float:
+    def sure_fall(self, rival: Fit, temper: float) -> float:
         """Fall of -2 log evidence from a rival with as many effects to here, as a sure one that
         tells as much. Over other stretches the fall would scatter, by how they differ; so does how
         likely either is (`Chances.temper`), whose mean this gives (MacKay 1992, Neural Computation

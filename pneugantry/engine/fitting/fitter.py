@@ -290,7 +290,7 @@ class Fitter:
             solution = self.descents.jointly(solution, known, cells)
         return self._finished(hypothesis, solution, known, base.scale, base)
 
-    def ahead(
+    def lead(
         self,
         hypothesis: Hypothesis,
         base: Fit,

@@ -156,7 +156,7 @@ def _in_place(trail: Trail, best: Fit) -> list[Fit]:
 def _foremost(fitter: Fitter, base: Fit, told: Sequence[Trial], cells: Sequence[Cell]) -> list[Fit]:
     """Of some hypotheses fits of those that come farthest below a base in some cells."""
     every = [h for h, _ in told]
-    leads = fitter.together(lambda t: fitter.ahead(t[0], base, t[1], cells), told, every)
+    leads = fitter.together(lambda t: fitter.lead(t[0], base, t[1], cells), told, every)
     least = max([0.0, *(lead.gain for lead in leads)]) - fitter.rules.hopeless
     ranked = sorted(zip(leads, every, strict=True), key=lambda each: -each[0].gain)
     few = [each for each in ranked[: fitter.rules.finalists] if each[0].gain > least]

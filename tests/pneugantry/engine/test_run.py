@@ -191,7 +191,7 @@ class Costed:
         fall = base.evidence - self.evidence
         return fall - 0.2 * abs(fall)
 
-    def ahead(self, rival: Costed, temper: float) -> float:
+    def sure_fall(self, rival: Costed, temper: float) -> float:
         return 0.9 * (rival.evidence - self.evidence)
 
 
@@ -203,23 +203,23 @@ class InStretches:
         self.evidence = float(sum(stretches)) + cost
 
 
-def ahead(falls: Sequence[float], simpler: float = 0.0) -> float:
+def sure_fall_of(falls: Sequence[float], simpler: float = 0.0) -> float:
     fit, rival = InStretches([-f for f in falls], simpler), InStretches([0.0 for _ in falls])
-    return Fit.ahead(cast(Fit, fit), cast(Fit, rival), 6.0)
+    return Fit.sure_fall(cast(Fit, fit), cast(Fit, rival), 6.0)
 
 
 def test_what_many_stretches_tell_of_a_rival_counts_and_what_one_tells_hardly() -> None:
-    assert ahead([1.0] * 100) == pytest.approx(88.7, abs=0.1)
-    assert ahead([100.0]) == pytest.approx(18.8, abs=0.1)
-    assert ahead([100.0], simpler=60.0) == pytest.approx(0.4 * ahead([100.0]))
-    assert ahead([-100.0]) == -ahead([100.0])
+    assert sure_fall_of([1.0] * 100) == pytest.approx(88.7, abs=0.1)
+    assert sure_fall_of([100.0]) == pytest.approx(18.8, abs=0.1)
+    assert sure_fall_of([100.0], simpler=60.0) == pytest.approx(0.4 * sure_fall_of([100.0]))
+    assert sure_fall_of([-100.0]) == -sure_fall_of([100.0])
 
 
 @pytest.mark.parametrize("falls", [[3.0] * 10, [40.0, -10.0, 5.0], [120.0, 30.0]])
 def test_a_rival_is_as_likely_as_in_the_mean_over_other_stretches(falls: list[float]) -> None:
     fall = np.random.default_rng(1).normal(sum(falls), np.linalg.norm(falls), 100_000)
     expected = np.mean(1 / (1 + np.exp(fall / 12)))
-    assert 1 / (1 + np.exp(ahead(falls) / 12)) == pytest.approx(expected, abs=0.02)
+    assert 1 / (1 + np.exp(sure_fall_of(falls) / 12)) == pytest.approx(expected, abs=0.02)
 
 
 def test_rivals_are_held_against_each_other_not_each_against_what_leaves_most() -> None:
