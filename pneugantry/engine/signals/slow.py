@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 
 from pneugantry.engine.plant import Array
 
@@ -45,8 +46,6 @@ class Slowness(NamedTuple):
 
 def stood_for(reading: Array, slow: Slowness, sigma: float, period: float) -> Array:
     """Mean (N,) of a signal given its reading (N,), of white noise sigma. period: s, of a row."""
-    from scipy.fft import irfft, next_fast_len, rfft  # costs a fifth of a second, for slow sensors
-
     rest = REST + int(4 * sum(slow) / period)
     rows = next_fast_len(len(reading) + 2 * rest)
     read = rfft(np.pad(reading, (rest, rows - rest - len(reading)), "edge"))
