@@ -212,4 +212,4 @@ class CellNoise:
 
 def _power(white: Array) -> float:
     """Mean square; an event that one more draw of noise moves is no noise."""
-    return float(np.mean(np.clip(white, -noise.DRAWN, noise.DRAWN) ** 2))
+    return float(np.mean(np.clip(white, -noise.LARGEST_DRAW, noise.LARGEST_DRAW) ** 2))

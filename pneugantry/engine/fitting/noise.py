@@ -22,7 +22,7 @@ from pneugantry.engine.fitting.autoregression import (
 from pneugantry.engine.plant import Array
 
 __all__ = [
-    "DRAWN",
+    "LARGEST_DRAW",
     "LONGEST",
     "MUCH",
     "NOISIEST",
@@ -47,7 +47,7 @@ __all__ = [
 # By view and record, one for each signal of the view. A colour of a view's own would be that of the
 # records that it fits worst, and blind to a constant error in the others.
 Noise = Mapping[tuple[str, str], tuple[Whitener, ...]]
-DRAWN = 6.0  # noise levels beyond which a draw of noise is an event that one more draw moves
+LARGEST_DRAW = 6.0  # noise levels; what a draw of noise moves further is an event
 CLIPPED = 5.0  # spreads beyond which a residual says nothing of the noise's colour
 MUCH = 1 / 3  # share of a channel's noise from which on what its converter does is seen in it
 NOISIEST = 2.0  # times its quoted noise that a sensor may have; more is no noise

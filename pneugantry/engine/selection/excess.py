@@ -16,7 +16,7 @@ import numpy as np
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.noise import (
-    DRAWN,
+    LARGEST_DRAW,
     LONGEST,
     MUCH,
     Whitener,
@@ -105,7 +105,7 @@ def _floors_in(fitter: Fitter, fit: Fit, cell: Cell, others: Sequence[Record]) -
     found: Floors = {}
     for c, (signal, sigma) in enumerate(signals):
         # an event that one more draw of noise moves is no noise
-        bound = DRAWN * max(spread([r[:, c] for r in changes]), sigma)
+        bound = LARGEST_DRAW * max(spread([r[:, c] for r in changes]), sigma)
         clipped = [np.clip(r[:, c], -bound, bound) for r in changes]
         known = fitter.noise.erring(cell)[c]
         found[(name, signal), record] = known or drifting(clipped, sigma)
