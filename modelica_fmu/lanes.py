@@ -128,22 +128,26 @@ def _loops(statements: Sequence[_Statement], results: Sequence[str]) -> list[str
             loops.append([])
         loops[-1].append(s)
     loop_of = {s.name: i for i, loop in enumerate(loops) for s in loop}
+    gates = [set(loop[0].gate) for loop in loops] + [set()]  # the last reads for the results
     read = [(n, i) for i, loop in enumerate(loops) for s in loop for n in s.read]
     read += [(n, len(loops)) for r in results for n in NAME.findall(r)]
     shared = {n for n, i in read if loop_of[n] != i}
+    beyond = {n for n, i in read if not gates[loop_of[n]] <= gates[i]}
     wholes = {s.name: s.whole for s in statements}
     lines = [f"{'Whole' if wholes[n] else 'Lane'} {n};" for n in sorted(shared)]
     for loop in loops:
-        lines += _gated(loop, [line for s in loop for line in _assigned(s, shared)], shared)
+        lines += _gated(loop, [line for s in loop for line in _assigned(s, shared)], beyond)
     return lines + _over_lanes([_put(r, shared) for r in results])
 
 
-def _gated(loop: Sequence[_Statement], lines: Sequence[str], shared: Collection[str]) -> list[str]:
-    """A loop, where some lane's parameters ask for it; else what others read of it is 0."""
+def _gated(loop: Sequence[_Statement], lines: Sequence[str], beyond: Collection[str]) -> list[str]:
+    """A loop, where some lane's parameters ask for it; else what is read of it beyond is 0: by
+    loops that parameters may ask for without it.
+    """
     if not loop[0].gate:
         return _over_lanes(lines)
     asked = " & ".join(_true(_of_lane(c, ())) for c in loop[0].gate)
-    zero = [f"memset({s.name}, 0, sizeof {s.name});" for s in loop if s.name in shared]
+    zero = [f"memset({s.name}, 0, sizeof {s.name});" for s in loop if s.name in beyond]
     body = ["int64_t asked = 0;", *_over_lanes([f"asked += {asked};"]), "if (asked) {"]
     body += [*_indented(_over_lanes(lines)), *(["} else {", *_indented(zero)] if zero else []), "}"]
     return ["{", *_indented(body), "}"]

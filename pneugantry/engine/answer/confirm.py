@@ -45,7 +45,7 @@ Values = Mapping[str, float]
 BOOTSTRAPS = 400
 NOTHING = 0.05  # mean square beyond the floor's, below which there is no gap to shrink
 PARTED = 10.0  # times the misfit so far by which a stretch and all later ones have parted
-DRAWS = 15  # replays with parameters drawn from what a fit leaves open
+DRAWS = 13  # replays under values drawn from what a fit leaves open; with three more, full lanes
 LEAKS = 6  # rounds until readings that leak into each other agree
 
 
