@@ -17,6 +17,7 @@ from pneugantry.engine.fitting.problem import (
     Parabola,
     Problem,
     Solution,
+    inside,
     newton,
     predicted,
     standing,
@@ -29,6 +30,7 @@ from pneugantry.engine.views.simulation import Cell, Point, Simulation
 __all__ = ["Descents"]
 
 DAMPED = (0.0, 1e-3, 1e-2, 0.1, 1.0)  # steps to the least of the views' parabolas that are tried
+SIZES = (1.0, 0.25, 0.5, 1.5, 2.0, 2.5, 3.0, 4.0)  # of a start's effects, tried beside each other
 SIZED = 4  # steps of an effect's size alone, at most
 
 
@@ -190,9 +192,11 @@ class Descents:
         return float(white @ white)
 
     def sized(self, start: Point, known: Parabola, cells: Sequence[Cell]) -> Point:
-        """Effects, and what is of one record, fitted beside tolerance as it is: free to move, that
-        would make up for an effect of which the size is not known yet.
+        """Effects, and what is of one record, fitted beside tolerance as it is, from the best of
+        some sizes: free to move, that would make up for an effect of which the size is not known
+        yet, and where events come and go with the size no slope tells it.
         """
+        start = self._of_best_size(start, known, cells)
         free = [i for i, c in enumerate(start.coordinates) if c.effect or c.record is not None]
         own = tuple(start.coordinates[i] for i in free)
         point = Point(own, start.theta[free], start.values(None))
@@ -205,6 +209,16 @@ class Descents:
         theta = start.theta.copy()
         theta[free] = end.point.theta
         return start.moved(theta)
+
+    def _of_best_size(self, start: Point, known: Parabola, cells: Sequence[Cell]) -> Point:
+        """A start with its effects at that one of some sizes at which it stands best."""
+        pairs = zip(start.coordinates, start.theta, strict=True)
+        none = np.array([c.none if c.effect else t for c, t in pairs])
+        if np.array_equal(none, start.theta):
+            return start
+        points = [inside(start.moved(none + size * (start.theta - none))) for size in SIZES]
+        problem = self.surveys.problem(cells, known, fine=False)
+        return self.surveys.ranked(problem, points, cells)[0].point
 
     def parabola(self, solution: Solution, of_views: Noise) -> Parabola:
         """-2 log likelihood of some cells about where a descent ended."""
