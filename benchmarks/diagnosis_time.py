@@ -100,7 +100,7 @@ def _counted() -> Iterator[list[Piece]]:
         patch.object(Scouts, "gains", counting("scouts", Scouts.gains)),
         patch.object(searching, "screen", counting("screen", searching.screen)),
         patch.object(rivals, "screen", counting("screen of rivals", rivals.screen)),
-        patch.object(contenders, "afresh", counting("screen afresh", contenders.afresh)),
+        patch.object(contenders, "foremost", counting("from afar", contenders.foremost)),
     ):
         yield pieces
 

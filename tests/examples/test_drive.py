@@ -14,7 +14,7 @@ from pneugantry.blind.drive import DESCRIPTION, main, write_drive_case
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.hypothesis import Hypothesis
 from pneugantry.engine.run import run
-from pneugantry.engine.selection.screening import Memory, afresh
+from pneugantry.engine.selection.contenders import distant
 from pneugantry.engine.selection.trials import main_forms
 from pneugantry.engine.views.synthetic import Nominal
 from pneugantry.plants.described import described_task
@@ -144,14 +144,12 @@ def test_an_effect_that_no_slope_shows_is_found_from_the_nominal_plant() -> None
     fitter = Fitter(task.plant, task.views, task.data.fitted, replace(found.rules, followed=0))
     null = fitter.null()
     forms = main_forms(fitter, list(task.catalogue.values()))
-    far = sorted(afresh(fitter, null, forms, Memory()), key=lambda c: -c.afresh)
-    best = {c.effect.key: c for c in reversed(far[:6])}["joint_hardening"]
-    hypothesis = Hypothesis().plus(best.effect, best.form)
-    near = fitter.explore(hypothesis, null)
-    afar = fitter.from_afar(hypothesis, null, [best.starts])
+    afar = {f.keys[-1]: f for f in distant(fitter, null, forms, fitter.loud(null))}
+    effect = task.catalogue["joint_hardening"]
+    near = fitter.explore(Hypothesis().plus(effect, effect.forms[0]), null)
     fitter.close()
-    assert afar.evidence < near.evidence - 1000
-    assert afar.values(None)["joint.k_3"] == pytest.approx(73.6, rel=0.1)
+    assert afar["joint_hardening"].evidence < near.evidence - 1000
+    assert afar["joint_hardening"].values(None)["joint.k_3"] == pytest.approx(73.6, rel=0.1)
 
 
 @pytest.mark.slow  # 40 s

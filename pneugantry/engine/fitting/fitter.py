@@ -128,20 +128,6 @@ class Fitter:
         far = [n for n, d in off.items() if abs(d) > self.rules.bent]
         return {c[0] for c in self.simulation.cells if any(map(views[c[0]].depends_on, far))}
 
-    def afresh(self, base: Fit) -> Fit:
-        """A base whose nuisances are back at their nominal values, linearised there; those of one
-        record stay. Of a fit it has no more than that.
-        """
-        theta = base.point.theta.copy()
-        for i, c in enumerate(base.point.coordinates):
-            if not c.effect and c.record is None:
-                theta[i] = 0.0
-        point, cells = base.point.moved(theta), tuple(self.simulation.cells)
-        names = {c.name for c in point.coordinates}
-        residuals, columns = self.simulation.linearised(point, cells, names, fine=False)
-        bare = replace(base, settled=False, tangents={})
-        return replace(bare, point=point, residuals=residuals, columns=columns)
-
     # -- fits
 
     def prepare(self, hypotheses: Sequence[Hypothesis]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.selection.contenders import tried_beside
-from pneugantry.engine.selection.screening import Memory, screen
+from pneugantry.engine.selection.screening import screen
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import best_fit, best_of_each, main_forms, spent
 
@@ -32,7 +32,7 @@ def from_others(trail: Trail, best: Fit) -> Fit:
         forms = main_forms(fitter, trail.beside(base.keys))
         fitter.prepare_any(base.hypothesis, trail.offered.values())
         screened = screen(fitter, base, forms, {})
-        found += tried_beside(trail, base, screened, forms, Memory(), best)
+        found += tried_beside(trail, base, screened, forms, best)
     top = best_fit([best, *found]) or best
     better = best.evidence - top.evidence > fitter.rules.entry
     return trail.replaced(best, top) if better else best

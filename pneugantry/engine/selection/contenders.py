@@ -13,9 +13,7 @@ from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.scouts import Scouts
 from pneugantry.engine.selection.screening import (
     Candidate,
-    Memory,
     Offer,
-    afresh,
     usual,
 )
 from pneugantry.engine.selection.trail import Trail
@@ -25,6 +23,7 @@ from pneugantry.engine.selection.trials import (
     best_fit,
     best_of_each,
     contending_with,
+    foremost,
     form_of,
     left_open,
     other_forms,
@@ -32,9 +31,10 @@ from pneugantry.engine.selection.trials import (
     spent,
     told_of,
     unbent_values,
+    worst_met,
 )
 
-__all__ = ["contending", "finalists", "tried_beside"]
+__all__ = ["contending", "distant", "finalists", "tried_beside"]
 
 SIDES = 2  # usual sizes from which an effect is fitted on the nominal plant
 SCOUTED = 8  # effects that are tried in single views at once
@@ -45,13 +45,12 @@ def tried_beside(
     base: Fit,
     screened: Sequence[Candidate],
     forms: Sequence[Offer],
-    far: Memory,
     ahead: Fit | None = None,
 ) -> list[Fit]:
     """What contends beside a base, the best of it fitted to the end; all that was fitted for it is
-    noted. far, ahead: as of `contending`.
+    noted. ahead: as of `contending`.
     """
-    fits = trail.named(contending(trail, base, screened, forms, far, ahead), base)
+    fits = trail.named(contending(trail, base, screened, forms, ahead), base)
     finals = finalists(trail.fitter, base, fits, trail.bar)
     trail.tried += [*fits, *finals]
     return finals
@@ -62,20 +61,21 @@ def contending(
     base: Fit,
     screened: Sequence[Candidate],
     forms: Sequence[Offer],
-    far: Memory,
     ahead: Fit | None = None,
 ) -> list[Fit]:
-    """What is predicted to gain most, with the best in their other forms. Where what all that
-    leaves stands out in some views, whatever else these read: an event that a simulation misses (a
-    break-away) shows in no prediction, and a fit of that view alone tells which are worth one of
-    all; it comes before other forms where nothing predicted gains, for they cost more. Where that
-    leaves something as well, what is predicted from the nominal plant on, too, of which `far` is.
-    ahead: an answer that it has to come near, if any.
+    """What is predicted to gain most, with the best in their other forms. Where what the first
+    leaves stands out in some views, what these read comes from the nominal plant on, too, for no
+    prediction tells where tolerance has bent to make up for an effect; then, whatever is predicted,
+    whatever else they read: an event that a simulation misses (a break-away) shows in no
+    prediction, and a fit of that view alone tells which are worth one of all. It comes before other
+    forms where nothing predicted gains, for they cost more. ahead: an answer that it has to come
+    near, if any.
     """
     fitter, bar = trail.fitter, trail.bar
     foretold = predicted(fitter, screened, bar, ("gain", "plain"))
     rough = added(fitter, base, [told_of(fitter, base, own) for own in foretold], ahead)
     rough += _unbent(fitter, base, rough, rough)
+    rough += distant(fitter, base, forms, _open(fitter, base, rough, bar))
     in_vain = all(f.evidence >= base.evidence for f in rough)
     if in_vain:
         rough += _scouted(fitter, base, screened, rough, bar, sized=True)
@@ -85,16 +85,20 @@ def contending(
         rough += _unbent(fitter, base, reformed, rough)
     if not in_vain:
         rough += _scouted(fitter, base, screened, rough, bar)
-    if _open(fitter, base, rough, bar):
-        distant = predicted(fitter, afresh(fitter, base, forms, far), bar, ("afresh",))
-        told = [
-            (base.hypothesis.plus(own[0].effect, own[0].form), [c.starts for c in own])
-            for own in distant
-        ]
-        rough += fitter.together(
-            lambda t: fitter.from_afar(t[0], base, t[1]), told, [h for h, _ in told]
-        )
     return rough + other_forms(fitter, base, rough, ahead=ahead)
+
+
+def distant(fitter: Fitter, base: Fit, forms: Sequence[Offer], left: Sequence[str]) -> list[Fit]:
+    """Of what reads views that stay open, what comes farthest from the nominal plant on in the
+    record that each meets worst. Where much is missing, tolerance bends far from the truth to make
+    up for it, and from there no slope tells what would do so better.
+    """
+    read = [(e, f) for e, f in forms if not fitter.coordinates.readers(f).isdisjoint(left)]
+    told = [
+        (base.hypothesis.plus(e, f), [{**base.nominal, **s} for s in usual(fitter, base, f)])
+        for e, f in read
+    ]
+    return foremost(fitter, base, told, [worst_met(fitter, base, v) for v in left])
 
 
 def _scouted(

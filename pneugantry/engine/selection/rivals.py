@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from pneugantry.engine.fitting.fit import Fit, Race
-from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.hypotheses.hypothesis import Forms, Hypothesis
 from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.screening import screen, usual
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import (
-    Trial,
     added,
     best_of_each,
     explored,
+    foremost,
     form_of,
     main_forms,
     predicted,
     told_of,
     unbent_values,
 )
-from pneugantry.engine.views.simulation import Cell
 
 __all__ = ["exchanged", "reformed"]
 
@@ -149,20 +146,8 @@ def _in_place(trail: Trail, best: Fit) -> list[Fit]:
                 )
                 for e, f in main_forms(fitter, rivals)
             ]
-            fits += _foremost(fitter, rest, told, cells)
+            fits += foremost(fitter, rest, told, cells)
     return fits
-
-
-def _foremost(fitter: Fitter, base: Fit, told: Sequence[Trial], cells: Sequence[Cell]) -> list[Fit]:
-    """Of some hypotheses fits of those that come farthest below a base in some cells."""
-    every = [h for h, _ in told]
-    leads = fitter.together(lambda t: fitter.lead(t[0], base, t[1], cells), told, every)
-    least = max([0.0, *(lead.gain for lead in leads)]) - fitter.rules.hopeless
-    ranked = sorted(zip(leads, every, strict=True), key=lambda each: -each[0].gain)
-    few = [each for each in ranked[: fitter.rules.finalists] if each[0].gain > least]
-    return fitter.together(
-        lambda t: fitter.from_afar(t[1], base, [t[0].values]), few, [h for _, h in few]
-    )
 
 
 def _replacing(trail: Trail, best: Fit) -> list[Fit]:

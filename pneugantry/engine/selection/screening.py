@@ -15,7 +15,7 @@ import numpy as np
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
 from pneugantry.engine.fitting.noise import Noise, doubted, loss, weights
-from pneugantry.engine.fitting.weighing import Weighing, flat_noise
+from pneugantry.engine.fitting.weighing import Weighing
 from pneugantry.engine.hypotheses.catalogue import Effect, Form, Parameter
 from pneugantry.engine.hypotheses.hypothesis import Coordinate
 from pneugantry.engine.plant import Array
@@ -27,7 +27,6 @@ __all__ = [
     "Memory",
     "Offer",
     "Traces",
-    "afresh",
     "screen",
     "starts_of",
     "usual",
@@ -38,7 +37,6 @@ FEW = 2  # starts that are screened with all their columns
 MANY = 16  # starts that are screened in all records
 WINNOWED = 3  # of a view's records, one of so many tells which of more starts these are
 SHARES = (1.0, 0.5, 0.25)  # of a predicted step that are tried on paper
-CLOSE = 0.3  # of what tolerance alone is predicted to leave over a base, from the nominal plant on
 NOTHING = 0.1  # share of `Rules.effect`; a start whose slopes predict less is looked at no closer
 CHUNK = 50  # rows of a residual that are drawn together where a gain is predicted
 Offer = tuple[Effect, Form]
@@ -53,7 +51,6 @@ class Candidate:
     starts: Mapping[str, float]
     gain: float  # of -2 log likelihood, under the base's noise
     plain: float  # the same under white noise as quoted
-    afresh: float = 0.0  # from the nominal plant on, under white noise of what the base leaves
 
 
 # What a start, counted, of a form changes in a cell: 0 the start itself, n its n-th parameter.
@@ -193,37 +190,6 @@ def _foremost(own: Sequence[_Trial], hoped: Sequence[Sequence[float]], count: in
     """So many by each measure, in the order that they have."""
     ranked = [sorted(range(len(own)), key=lambda i: -hoped[i][k]) for k in range(len(hoped[0]))]
     return [own[i] for i in sorted({i for order in ranked for i in order[:count]})]
-
-
-def afresh(fitter: Fitter, base: Fit, forms: Sequence[Offer], far: Memory) -> list[Candidate]:
-    """The same tests about the nominal plant, each effect at its usual size to either side: what it
-    gains beyond most of what tolerance alone is to leave there over the base. far: of that plant,
-    from round to round.
-
-    Where much is missing, tolerance bends far from the truth to make up for it, and from there no
-    slope tells what would do so better.
-    """
-    nominal = fitter.afresh(base)
-    if not all(np.isfinite(r).all() for r in nominal.residuals.values()):
-        return []
-    known = far.about(fitter, nominal)
-    test = _Test(fitter, nominal, flat_noise(fitter.simulation, base.residuals))
-    behind = (1 - CLOSE) * (test.ahead - test.standing(base))
-    cells, back = fitter.simulation.cells, base.nominal
-    by_form = _trials(forms, lambda form: usual(fitter, base, form))
-
-    def gain(t: _Trial) -> float:
-        return test.gain(t.columns(known, cells)) - behind
-
-    by_form = _winnowed(
-        fitter, nominal, by_form, known, lambda t, told: [test.gain(t.columns(known, told))]
-    )
-    _trace(fitter, nominal, [t for own in by_form for t in own], known, alone=True)
-    first = {id(t): gain(t) for own in by_form for t in own}
-    best = [max(own, key=lambda t: first[id(t)]) for own in by_form if own]
-    few = sorted(best, key=lambda t: -first[id(t)])[: 2 * fitter.rules.screened]
-    _trace(fitter, nominal, few, known)
-    return [Candidate(t.effect, t.form, {**back, **t.starts}, 0.0, 0.0, gain(t)) for t in few]
 
 
 def _trials(
@@ -387,17 +353,6 @@ class _Test:
             c: loss(at.innovations + at.along(self.plain), self.tails)
             for c, at in self.cells.items()
         }
-
-    @property
-    def ahead(self) -> float:
-        """-2 log posterior to which the nuisances' own step is to lead."""
-        cost = sum(float(terms.sum()) for terms in self.least.values())
-        return cost + float((self.worth * self.precision) @ (self.theta + self.plain) ** 2)
-
-    def standing(self, fit: Fit) -> float:
-        """That of a fit of the same coordinates."""
-        costs = self.weighing.costs(fit.residuals)
-        return sum(costs.values()) + float((self.worth * self.precision) @ fit.point.theta**2)
 
     def gain(self, columns: Mapping[Cell, Sequence[Array]]) -> float:
         """Fall of -2 log posterior that a step along these columns is to bring, less its doubt."""

@@ -116,13 +116,13 @@ def _gathered(trail: Trail, base: Fit, polished: bool = False) -> Fit:
     # a rig without anything to explain is screened once, about its best optimum
     thorough = polished or not unexplained(fitter, base)
     best = trail.polished(base) if thorough and not polished else base
-    near, far = Memory(), Memory()
+    near = Memory()
     for _ in range(fitter.rules.rounds):
         forms = main_forms(fitter, trail.beside(best.keys), every=bool(left_open(fitter, best)))
         if best.keys:  # there are too many pairs to prepare each
             fitter.prepare_any(best.hypothesis, trail.offered.values())
         trail.screened = screen(fitter, best, forms, near.about(fitter, best))
-        finals = tried_beside(trail, best, trail.screened, forms, far)
+        finals = tried_beside(trail, best, trail.screened, forms)
         top = trail.foremost(finals, best)
         if top is not None:
             trail.steps.append(Step(top.keys[-1], best.evidence - top.evidence, top))

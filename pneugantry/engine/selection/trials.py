@@ -11,6 +11,7 @@ from pneugantry.engine.hypotheses.catalogue import Effect
 from pneugantry.engine.hypotheses.hypothesis import Forms, Hypothesis
 from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.screening import Candidate, Offer, starts_of
+from pneugantry.engine.views.simulation import Cell
 
 __all__ = [
     "STARTS",
@@ -20,6 +21,7 @@ __all__ = [
     "best_of_each",
     "contending_with",
     "explored",
+    "foremost",
     "form_of",
     "left_open",
     "main_forms",
@@ -30,6 +32,7 @@ __all__ = [
     "told_of",
     "unbent_values",
     "without",
+    "worst_met",
 ]
 
 NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
@@ -149,6 +152,20 @@ def explored(
     return fitter.together(one, tried, [h for h, _ in tried])
 
 
+def foremost(fitter: Fitter, base: Fit, told: Sequence[Trial], cells: Sequence[Cell]) -> list[Fit]:
+    """Of some hypotheses fits of those that come farthest below a base in some cells."""
+    if not told:
+        return []
+    every = [h for h, _ in told]
+    leads = fitter.together(lambda t: fitter.lead(t[0], base, t[1], cells), told, every)
+    least = max([0.0, *(lead.gain for lead in leads)]) - fitter.rules.hopeless
+    ranked = sorted(zip(leads, every, strict=True), key=lambda each: -each[0].gain)
+    few = [each for each in ranked[: fitter.rules.finalists] if each[0].gain > least]
+    return fitter.together(
+        lambda t: fitter.from_afar(t[1], base, [t[0].values]), few, [h for _, h in few]
+    )
+
+
 def told_of(fitter: Fitter, base: Fit, own: Sequence[Candidate]) -> Trial:
     """A base with the effect of some candidates, and where it starts beside the base."""
     effect, form = own[0].effect, own[0].form
@@ -218,3 +235,9 @@ def predicted(
 def form_of(c: Candidate) -> tuple[str, str]:
     """Its effect and the name of its form."""
     return c.effect.key, c.form.name
+
+
+def worst_met(fitter: Fitter, fit: Fit, view: str) -> Cell:
+    """Of a view the cell of the record that a fit meets worst."""
+    own = [c for c in fitter.simulation.cells if c[0] == view]
+    return max(own, key=lambda c: fitter.simulation.misfit(c, fit.residuals[c]))

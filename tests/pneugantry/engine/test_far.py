@@ -13,6 +13,7 @@ import pytest
 from test_frugal import hypothesis
 from test_search import CATALOGUE, fitter_of, parts, plant
 
+from pneugantry.engine.fitting import descents
 from pneugantry.engine.fitting.descents import Descents
 from pneugantry.engine.fitting.fit import Fit
 from pneugantry.engine.fitting.fitter import Fitter
@@ -35,6 +36,21 @@ def test_an_effect_is_sized_beside_tolerance_as_it_is(plant: Plant, parts: Path)
     fitter.close()
     still = [not c.effect and c.record is None for c in start.coordinates]
     assert np.array_equal(end.theta[still], start.theta[still])
+    assert end.values(None)["drag"] == pytest.approx(2.0, rel=0.3)
+
+
+@pytest.mark.parametrize("first", [0.6, 5.0])
+def test_sizes_are_tried_where_no_slope_leads_to_one(
+    plant: Plant, parts: Path, monkeypatch: pytest.MonkeyPatch, first: float
+) -> None:
+    """As beside break-aways that come and go with the size."""
+    monkeypatch.setattr(descents, "descend", lambda problem, start, *rest: start)
+    fitter = fitter_of(plant, parts, drag=2.0)
+    null = fitter.null()
+    start = fitter.coordinates.first(hypothesis("drag"), null, {**null.nominal, "drag": first})
+    cells = [c for c in fitter.simulation.cells if c[0] == "v"]
+    end = fitter.descents.sized(start, prior(start.coordinates), cells)
+    fitter.close()
     assert end.values(None)["drag"] == pytest.approx(2.0, rel=0.3)
 
 

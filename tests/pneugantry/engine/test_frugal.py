@@ -26,7 +26,7 @@ from pneugantry.engine.selection.contenders import _unbent, contending
 from pneugantry.engine.selection.excess import unexplained
 from pneugantry.engine.selection.rivals import _outdone, exchanged
 from pneugantry.engine.selection.scouts import Scouts
-from pneugantry.engine.selection.screening import MANY, Candidate, Memory, screen
+from pneugantry.engine.selection.screening import MANY, Candidate, screen
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.views.simulation import Point
 
@@ -398,7 +398,7 @@ def test_an_answer_is_ahead_of_what_other_effects_lead_to(
     monkeypatch.setattr(contenders, "_scouted", lambda *args, **more: [])
     monkeypatch.setattr(contenders, "_open", lambda *args: [])
     for ahead in (None, answer):
-        contending(Trail(fitter, CATALOGUE, [null]), null, told, forms, Memory(), ahead)
+        contending(Trail(fitter, CATALOGUE, [null]), null, told, forms, ahead)
     fitter.close()
     assert raced[:3] == [None, None, None]
     first, *others = raced[3:]

@@ -29,7 +29,7 @@ from pneugantry.engine.selection.contenders import (
 )
 from pneugantry.engine.selection.excess import excess_of, floors_of, unexplained
 from pneugantry.engine.selection.rivals import _joined, _replacing, reformed
-from pneugantry.engine.selection.screening import Candidate, Memory, screen
+from pneugantry.engine.selection.screening import Candidate, screen
 from pneugantry.engine.selection.search import resumed, search
 from pneugantry.engine.selection.trail import Trail
 from pneugantry.engine.selection.trials import (
@@ -286,7 +286,7 @@ def test_what_makes_a_loud_view_quieter_is_fitted_whatever_is_predicted(
     null = fitter.null()
     forms = main_forms(fitter, list(CATALOGUE.values()))
     nothing = [Candidate(e, f, {}, 0.0, 0.0) for e, f in forms]
-    fits = contending(Trail(fitter, CATALOGUE, [null]), null, nothing, forms, Memory())
+    fits = contending(Trail(fitter, CATALOGUE, [null]), null, nothing, forms)
     loud = fitter.loud(null)
     fitter.close()
     assert loud == ["v"]
@@ -300,6 +300,7 @@ def test_everything_else_is_looked_at_before_other_forms_of_what_gains_nothing(
 ) -> None:
     fitter = fitter_of(plant, parts, drag=2.0)
     null, done = fitter.null(), list[str]()
+    monkeypatch.setattr(contenders, "distant", lambda *args: [])
     for name, letter in (("_scouted", "s"), ("other_forms", "f")):
         own = getattr(contenders, name)
         monkeypatch.setattr(
@@ -309,7 +310,7 @@ def test_everything_else_is_looked_at_before_other_forms_of_what_gains_nothing(
         )
     forms = main_forms(fitter, list(CATALOGUE.values()))
     told = [Candidate(e, f, {}, *(2 * [100.0 * (e.key == predicted)])) for e, f in forms]
-    fits = contending(Trail(fitter, CATALOGUE, [null]), null, told, forms, Memory())
+    fits = contending(Trail(fitter, CATALOGUE, [null]), null, told, forms)
     fitter.close()
     assert "".join(done)[:2] == order
     assert min(fits, key=lambda f: f.evidence).keys == ("drag",)
@@ -376,7 +377,7 @@ def test_what_nothing_predicts_is_tried_until_the_effort_is_spent(
     fitter.rules = replace(fitter.rules, effort=0.9 * fitter.simulation.evaluations)
     forms = main_forms(fitter, list(CATALOGUE.values()))
     nothing = [Candidate(e, f, {}, 0.0, 0.0) for e, f in forms]
-    fits = contending(Trail(fitter, CATALOGUE, [null]), null, nothing, forms, Memory())
+    fits = contending(Trail(fitter, CATALOGUE, [null]), null, nothing, forms)
     others = {k: e for k, e in CATALOGUE.items() if k in ("leak", "slow_current")}
     unexplained = search(fitter, null, others)
     explained = search(fitter, null, CATALOGUE)
