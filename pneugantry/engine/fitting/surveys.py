@@ -126,7 +126,7 @@ class Surveys:
         best, least = found, standing(problem, found)
         if not self.rules.followed or self.quiet(problem, found):
             return best
-        worst = self._worst(problem, starts[0])
+        worst = self.simulation.worst_met(problem.cells, starts[0].residuals)
         alone = self.problem([worst], problem.prior, fine=False)
         near = math.inf
         if bar is not None and len(problem.cells) > 1:
@@ -172,10 +172,6 @@ class Surveys:
         points = [inside(starts[0].point.moved(t)) for t in theta]
         parts = np.array_split(np.arange(count), share * self.rules.followed)
         return [[points[i] for i in part] for part in parts]
-
-    def _worst(self, problem: Problem, at: Solution) -> Cell:
-        """The cell whose record is met worst."""
-        return max(problem.cells, key=lambda c: self.simulation.misfit(c, at.residuals[c]))
 
     def _foremost(self, problem: Problem, points: Sequence[Point], worst: Cell) -> Solution:
         """The best of some points, without columns. One cell tells which of them are simulated in

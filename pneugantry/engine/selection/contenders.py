@@ -31,7 +31,6 @@ from pneugantry.engine.selection.trials import (
     spent,
     told_of,
     unbent_values,
-    worst_met,
 )
 
 __all__ = ["contending", "distant", "finalists", "tried_beside"]
@@ -98,7 +97,9 @@ def distant(fitter: Fitter, base: Fit, forms: Sequence[Offer], left: Sequence[st
         (base.hypothesis.plus(e, f), [{**base.nominal, **s} for s in usual(fitter, base, f)])
         for e, f in read
     ]
-    return foremost(fitter, base, told, [worst_met(fitter, base, v) for v in left])
+    own = [[c for c in fitter.simulation.cells if c[0] == v] for v in left]
+    cells = [fitter.simulation.worst_met(view, base.residuals) for view in own]
+    return foremost(fitter, base, told, cells)
 
 
 def _scouted(

@@ -32,7 +32,6 @@ __all__ = [
     "told_of",
     "unbent_values",
     "without",
-    "worst_met",
 ]
 
 NEARLY = 0.1  # share of the largest gain from which on an effect's other forms are tried
@@ -235,9 +234,3 @@ def predicted(
 def form_of(c: Candidate) -> tuple[str, str]:
     """Its effect and the name of its form."""
     return c.effect.key, c.form.name
-
-
-def worst_met(fitter: Fitter, fit: Fit, view: str) -> Cell:
-    """Of a view the cell of the record that a fit meets worst."""
-    own = [c for c in fitter.simulation.cells if c[0] == view]
-    return max(own, key=lambda c: fitter.simulation.misfit(c, fit.residuals[c]))

@@ -245,6 +245,10 @@ class Simulation:
         """Sum of squares of a cell's residual (rows, signals), in the noise quoted of each."""
         return float(np.nansum((residual / np.asarray(self.views[cell[0]].sigmas)) ** 2))
 
+    def worst_met(self, cells: Sequence[Cell], residuals: Mapping[Cell, Array]) -> Cell:
+        """Of some cells the one whose record is met worst."""
+        return max(cells, key=lambda c: self.misfit(c, residuals[c]))
+
     def in_cell(self, c: Coordinate, cell: Cell) -> bool:
         """Whether a cell reads a coordinate."""
         return c.record in (None, cell[1]) and self.views[cell[0]].depends_on(c.parameter)
